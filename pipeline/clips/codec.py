@@ -1,0 +1,70 @@
+"""Clips as Parquet bytes and back. Same clip, same bytes.
+
+One row a frame, one fixed-size-list column of float64 an array; name, rate and kind in the schema's metadata.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+
+FORMAT = "booster-lab clip 1"
+
+
+class CodecError(PipelineError):
+    """Bytes that are no clip of this format."""
+
+
+def encode(clip: HumanClip | RobotClip) -> bytes:
+    """Parquet bytes of a clip; equal clips give equal bytes."""
+    head: dict = {"format": FORMAT, "name": clip.name, "fps": clip.fps}
+    if isinstance(clip, HumanClip):
+        head |= {"kind": "human", "bodies": list(BODIES)}
+        arrays = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}
+    else:
+        head |= {"kind": "robot", "robot": clip.robot, "joint_names": list(clip.joint_names)}
+        arrays = {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
+    if clip.contacts is not None:
+        arrays = {**arrays, "contacts": clip.contacts}
+    columns = {name: _to_column(values) for name, values in arrays.items()}
+    table = pa.table(columns).replace_schema_metadata({"booster_lab": json.dumps(head, sort_keys=True)})
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd", use_dictionary=False, write_statistics=False)
+    return sink.getvalue().to_pybytes()
+
+
+def decode(data: bytes) -> HumanClip | RobotClip:
+    """The clip that `encode` was given. Raises CodecError for anything else."""
+    try:
+        table = pq.read_table(pa.BufferReader(data))
+        head = json.loads((table.schema.metadata or {})[b"booster_lab"])
+    except (pa.ArrowException, KeyError, ValueError) as error:
+        raise CodecError(f"not a clip blob: {error}") from error
+    if head.get("format") != FORMAT:
+        raise CodecError(f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}")
+    shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4)}
+    arrays = {
+        name: _from_column(table.column(name)).reshape(shape.get(name, (table.num_rows, -1)))
+        for name in table.column_names
+    }
+    contacts = arrays.pop("contacts", None)
+    common = {"name": head["name"], "fps": head["fps"], "contacts": None if contacts is None else contacts > 0.5}
+    if head["kind"] == "human":
+        return HumanClip(**common, **arrays)
+    return RobotClip(**common, robot=head["robot"], joint_names=tuple(head["joint_names"]), **arrays)
+
+
+def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
+    flat = np.ascontiguousarray(values, dtype=np.float64).reshape(len(values), -1)
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
+
+
+def _from_column(column: pa.ChunkedArray) -> np.ndarray:
+    return np.asarray(column.combine_chunks().flatten(), dtype=np.float64).copy()

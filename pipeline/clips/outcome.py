@@ -1,0 +1,58 @@
+"""What a stage says of one clip: what goes on, what does not, and why, with the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+
+Clip = HumanClip | RobotClip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """One fact that was found, and what followed from it."""
+
+    code: str
+    """Short name for counting: `teleport`, `joint_limit`, `not_wanted`."""
+    text: str
+    """One sentence a person understands, with where, got and allowed."""
+    effect: str
+    """`rejected` (the clip or stretch does not go on), `repaired` (changed and goes on) or `noted`."""
+    start_s: float | None = None
+    """Where it starts in the clip [s]; None for the whole clip."""
+    stop_s: float | None = None
+    value: float | None = None
+    """The number that was measured."""
+    limit: float | None = None
+    """The number it was held against."""
+    unit: str = ""
+
+    def to_dict(self) -> dict:
+        return {key: value for key, value in vars(self).items() if value is not None and value != ""}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """One clip that goes on to the next stage, with its numbers (flat, JSON types)."""
+
+    clip: Clip
+    numbers: Mapping[str, float | int | str | bool | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Result of a stage on one clip: none, one or several pieces go on.
+
+    `numbers` describe the input as a whole, also where nothing goes on.
+    """
+
+    pieces: tuple[Piece, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+    numbers: Mapping[str, float | int | str | bool | None] = field(default_factory=dict)
+
+    @property
+    def accepted(self) -> bool:
+        return len(self.pieces) > 0

@@ -1,0 +1,78 @@
+"""A motion of a robot: root and joints over time, joints in the robot file's order."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotClip:
+    """T frames of a robot with J joints. World: right-handed, z up, ground at z = 0."""
+
+    name: str
+    fps: float
+    """Frames per second [Hz]."""
+    robot: str
+    """Name of the robot's folder in `robots/`."""
+    joint_names: tuple[str, ...]
+    """The J joints, in the robot file's order."""
+    root_pos_w: Float[np.ndarray, "t 3"]
+    """Position of the root link (T1: Trunk), world frame [m]."""
+    root_quat_w: Float[np.ndarray, "t 4"]
+    """Orientation of the root link, world frame, wxyz, sign-continuous."""
+    joint_pos: Float[np.ndarray, "t j"]
+    """Joint positions [rad]."""
+    contacts: Bool[np.ndarray, "t 2"] | None = None
+    """Foot meant to be on the ground, (left, right); None where the source does not say."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.root_pos_w)
+
+    @property
+    def duration_s(self) -> float:
+        return self.frame_count / self.fps
+
+    def cut(self, start: int, stop: int, name: str) -> RobotClip:
+        """Frames [start, stop) under a new name."""
+        return dataclasses.replace(
+            self,
+            name=name,
+            root_pos_w=self.root_pos_w[start:stop].copy(),
+            root_quat_w=self.root_quat_w[start:stop].copy(),
+            joint_pos=self.joint_pos[start:stop].copy(),
+            contacts=None if self.contacts is None else self.contacts[start:stop].copy(),
+        )
+
+    def resampled(self, fps: float) -> RobotClip:
+        """The same motion at another rate, by time."""
+        if fps == self.fps:
+            return self
+        times_s = time_series.resample_times(self.frame_count, self.fps, fps)
+        contacts = self.contacts
+        return dataclasses.replace(
+            self,
+            fps=fps,
+            root_pos_w=time_series.resample_linear(self.root_pos_w, self.fps, times_s),
+            root_quat_w=time_series.resample_quat(self.root_quat_w, self.fps, times_s),
+            joint_pos=time_series.resample_linear(self.joint_pos, self.fps, times_s),
+            contacts=None if contacts is None else time_series.resample_nearest(contacts, self.fps, times_s),
+        )
+
+    def joint_vel(self) -> Float[np.ndarray, "t j"]:
+        """Joint velocities [rad/s], central differences."""
+        return time_series.derivative(self.joint_pos, self.fps)
+
+    def root_lin_vel_w(self) -> Float[np.ndarray, "t 3"]:
+        """Linear velocity of the root link's origin, world frame [m/s], central differences."""
+        return time_series.derivative(self.root_pos_w, self.fps)
+
+    def root_ang_vel_w(self) -> Float[np.ndarray, "t 3"]:
+        """Angular velocity of the root link, world frame [rad/s], central differences."""
+        return rotation.angular_velocity_w(self.root_quat_w, self.fps)

@@ -1,0 +1,1 @@
+"""Files: atomic writes, content-addressed blobs, manifests, settings. No clip maths."""

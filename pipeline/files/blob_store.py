@@ -1,0 +1,40 @@
+"""Content-addressed blobs: a blob's name is the digest of its bytes, so a double write is harmless."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import FileError
+from pipeline.files import atomic, digest
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlobStore:
+    """Blobs below `root`, as `<first two hex digits>/<digest>`."""
+
+    root: Path
+
+    def path(self, blob: str) -> Path:
+        return self.root / blob[:2] / blob
+
+    def has(self, blob: str) -> bool:
+        return self.path(blob).is_file()
+
+    def put(self, data: bytes) -> str:
+        """Store `data`; its digest."""
+        blob = digest.of_bytes(data)
+        if not self.has(blob):
+            atomic.write_bytes(self.path(blob), data)
+        return blob
+
+    def get(self, blob: str) -> bytes:
+        """Bytes of a blob. Raises FileError when it is missing or its content is not its name."""
+        path = self.path(blob)
+        do = "Remove data/store and materialize again."
+        if not path.is_file():
+            raise FileError(path, "the blob is missing.", do)
+        data = path.read_bytes()
+        if digest.of_bytes(data) != blob:
+            raise FileError(path, "the blob's content does not match its name.", do)
+        return data

@@ -1,0 +1,26 @@
+"""Content digests: of bytes, files, folders and JSON values. SHA-256, hex."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+
+def of_bytes(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def of_file(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def of_json(value: object) -> str:
+    """Digest of a JSON value; key order does not matter, NaN is refused."""
+    return of_bytes(json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode())
+
+
+def of_files(paths: list[Path], root: Path) -> str:
+    """Digest of the named files' contents and their paths below `root`; their order does not matter."""
+    return of_json(sorted((path.relative_to(root).as_posix(), of_file(path)) for path in paths))

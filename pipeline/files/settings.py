@@ -1,0 +1,144 @@
+"""Settings files: YAML that is checked against a frozen dataclass, every fault named at once.
+
+The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers
+like `1e3` (a string to YAML 1.1) are read by the field's type.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from pipeline.errors import SettingsError
+
+MAX_BYTES = 1_000_000
+
+T = TypeVar("T")
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """SafeLoader without aliases and without duplicate keys."""
+
+    def compose_node(self, parent, index):
+        if self.check_event(yaml.events.AliasEvent):
+            event = self.peek_event()
+            raise yaml.constructor.ConstructorError(None, None, "aliases are not allowed", event.start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"duplicate key '{key}'", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep=deep)
+
+
+def read_yaml(path: Path) -> Any:
+    """The value in a YAML file. Raises SettingsError with the line."""
+    if not path.is_file():
+        raise SettingsError(path, "the file does not exist.")
+    if path.stat().st_size > MAX_BYTES:
+        raise SettingsError(path, f"the file is larger than {MAX_BYTES} bytes.")
+    try:
+        return yaml.load(path.read_text(), Loader=_StrictLoader)  # noqa: S506, a SafeLoader
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or str(error)
+        raise SettingsError(path, f"{problem}.", line=mark.line + 1 if mark else None) from error
+
+
+def read(path: Path, kind: type[T]) -> T:
+    """A settings file as the frozen dataclass `kind`. Raises SettingsError that lists every fault."""
+    faults: list[str] = []
+    value = _build(kind, read_yaml(path), "", faults)
+    if faults:
+        raise SettingsError(path, "; ".join(faults) + ".")
+    return value
+
+
+def parse(kind: type[T], value: Any, origin: Path) -> T:
+    """A plain value (from YAML, TOML or JSON) as the dataclass `kind`; faults name `origin`."""
+    faults: list[str] = []
+    built = _build(kind, value, "", faults)
+    if faults:
+        raise SettingsError(origin, "; ".join(faults) + ".")
+    return built
+
+
+def plain(settings: Any) -> Any:
+    """A settings object as JSON types, for digests and provenance."""
+    if dataclasses.is_dataclass(settings) and not isinstance(settings, type):
+        return {field.name: plain(getattr(settings, field.name)) for field in dataclasses.fields(settings)}
+    if isinstance(settings, dict):
+        return {str(key): plain(value) for key, value in settings.items()}
+    if isinstance(settings, (list, tuple)):
+        return [plain(value) for value in settings]
+    return settings
+
+
+def _build(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
+    origin = typing.get_origin(kind)
+    if dataclasses.is_dataclass(kind):
+        return _build_dataclass(kind, value, where, faults)
+    if origin in (typing.Union, types.UnionType):
+        options = [option for option in typing.get_args(kind) if option is not type(None)]
+        return None if value is None else _build(options[0], value, where, faults)
+    if origin is tuple:
+        inner = typing.get_args(kind)
+        if not isinstance(value, (list, tuple)):
+            faults.append(f"'{where}' is {value!r}, wanted a list")
+            return ()
+        if inner[-1] is not Ellipsis and len(value) != len(inner):
+            faults.append(f"'{where}' has {len(value)} entries, wanted {len(inner)}")
+            return ()
+        each = [inner[0]] * len(value) if inner[-1] is Ellipsis else list(inner)
+        pairs = enumerate(zip(each, value, strict=True))
+        return tuple(_build(entry_kind, entry, f"{where}[{index}]", faults) for index, (entry_kind, entry) in pairs)
+    if origin is dict:
+        if not isinstance(value, dict):
+            faults.append(f"'{where}' is {value!r}, wanted a mapping")
+            return {}
+        inner = typing.get_args(kind)[1]
+        return {str(key): _build(inner, entry, f"{where}.{key}", faults) for key, entry in value.items()}
+    return _build_scalar(kind, value, where, faults)
+
+
+def _build_scalar(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
+    if kind is Any:
+        return value
+    if kind is float and isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except ValueError:
+            number = float("nan")
+        if number == number and abs(number) != float("inf"):
+            return number
+    elif isinstance(value, kind) and (kind is bool or not isinstance(value, bool)):
+        return value
+    faults.append(f"'{where}' is {value!r}, wanted {kind.__name__}")
+    return None
+
+
+def _build_dataclass(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
+    if not isinstance(value, dict):
+        faults.append(f"'{where or 'the file'}' is {value!r}, wanted a mapping")
+        return None
+    hints = typing.get_type_hints(kind)
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
+    prefix = f"{where}." if where else ""
+    for unknown in sorted(set(map(str, value)) - set(fields)):
+        faults.append(f"unknown key '{prefix}{unknown}', there are: {', '.join(fields)}")
+    built = {}
+    for name, field in fields.items():
+        if name in value:
+            built[name] = _build(hints[name], value[name], f"{prefix}{name}", faults)
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            faults.append(f"'{prefix}{name}' is missing")
+    return None if faults else kind(**built)

@@ -1,0 +1,141 @@
+"""Rotation maths on quaternions wxyz, vectorised over leading axes. The only place for it.
+
+Conventions: `quat` is wxyz and unit; `R_world_body` maps body coordinates to world coordinates;
+angles in rad. scipy's `Rotation` does what is general (conversion, mean); what is here is what a
+clip needs frame by frame: products, sign continuity, twist, interpolation, angular velocity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+Quats = Float[np.ndarray, "*n 4"]
+Vectors = Float[np.ndarray, "*n 3"]
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def normalize(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors along the last axis. A zero vector stays zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0.0, length, 1.0)
+
+
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product a b of quaternions (..., 4), broadcasting; R(ab) = R(a) R(b)."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(quat: np.ndarray) -> np.ndarray:
+    """Inverse of unit quaternions (..., 4)."""
+    return quat * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by quaternions (..., 4), broadcasting over leading axes."""
+    w, xyz = quat[..., :1], quat[..., 1:]
+    cross = 2.0 * np.cross(xyz, vector)
+    return vector + w * cross + np.cross(xyz, cross)
+
+
+def rotate_inverse(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Rotate vectors (..., 3) by the inverse of quaternions (..., 4): world to body."""
+    return rotate(conjugate(quat), vector)
+
+
+def make_continuous(quat: Float[np.ndarray, "t *n 4"]) -> Float[np.ndarray, "t *n 4"]:
+    """The same rotations with signs chosen so that neighbours in time have a positive dot product."""
+    if len(quat) < 2:
+        return quat.copy()
+    dots = np.sum(quat[1:] * quat[:-1], axis=-1, keepdims=True)
+    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=0)
+    return np.concatenate([quat[:1], quat[1:] * signs])
+
+
+def from_matrix(matrix: Float[np.ndarray, "*n 3 3"]) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of rotation matrices (..., 3, 3)."""
+    flat = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_quat()
+    return np.roll(flat, 1, axis=-1).reshape(*matrix.shape[:-2], 4)
+
+
+def to_matrix(quat: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of quaternions wxyz (..., 4)."""
+    w, x, y, z = np.moveaxis(quat, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def from_rotvec(rotvec: np.ndarray) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of rotation vectors (..., 3) [rad]."""
+    angle = np.linalg.norm(rotvec, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(angle / 2), rotvec * np.sinc(angle / (2 * np.pi)) / 2], axis=-1)
+
+
+def to_rotvec(quat: np.ndarray) -> np.ndarray:
+    """Rotation vectors (..., 3) [rad] of quaternions wxyz (..., 4), the shorter way round."""
+    quat = np.where(quat[..., :1] < 0.0, -quat, quat)
+    sine = np.linalg.norm(quat[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, quat[..., :1])
+    scale = np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
+    return quat[..., 1:] * scale
+
+
+def from_axis_angle(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of a rotation by `angle` [rad] (...) about a unit `axis` (3,)."""
+    half = np.asarray(angle)[..., None] / 2.0
+    return np.concatenate([np.cos(half), np.sin(half) * np.asarray(axis)], axis=-1)
+
+
+def about_z(yaw: np.ndarray | float) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of rotations by `yaw` [rad] (...) about z."""
+    return from_axis_angle(np.array([0.0, 0.0, 1.0]), yaw)
+
+
+def yaw_of(quat: np.ndarray) -> np.ndarray:
+    """Twist about world z [rad] (...), in (-pi, pi], of quaternions wxyz (..., 4) (swing-twist)."""
+    return wrap(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
+
+
+def wrap(angle: np.ndarray | float) -> np.ndarray:
+    """The same angle [rad] in (-pi, pi]."""
+    return -(np.mod(-np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle [rad] (...) of the rotation from quaternions `a` to `b` (..., 4); knows that q = -q."""
+    return np.linalg.norm(to_rotvec(multiply(conjugate(a), b)), axis=-1)
+
+
+def slerp(a: np.ndarray, b: np.ndarray, fraction: np.ndarray | float) -> np.ndarray:
+    """Spherical interpolation from `a` to `b` (..., 4) at `fraction` (...), the shorter way."""
+    step = to_rotvec(multiply(conjugate(a), b))
+    return multiply(a, from_rotvec(step * np.asarray(fraction)[..., None]))
+
+
+def angular_velocity_w(quat: Float[np.ndarray, "t *n 4"], fps: float) -> Float[np.ndarray, "t *n 3"]:
+    """World-frame angular velocity [rad/s] by central differences, one-sided at both ends.
+
+    At frame i it is the rotation vector from frame i-1 to i+1 over 2/fps. One frame gives zero.
+    """
+    if len(quat) < 2:
+        return np.zeros((*quat.shape[:-1], 3))
+    index = np.arange(len(quat))
+    after, before = np.minimum(index + 1, len(quat) - 1), np.maximum(index - 1, 0)
+    step = to_rotvec(multiply(quat[after], conjugate(quat[before])))
+    return step * (fps / (after - before)).reshape(-1, *([1] * (quat.ndim - 1)))

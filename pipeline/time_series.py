@@ -1,0 +1,92 @@
+"""Signals over time: derivatives, resampling by time, zero-phase smoothing, runs of frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from pipeline import rotation
+
+
+def derivative(values: np.ndarray, fps: float) -> np.ndarray:
+    """d/dt of `values` (t, ...) by central differences, one-sided at both ends; zero for one frame."""
+    if len(values) < 2:
+        return np.zeros_like(values, dtype=float)
+    return np.gradient(values, 1.0 / fps, axis=0)
+
+
+def frame_times(frame_count: int, fps: float) -> np.ndarray:
+    """Time [s] (t,) of each frame; the first is at 0."""
+    return np.arange(frame_count) / fps
+
+
+def resample_times(frame_count: int, fps: float, new_fps: float) -> np.ndarray:
+    """Times [s] of the frames at `new_fps` that lie within the clip, the first at 0."""
+    duration_s = (frame_count - 1) / fps
+    return np.arange(int(np.floor(duration_s * new_fps + 1e-6)) + 1) / new_fps
+
+
+def resample_linear(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
+    """Values (t, ...) at `times_s` by linear interpolation."""
+    low, fraction = _bracket(len(values), fps, times_s)
+    high = np.minimum(low + 1, len(values) - 1)
+    weight = fraction.reshape(-1, *([1] * (values.ndim - 1)))
+    return values[low] * (1.0 - weight) + values[high] * weight
+
+
+def resample_quat(quat: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
+    """Quaternions (t, ..., 4) at `times_s` by slerp, sign-continuous."""
+    low, fraction = _bracket(len(quat), fps, times_s)
+    high = np.minimum(low + 1, len(quat) - 1)
+    weight = fraction.reshape(-1, *([1] * (quat.ndim - 2)))
+    return rotation.make_continuous(rotation.slerp(quat[low], quat[high], weight))
+
+
+def resample_nearest(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
+    """Labels (t, ...) at `times_s` from the nearest frame."""
+    index = np.clip(np.rint(times_s * fps).astype(int), 0, len(values) - 1)
+    return values[index]
+
+
+def _bracket(frame_count: int, fps: float, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    position = np.clip(times_s * fps, 0.0, frame_count - 1)
+    low = np.minimum(np.floor(position + 1e-9).astype(int), max(frame_count - 2, 0))
+    return low, np.clip(position - low, 0.0, 1.0)
+
+
+def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
+    """Zero-phase low pass of `values` (t, ...): Butterworth order 2 run forward and back.
+
+    The two runs together are biomechanics' "fourth-order zero-lag" filter (Winter 2009); the cutoff
+    of each run is raised so that the result is at -3 dB at `cutoff_hz`. Clips too short to pad by one
+    period, or a cutoff at or above Nyquist, come back unchanged.
+    """
+    raised = cutoff_hz / (np.sqrt(2.0) - 1.0) ** 0.25
+    if raised >= 0.49 * fps:
+        return np.array(values, dtype=float)
+    pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
+    if pad < int(fps / cutoff_hz):
+        return np.array(values, dtype=float)
+    sections = butter(2, raised, fs=fps, output="sos")
+    return sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=pad)
+
+
+def smooth_quat(quat: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
+    """Zero-phase low pass of quaternions (t, ..., 4): signs unified, filtered, renormalised."""
+    return rotation.normalize(smooth(rotation.make_continuous(quat), fps, cutoff_hz))
+
+
+def moving_mean(values: np.ndarray, width: int) -> np.ndarray:
+    """Centred mean over `width` frames (odd), shrinking at the ends, of `values` (t, ...)."""
+    half = width // 2
+    total = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    index = np.arange(len(values))
+    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(values))
+    return (total[high] - total[low]) / (high - low).reshape(-1, *([1] * (values.ndim - 1)))
+
+
+def runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Half-open frame ranges [start, stop) in which the boolean `mask` (t,) holds."""
+    padded = np.concatenate([[False], np.asarray(mask, dtype=bool), [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
