@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
 from pipeline import rotation
@@ -90,3 +91,18 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     padded = np.concatenate([[False], np.asarray(mask, dtype=bool), [False]])
     edges = np.flatnonzero(padded[1:] != padded[:-1])
     return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def resample_cubic(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
+    """Values (t, ...) at `times_s` by a not-a-knot cubic spline; linear below four frames.
+
+    Unlike linear interpolation it keeps accelerations: between frames they are not zero.
+    """
+    if len(values) < 4:
+        return resample_linear(values, fps, times_s)
+    return CubicSpline(frame_times(len(values), fps), values, axis=0)(np.clip(times_s, 0.0, (len(values) - 1) / fps))
+
+
+def resample_quat_cubic(quat: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
+    """Quaternions (t, ..., 4) at `times_s`: the cubic spline of the sign-continuous components, renormalised."""
+    return rotation.normalize(resample_cubic(rotation.make_continuous(quat), fps, times_s))

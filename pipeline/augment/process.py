@@ -1,0 +1,51 @@
+"""KP4 on one clip: the original and its variants, each with its name and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pipeline.augment.mirror import mirror_clip, mirror_numbers
+from pipeline.augment.numbers import Number
+from pipeline.augment.settings import AugmentSettings
+from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
+from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot import Robot
+
+STAGE_VERSION = "1"
+
+
+def process(clip: RobotClip, numbers: Mapping[str, Number], *, settings: AugmentSettings, robot: Robot) -> Outcome:
+    """The clip, its mirror image, and both at other playing speeds, as the settings say.
+
+    Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
+    the clip it was made from: variants of one parent share a weight later.
+    """
+    originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
+    if settings.mirror:
+        image = mirror_clip(clip, robot, f"{clip.name}~mirror")
+        originals.append(_piece(image, mirror_numbers(numbers), clip.name, mirrored=True, scale=1.0))
+    pieces = list(originals)
+    if numbers.get("skill") not in settings.unscaled_skills:
+        pieces += [_scaled(piece, scale, clip.name) for scale in settings.time_scales for piece in originals]
+    return Outcome(pieces=tuple(pieces), numbers={"variants": len(pieces)})
+
+
+def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
+    clip = piece.clip
+    assert isinstance(clip, RobotClip)
+    faster = time_scale_clip(clip, scale, f"{clip.name}~x{scale:g}")
+    mirrored = bool(piece.numbers["mirrored"])
+    return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
+
+
+def _piece(clip: RobotClip, numbers: Mapping[str, Number], parent: str, *, mirrored: bool, scale: float) -> Piece:
+    parts = (["mirror"] if mirrored else []) + ([f"x{scale:g}"] if scale != 1.0 else [])
+    made = {
+        "variant": "~".join(parts) or "original",
+        "mirrored": mirrored,
+        "time_scale": scale,
+        "parent": parent,
+        "seconds": clip.duration_s,
+    }
+    return Piece(clip=clip, numbers={**numbers, **made})
