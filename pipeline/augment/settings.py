@@ -21,7 +21,7 @@ class AugmentSettings:
     mirror: bool
     """Add each clip reflected in the robot's left-right plane."""
     time_scales: tuple[float, ...]
-    """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high, the clip 1.1 times as short."""
+    """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high."""
     unscaled_skills: tuple[str, ...]
     """Skills that are only mirrored: their speed is what makes them."""
 

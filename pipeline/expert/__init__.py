@@ -1,0 +1,19 @@
+"""The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
+
+from pipeline.expert.frames import Column, columns, expert_frames
+from pipeline.expert.licence import LicenceClass, classify_licence, strictest
+from pipeline.expert.read import DatabaseError, read_database
+from pipeline.expert.write import ExpertEntry, write_database
+
+__all__ = [
+    "Column",
+    "DatabaseError",
+    "ExpertEntry",
+    "LicenceClass",
+    "classify_licence",
+    "columns",
+    "expert_frames",
+    "read_database",
+    "strictest",
+    "write_database",
+]

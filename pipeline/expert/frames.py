@@ -1,0 +1,105 @@
+"""The 79 numbers of a frame of Eq. (1): root, joints, hands and feet, and their velocities.
+
+    x 3 | R 4 | q 21 | p_ee 12 | v 3 | w 3 | dq 21 | dp_ee 12
+
+Positions are the clip's own. Velocities are central differences of them (one-sided at both ends): dp_ee is
+the derivative of the local positions, v and w are the world velocities of the Trunk turned into the Trunk
+frame. So each velocity can be made again from the positions beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import ClipError
+from pipeline.robot import Kinematics, Robot
+
+FPS = 50.0
+"""Rate of the database [Hz]: one frame a control step of .02 s."""
+
+POSITION_DECIMALS = 6
+"""1 um or 1 urad. A velocity made again from two rounded neighbours is then right to 5e-5."""
+
+QUATERNION_DECIMALS = 8
+"""Keeps the length of a rounded quaternion within 2e-8 of 1."""
+
+VELOCITY_DECIMALS = 5
+"""1e-5 m/s or rad/s, below what the rounding of the positions leaves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """What one number of a frame is."""
+
+    name: str
+    unit: str
+    frame: str
+    """`world` (z up, ground at z = 0), the root link's name (its own frame) or `joint`."""
+
+
+def columns(robot: Robot) -> tuple[Column, ...]:
+    """The columns of a frame of `robot` in order."""
+    root = robot.root_link
+    ends = [f"{site}_{axis}" for site in (*robot.hands, *robot.feet) for axis in "xyz"]
+    groups = [
+        ([f"root_pos_{axis}" for axis in "xyz"], "m", "world"),
+        ([f"root_quat_{part}" for part in "wxyz"], "1", "world"),
+        ([f"{joint}_pos" for joint in robot.controlled], "rad", "joint"),
+        ([f"{end}_pos" for end in ends], "m", root),
+        ([f"root_lin_vel_{axis}" for axis in "xyz"], "m/s", root),
+        ([f"root_ang_vel_{axis}" for axis in "xyz"], "rad/s", root),
+        ([f"{joint}_vel" for joint in robot.controlled], "rad/s", "joint"),
+        ([f"{end}_vel" for end in ends], "m/s", root),
+    ]
+    return tuple(Column(name=name, unit=unit, frame=frame) for names, unit, frame in groups for name in names)
+
+
+def expert_frames(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t c"]:
+    """Frames of a 50 Hz clip in the order of `columns(robot)`, not rounded.
+
+    Raises ClipError for another rate, for other joints than the robot's and for less than two frames.
+    """
+    _check(clip, robot)
+    controlled = [robot.joint_names.index(name) for name in robot.controlled]
+    joints = clip.joint_pos[:, controlled]
+    ends_b = _end_effectors_b(clip, robot)
+    lin_vel_b = rotation.rotate_inverse(clip.root_quat_w, clip.root_lin_vel_w())
+    ang_vel_b = rotation.rotate_inverse(clip.root_quat_w, clip.root_ang_vel_w())
+    joint_vel = time_series.derivative(joints, clip.fps)
+    end_vel_b = time_series.derivative(ends_b, clip.fps)
+    parts = [clip.root_pos_w, clip.root_quat_w, joints, ends_b, lin_vel_b, ang_vel_b, joint_vel, end_vel_b]
+    return np.concatenate(parts, axis=1)
+
+
+def rounded(frames: Float[np.ndarray, "t c"], controlled: int) -> Float[np.ndarray, "t c"]:
+    """Frames as they are written: each column to its decimals, no negative zero."""
+    positions = 7 + controlled + 12
+    parts = [
+        np.round(frames[:, :3], POSITION_DECIMALS),
+        np.round(frames[:, 3:7], QUATERNION_DECIMALS),
+        np.round(frames[:, 7:positions], POSITION_DECIMALS),
+        np.round(frames[:, positions:], VELOCITY_DECIMALS),
+    ]
+    return np.concatenate(parts, axis=1) + 0.0
+
+
+def _end_effectors_b(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t 12"]:
+    """Left hand, right hand, left and right sole centre in the root link's frame [m]."""
+    count = clip.frame_count
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((count, 3)), np.tile(rotation.IDENTITY, (count, 1)), clip.joint_pos)
+    return kinematics.site_pos_w(poses, (*robot.hands, *robot.feet)).reshape(count, -1)
+
+
+def _check(clip: RobotClip, robot: Robot) -> None:
+    if clip.fps != FPS:
+        raise ClipError(clip.name, "rate", f"has {clip.fps:g} Hz; the database is at {FPS:g} Hz, resample it")
+    if clip.joint_names != robot.joint_names:
+        raise ClipError(clip.name, "joints", f"its joints are not those of '{robot.name}', or in another order")
+    if clip.frame_count < 2:
+        raise ClipError(clip.name, "short", "has less than two frames, so it has no velocity")

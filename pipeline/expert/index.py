@@ -1,0 +1,57 @@
+"""`index.parquet`: a row a clip, its own facts first, then what the stages said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.expert.licence import classify_licence
+
+FILE = "index.parquet"
+
+OWN_COLUMNS = {
+    "clip": pa.string(),
+    "file": pa.string(),
+    "sha256": pa.string(),
+    "frames": pa.int64(),
+    "seconds": pa.float64(),
+    "weight": pa.float64(),
+    "skill": pa.string(),
+    "licence": pa.string(),
+    "licence_class": pa.string(),
+    "loop_mode": pa.string(),
+    "stages": pa.string(),
+}
+"""Columns every index has. `file` and `sha256` are those of the clip's JSON, `stages` is JSON."""
+
+RENAMED = {"file": "source_file", "file_sha256": "source_sha256"}
+"""Numbers of the catalog that describe the source's file, and their names in the index."""
+
+
+def row(numbers: Mapping[str, Any], **own: Any) -> dict[str, Any]:
+    """A clip's row. Its own facts win over numbers of the same name."""
+    said = {RENAMED.get(name, name): value for name, value in numbers.items()}
+    return {**said, **own, "licence_class": classify_licence(own["licence"]).label}
+
+
+def encode(rows: list[dict[str, Any]]) -> bytes:
+    """Parquet bytes of the rows; equal rows give equal bytes. Columns a row lacks are null there."""
+    others = sorted({name for entry in rows for name in entry} - set(OWN_COLUMNS))
+    arrays = {name: pa.array([entry[name] for entry in rows], type=kind) for name, kind in OWN_COLUMNS.items()}
+    arrays |= {name: _column([entry.get(name) for entry in rows]) for name in others}
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.table(arrays), sink, compression="zstd")
+    return sink.getvalue().to_pybytes()
+
+
+def _column(values: list[Any]) -> pa.Array:
+    """Numbers as float64, truth values and texts as such; a mixture becomes text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float} and kinds:
+        return pa.array([None if value is None else float(value) for value in values], type=pa.float64())
+    if kinds == {bool}:
+        return pa.array(values, type=pa.bool_())
+    return pa.array([None if value is None else str(value) for value in values], type=pa.string())

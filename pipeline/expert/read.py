@@ -1,0 +1,177 @@
+"""Reading a database, and every fault of one that is not whole."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from jaxtyping import Float
+
+from pipeline.errors import PipelineError
+from pipeline.expert import index, manifest
+from pipeline.expert.swap import current
+from pipeline.files import digest
+
+CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Licence", "Columns", "Frames")
+LOOP_MODES = ("Clamp", "Wrap")
+QUATERNION = slice(3, 7)
+UNIT_TOLERANCE = 1e-6
+
+
+class DatabaseError(PipelineError):
+    """A folder that is no whole database; every fault with its file's name."""
+
+    def __init__(self, folder: Path, faults: list[str]):
+        self.faults = tuple(faults)
+        listed = "".join(f"\n  {fault}" for fault in faults)
+        super().__init__(f"{folder}: not a whole expert database, {len(faults)} faults. Write it again.{listed}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatabaseClip:
+    """One clip as it lies in the database."""
+
+    name: str
+    weight: float
+    skill: str
+    loop_mode: str
+    frames: Float[np.ndarray, "t c"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Database:
+    """A whole database: every file is there, has the digest the manifest states and says what it must."""
+
+    manifest: dict[str, Any]
+    index: pd.DataFrame
+    clips: tuple[DatabaseClip, ...]
+    """In the index's order."""
+
+
+def read_database(folder: Path) -> Database:
+    """The database in `folder`. Raises DatabaseError that lists every fault of every file."""
+    folder = current(folder)
+    faults: list[str] = []
+    head = _read_manifest(folder, faults)
+    if head is None:
+        raise DatabaseError(folder, faults)
+    _check_files(folder, head, faults)
+    table = _read_index(folder, faults)
+    clips: list[DatabaseClip | None] = []
+    if table is not None:
+        if len(table) != head["clips"]:
+            faults.append(f"{index.FILE}: has {len(table)} clips, the manifest says {head['clips']}")
+        clips = [
+            _read_clip(folder, name, clip, head, faults)
+            for clip, name in zip(table["clip"], table["file"], strict=True)
+        ]
+    if faults or table is None:
+        raise DatabaseError(folder, faults)
+    return Database(manifest=head, index=table, clips=tuple(clip for clip in clips if clip is not None))
+
+
+def _read_manifest(folder: Path, faults: list[str]) -> dict[str, Any] | None:
+    path = folder / manifest.FILE
+    if not path.is_file():
+        faults.append(f"{manifest.FILE}: is missing")
+        return None
+    head = _read_json(path, faults)
+    if head is None:
+        return None
+    if head.get("schema") != manifest.SCHEMA:
+        faults.append(f"{manifest.FILE}: has the schema {head.get('schema')!r}, this version reads {manifest.SCHEMA!r}")
+        return None
+    missing = [key for key in ("robot", "clips", "frame_columns", "frame_duration_s", "files") if key not in head]
+    faults += [f"{manifest.FILE}: the key '{key}' is missing" for key in missing]
+    return None if missing else head
+
+
+def _check_files(folder: Path, head: dict[str, Any], faults: list[str]) -> None:
+    there = {path.name for path in folder.iterdir()} - {manifest.FILE}
+    stated = head["files"]
+    faults += [f"{name}: is missing" for name in sorted(set(stated) - there)]
+    faults += [f"{name}: is not in the manifest" for name in sorted(there - set(stated))]
+    for name in sorted(there & set(stated)):
+        if digest.of_file(folder / name) != stated[name]:
+            faults.append(f"{name}: its content is not the one the manifest states")
+
+
+def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
+    path = folder / index.FILE
+    if not path.is_file():
+        return None
+    try:
+        table = pd.read_parquet(path)
+    except (pa.ArrowException, OSError, ValueError) as error:
+        faults.append(f"{index.FILE}: is no Parquet table ({error})")
+        return None
+    missing = [name for name in index.OWN_COLUMNS if name not in table]
+    faults += [f"{index.FILE}: the column '{name}' is missing" for name in missing]
+    return None if missing else table
+
+
+def _read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: list[str]) -> DatabaseClip | None:
+    path = folder / name
+    if Path(name).name != name or not path.is_file():
+        faults.append(f"{index.FILE}: names the file {name!r}, which is not in the folder")
+        return None
+    content = _read_json(path, faults)
+    if content is None:
+        return None
+    missing = [key for key in CLIP_KEYS if key not in content]
+    if missing:
+        faults += [f"{name}: the key '{key}' is missing" for key in missing]
+        return None
+    frames = _frames(name, content, head, faults)
+    if content["FrameDuration"] != head["frame_duration_s"]:
+        faults.append(f"{name}: FrameDuration is {content['FrameDuration']!r}, wanted {head['frame_duration_s']}")
+    if content["LoopMode"] not in LOOP_MODES:
+        faults.append(f"{name}: LoopMode is {content['LoopMode']!r}, wanted one of {', '.join(LOOP_MODES)}")
+    weight = content["MotionWeight"]
+    if not isinstance(weight, (int, float)) or not 0.0 < weight < float("inf"):
+        faults.append(f"{name}: MotionWeight is {weight!r}, wanted a positive number")
+    if frames is None:
+        return None
+    return DatabaseClip(name=clip, weight=weight, skill=content["Skill"], loop_mode=content["LoopMode"], frames=frames)
+
+
+def _frames(name: str, content: dict[str, Any], head: dict[str, Any], faults: list[str]) -> np.ndarray | None:
+    wanted = head["frame_columns"]
+    if len(content["Columns"]) != wanted:
+        faults.append(f"{name}: names {len(content['Columns'])} columns, wanted {wanted}")
+    try:
+        frames = np.array(content["Frames"], dtype=float)
+    except (TypeError, ValueError) as error:
+        faults.append(f"{name}: Frames are no table of numbers ({error})")
+        return None
+    if frames.ndim != 2 or frames.shape[1] != wanted or len(frames) < 2:
+        faults.append(f"{name}: Frames have the shape {frames.shape}, wanted (2 or more, {wanted})")
+        return None
+    if not np.isfinite(frames).all():
+        faults.append(f"{name}: frame {int(np.argwhere(~np.isfinite(frames))[0, 0])} has a number that is not finite")
+    off = np.abs(np.linalg.norm(frames[:, QUATERNION], axis=1) - 1.0)
+    if np.max(off) > UNIT_TOLERANCE:
+        frame = int(np.argmax(off))
+        faults.append(f"{name}: frame {frame} has a quaternion whose length is off by {off[frame]:.1e}")
+    return frames
+
+
+def _read_json(path: Path, faults: list[str]) -> dict[str, Any] | None:
+    try:
+        value = json.loads(path.read_text(), parse_constant=_refuse)
+    except (ValueError, OSError, RecursionError) as error:
+        faults.append(f"{path.name}: is no JSON ({error})")
+        return None
+    if not isinstance(value, dict):
+        faults.append(f"{path.name}: is no JSON object")
+        return None
+    return value
+
+
+def _refuse(text: str) -> float:
+    raise ValueError(f"{text} is not a JSON number")

@@ -1,0 +1,110 @@
+"""The database on disk: one JSON a clip, an index, a manifest. Same clips, same bytes.
+
+<folder>/<clip file>.json    frames of one clip, in the form of Eq. (1)
+<folder>/index.parquet       a row a clip: quality, weight, skill, where it came from
+<folder>/manifest.json       what the database is, a digest of every file, what it may be used for
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import ClipError
+from pipeline.expert import index, manifest
+from pipeline.expert.file_name import file_name
+from pipeline.expert.frames import FPS, columns, expert_frames, rounded
+from pipeline.expert.loop_mode import loop_mode
+from pipeline.expert.swap import replace_folder
+from pipeline.files import digest
+from pipeline.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpertEntry:
+    """One clip for the database."""
+
+    clip: RobotClip
+    weight: float
+    """`MotionWeight`: relative probability of being drawn; positive."""
+    skill: str
+    licence: str
+    """Licence of the source, as it states it."""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """What the stages said of the clip (flat, JSON types): quality and origin. Become columns of the index."""
+    stages: Mapping[str, Any] = field(default_factory=dict)
+    """Version and settings (or their digest) of each stage it went through, as JSON types."""
+
+
+def write_database(folder: Path, entries: Iterable[ExpertEntry], robot: Robot, *, stages: Mapping[str, Any]) -> dict:
+    """Replace the database in `folder` by one of `entries`; its manifest.
+
+    `stages`: version and settings of each stage, for the manifest. The order of the entries doesn't matter.
+    Raises ClipError for an entry that can't be in the database (rate, joints, weight, a name given twice) and
+    FileError when the disk refuses; the previous database stays then.
+    """
+    ordered = sorted(entries, key=lambda entry: entry.clip.name)
+    made: dict = {}
+
+    def fill(part: Path) -> None:
+        rows = [_write_clip(part, entry, robot) for entry in _checked(ordered)]
+        (part / index.FILE).write_bytes(index.encode(rows))
+        text = manifest.build(part, rows, robot, stages)
+        (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        made.update(text)
+
+    replace_folder(folder, fill)
+    return made
+
+
+def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
+    """The JSON of one clip: keys in a fixed order, a line a frame."""
+    frames = rounded(expert_frames(entry.clip, robot), len(robot.controlled))
+    head = {
+        "FrameDuration": 1.0 / FPS,
+        "MotionWeight": entry.weight,
+        "LoopMode": loop_mode(entry.clip),
+        "Clip": entry.clip.name,
+        "Robot": robot.name,
+        "Skill": entry.skill,
+        "Licence": entry.licence,
+        "QuaternionOrder": "wxyz",
+        "Columns": [vars(column) for column in columns(robot)],
+    }
+    lines = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in head.items()]
+    body = ",\n".join(json.dumps(frame, separators=(",", ":"), allow_nan=False) for frame in frames.tolist())
+    return ("{\n" + ",\n".join(lines) + ',\n"Frames": [\n' + body + "\n]}\n").encode()
+
+
+def _write_clip(part: Path, entry: ExpertEntry, robot: Robot) -> dict[str, Any]:
+    data = encode_clip(entry, robot)
+    name = file_name(entry.clip.name)
+    (part / name).write_bytes(data)
+    return index.row(
+        entry.numbers,
+        clip=entry.clip.name,
+        file=name,
+        sha256=digest.of_bytes(data),
+        frames=entry.clip.frame_count,
+        seconds=entry.clip.duration_s,
+        weight=entry.weight,
+        skill=entry.skill,
+        licence=entry.licence,
+        loop_mode=loop_mode(entry.clip),
+        stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+    )
+
+
+def _checked(entries: list[ExpertEntry]) -> list[ExpertEntry]:
+    names: set[str] = set()
+    for entry in entries:
+        if entry.clip.name in names:
+            raise ClipError(entry.clip.name, "name", "is given twice; names are unique in a database")
+        names.add(entry.clip.name)
+        if not 0.0 < entry.weight < float("inf"):
+            raise ClipError(entry.clip.name, "weight", f"has the weight {entry.weight:g}; it must be positive")
+    return entries
