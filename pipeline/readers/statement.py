@@ -1,0 +1,23 @@
+"""What a person states about files that do not say it themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statement:
+    """Facts of a source, or of some of its files, from data/sources.yaml. None: the file has to tell."""
+
+    unit: str | None = None
+    """Unit of length: `m`, `cm`, `mm`, `inch`, `cmu`, or metres per unit as a number."""
+    up: str | None = None
+    """The axis that points up: `x`, `y`, `z`, or with a minus sign."""
+    fps: float | None = None
+    """Frames per second [Hz]; overrides what the file declares."""
+    skeleton: str | None = None
+    """Name of a skeleton map, or the path of a map of your own (`.yaml`)."""
+    asf: str | None = None
+    """The ASF file of an AMC: its path, from the AMC's folder if relative."""
+    body_model: str | None = None
+    """Path of an SMPL body model of your own (`.npz`); a mean human skeleton is used without it."""
