@@ -1,0 +1,39 @@
+# Two commands make the project work on a machine with Python 3.11, make and git:
+#   make expert_db    sets up .venv and materializes the expert database from the shipped motions
+#   make test         sets up .venv and runs the tests
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: setup expert_db test check dev motions clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $(STAMP)
+
+expert_db: setup
+	PATH="$(CURDIR)/$(BIN):$$PATH" dagster asset materialize --select expert_db
+
+test: setup
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+	$(BIN)/dagster definitions validate
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dg check defs
+
+dev: setup
+	PATH="$(CURDIR)/$(BIN):$$PATH" dagster dev
+
+motions: setup
+	$(BIN)/python -m pipeline.generator data/motions
+
+clean:
+	rm -rf data/store data/expert_db data/.dagster

@@ -1,0 +1,71 @@
+"""Bring what lies upstream of a run up to date, in a run of its own, before the run's first step.
+
+So `dagster asset materialize --select expert_db` means what it says, on a fresh clone and after any
+change: the history shows a second run with what was missing or stale.
+"""
+
+import logging
+
+import dagster as dg
+
+from assets.freshness import stale_reasons
+from assets.plan import plans
+from assets.project import Project
+from assets.sources import observe
+
+BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
+"""Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
+
+
+def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
+    """Every stale asset and why, upstream first; the source folders are looked at anew."""
+    return stale_reasons(instance, project, plans(project), _parents(), observe(instance, project))
+
+
+def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
+    """Materialize what is stale upstream of the run's assets and not in the run itself.
+
+    Raises dg.Failure when that run fails.
+    """
+    graph_parents = _parents()
+    selected = set(run.asset_selection or plans(project))
+    wanted = _upstream(selected, graph_parents) - selected
+    stale = {key: why for key, why in stale_now(instance, project).items() if key in wanted}
+    if not stale:
+        return
+    if log:
+        for key, why in stale.items():
+            log.info(f"'{key.to_user_string()}' is brought up to date first: {why}")
+    from assets.definitions import defs
+
+    job = defs.resolve_implicit_global_asset_job_def()
+    result = job.execute_in_process(
+        instance=instance,
+        asset_selection=list(stale),
+        run_config={"resources": dict(run.run_config.get("resources", {}))} if run.run_config else None,
+        tags={BOOTSTRAP_TAG: run.run_id},
+        raise_on_error=False,
+    )
+    if not result.success:
+        failed = [event.step_key for event in result.all_events if event.is_step_failure]
+        raise dg.Failure(
+            f"what lies upstream could not be brought up to date: {', '.join(map(str, failed))} failed in run "
+            f"{result.run_id}; its log says why.",
+            allow_retries=False,
+        )
+
+
+def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
+    from assets.definitions import defs
+
+    graph = defs.resolve_asset_graph()
+    return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
+
+
+def _upstream(keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]]) -> set[dg.AssetKey]:
+    found, todo = set(keys), list(keys)
+    while todo:
+        new = parents.get(todo.pop(), set()) - found
+        found |= new
+        todo += new
+    return found

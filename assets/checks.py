@@ -1,0 +1,96 @@
+"""Asset checks of the stages. Blocking where the data would be wrong, a warning where it would be poor."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import dagster as dg
+
+from assets.plan import Plan
+from pipeline.batch import Manifest
+
+Verdict = tuple[bool, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageCheck:
+    """A check on a stage's manifest."""
+
+    name: str
+    says: str
+    look: Callable[[Manifest], Verdict]
+    """Whether it holds, and what was found."""
+    blocking: bool
+
+
+def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
+    """The checks that an asset declares."""
+    return [
+        dg.AssetCheckSpec(check.name, asset=plan.key, blocking=check.blocking, description=check.says)
+        for check in STAGE_CHECKS
+    ]
+
+
+def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
+    """The results of the checks on an asset's manifest."""
+    results = []
+    for check in STAGE_CHECKS:
+        passed, found = check.look(manifest)
+        results.append(
+            dg.AssetCheckResult(
+                asset_key=plan.key,
+                check_name=check.name,
+                passed=passed,
+                severity=dg.AssetCheckSeverity.ERROR if check.blocking else dg.AssetCheckSeverity.WARN,
+                metadata={"found": found},
+            )
+        )
+    return results
+
+
+def _accounted(manifest: Manifest) -> Verdict:
+    silent = [row.clip for row in manifest.judged if not row.pieces and not row.reasons]
+    return not silent, f"without a reason: {', '.join(silent)}" if silent else f"{len(manifest.judged)} clips"
+
+
+def _finite(manifest: Manifest) -> Verdict:
+    bad = [
+        f"{entry.clip} {name}"
+        for entry in manifest.entries
+        for name, value in entry.numbers.items()
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
+    bad += [entry.clip for entry in manifest.entries if not entry.numbers.get("seconds", 0.0) > 0.0]
+    return not bad, ", ".join(bad) if bad else f"{len(manifest.entries)} clips"
+
+
+def _left(manifest: Manifest) -> Verdict:
+    return bool(manifest.entries), f"{len(manifest.entries)} clips go on"
+
+
+def _no_fault(manifest: Manifest) -> Verdict:
+    failed = [row.clip for row in manifest.judged for reason in row.reasons if reason["code"] == "failed"]
+    return not failed, ", ".join(failed) or "none"
+
+
+STAGE_CHECKS = (
+    StageCheck(
+        name="every_clip_accounted_for",
+        says="Counts conserve: a clip that came in went on or has a reason.",
+        look=_accounted,
+        blocking=True,
+    ),
+    StageCheck(
+        name="finite_numbers",
+        says="All numbers of the clips that go on are finite, and each clip has a length.",
+        look=_finite,
+        blocking=True,
+    ),
+    StageCheck(name="something_left", says="At least one clip goes on.", look=_left, blocking=False),
+    StageCheck(
+        name="no_stage_fault",
+        says="No clip was lost to a fault of the stage itself (an unexpected error).",
+        look=_no_fault,
+        blocking=False,
+    ),
+)

@@ -1,0 +1,21 @@
+"""Assembles the graph: sources, the shared stages, the stages of each robot, resources. Nothing else."""
+
+import dagster as dg
+
+from assets.motions import motion_catalog, repaired_motions, selected_motions
+from assets.project import PROJECT
+from assets.resources import ClipPoolResource, StoreIOManager
+from assets.robot_motions import robot_assets
+from assets.sources import raw_motions
+
+defs = dg.Definitions(
+    assets=[
+        raw_motions,
+        motion_catalog,
+        selected_motions,
+        repaired_motions,
+        *(asset for robot in PROJECT.robots for asset in robot_assets(robot)),
+    ],
+    resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
+    executor=dg.in_process_executor,
+)

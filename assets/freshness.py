@@ -1,0 +1,95 @@
+"""What is stale, and why. Dagster's own record of versions is asked, plus what only the disk knows.
+
+An asset is stale when it was never materialized, when its stored result is not the one of the last
+materialization, when its code, settings or robot changed, or when an input changed or is stale.
+"""
+
+from collections.abc import Mapping
+
+import dagster as dg
+
+from assets.plan import FINGERPRINT_TAG, Plan
+from assets.project import Project
+from assets.sources import RAW_MOTIONS
+
+DATA_VERSION_TAG = "dagster/data_version"
+INPUT_VERSION_PREFIX = "dagster/input_data_version/"
+
+
+def stale_reasons(
+    instance: dg.DagsterInstance,
+    project: Project,
+    plans: Mapping[dg.AssetKey, Plan],
+    parents: Mapping[dg.AssetKey, set[dg.AssetKey]],
+    raw_version: str,
+) -> dict[dg.AssetKey, str]:
+    """Each stale asset with the sentence that says why, upstream before downstream.
+
+    Args:
+        parents: the assets that each one takes, `raw_motions` among them
+        raw_version: digest of the source folders' content now
+    """
+    stale: dict[dg.AssetKey, str] = {}
+    versions: dict[dg.AssetKey, str | None] = {RAW_MOTIONS: raw_version}
+    for key in topological(parents):
+        if key not in plans:
+            continue
+        tags = _tags_of_last_materialization(instance, key)
+        versions[key] = tags.get(DATA_VERSION_TAG) if tags is not None else None
+        reason = _why(key, tags, project, plans[key], parents[key], stale, versions)
+        if reason:
+            stale[key] = reason
+    return stale
+
+
+def topological(parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> list[dg.AssetKey]:
+    """Keys ordered so that each comes after all of its parents; ties by name."""
+    ordered: list[dg.AssetKey] = []
+    open_keys = sorted(set(parents) | {key for each in parents.values() for key in each})
+    while open_keys:
+        ready = [key for key in open_keys if all(parent in ordered for parent in parents.get(key, ()))]
+        ordered += ready
+        open_keys = [key for key in open_keys if key not in ready]
+    return ordered
+
+
+def _why(
+    key: dg.AssetKey,
+    tags: Mapping[str, str] | None,
+    project: Project,
+    plan: Plan,
+    parents: set[dg.AssetKey],
+    stale: Mapping[dg.AssetKey, str],
+    versions: Mapping[dg.AssetKey, str | None],
+) -> str:
+    if tags is None:
+        return "it was never materialized"
+    if stored_version(project, plan) != tags.get(DATA_VERSION_TAG):
+        return "what is stored is not the result of its last materialization"
+    if tags.get(FINGERPRINT_TAG) != plan.fingerprint(project):
+        return "its code, settings or robot changed"
+    for parent in sorted(parents):
+        if parent in stale:
+            return f"'{parent.to_user_string()}' is stale"
+        if tags.get(INPUT_VERSION_PREFIX + parent.to_user_string()) != versions[parent]:
+            return f"'{parent.to_user_string()}' has new content"
+    return ""
+
+
+def stored_version(project: Project, plan: Plan) -> str | None:
+    """Data version of what is on disk for an asset; None where nothing readable is."""
+    from pipeline.errors import PipelineError
+
+    try:
+        if plan.name == "expert_db":
+            from pipeline.expert.version import database_version
+
+            return database_version(project.expert_db(plan.robot or ""))
+        return project.store.load(plan.key.to_user_string()).digest
+    except (PipelineError, OSError):
+        return None
+
+
+def _tags_of_last_materialization(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:
+    event = instance.get_latest_materialization_event(key)
+    return None if event is None or event.asset_materialization is None else event.asset_materialization.tags or {}

@@ -1,0 +1,87 @@
+"""The stages that are the same for every robot: catalogue, KP1, KP2."""
+
+from functools import partial
+
+import dagster as dg
+
+from assets.checks import check_specs
+from assets.plan import SHARED
+from assets.project import PROJECT
+from assets.report import picture, stage_metadata
+from assets.resources import ClipPoolResource
+from assets.sources import RAW_MOTIONS, motion_files
+from assets.stage import materialized, stage_of
+from pipeline.batch import Manifest, run_files, run_stage
+from pipeline.files import settings
+
+CATALOG, SELECTED, REPAIRED = SHARED
+
+
+@dg.asset(
+    key=CATALOG.key,
+    deps=[RAW_MOTIONS],
+    group_name="motions",
+    kinds={"python"},
+    code_version=CATALOG.code_version(),
+    check_specs=check_specs(CATALOG),
+)
+def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
+    """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
+    from pipeline.catalog import CatalogSettings, catalogue_file
+
+    values = settings.read(PROJECT.settings("catalog.yaml"), CatalogSettings)
+    stage = stage_of(CATALOG, partial(catalogue_file, settings=values), values)
+    manifest = run_files(stage, motion_files(PROJECT), PROJECT.store, clip_pool.pool(), context.log)
+    metadata = stage_metadata(manifest, ["kind", "format", "skeleton", "unit", "fps", "speed_mean", "licence"])
+    return materialized(CATALOG, manifest, metadata)
+
+
+@dg.asset(
+    key=SELECTED.key,
+    ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
+    group_name="motions",
+    kinds={"python"},
+    tags={"kp": "1"},
+    code_version=SELECTED.code_version(),
+    check_specs=check_specs(SELECTED),
+)
+def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
+    """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
+    from pipeline.clips.outcome import Reason
+    from pipeline.selection import Curation, choose, process
+    from pipeline.viewing.plots import command_coverage
+
+    curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
+    stage = stage_of(SELECTED, partial(process, settings=curation), curation)
+    windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
+    choice = choose(windows.entry_table(), curation)
+    dropped = {
+        row.clip: Reason(code="not_taken", text=f"{row.clip}: {row.why}", effect="rejected").to_dict()
+        for row in choice.itertuples()
+        if not row.taken
+    }
+    manifest = windows.without(dropped)
+    metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"])
+    metadata["windows not taken"] = len(dropped)
+    metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
+    return materialized(SELECTED, manifest, metadata)
+
+
+@dg.asset(
+    key=REPAIRED.key,
+    ins={"selected_motions": dg.AssetIn(SELECTED.key)},
+    group_name="motions",
+    kinds={"numpy"},
+    tags={"kp": "2"},
+    code_version=REPAIRED.code_version(),
+    check_specs=check_specs(REPAIRED),
+)
+def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
+    """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
+    from pipeline.repair import RepairSettings, process
+
+    values = settings.read(PROJECT.settings("repair.yaml"), RepairSettings)
+    stage = stage_of(REPAIRED, partial(process, settings=values), values)
+    manifest = run_stage(stage, selected_motions, PROJECT.store, clip_pool.pool(), context.log)
+    metadata = stage_metadata(manifest, ["filled_frames", "cut_frames", "floor_m", "stance_slip_m_s"])
+    return materialized(REPAIRED, manifest, metadata)

@@ -1,0 +1,54 @@
+"""Where things are in the project. The only place that builds paths."""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pipeline.batch import Store
+from pipeline.readers import Source, read_sources, sources_of_environment
+
+DEFAULT_ROBOT = "t1"
+"""The robot whose assets have the bare keys."""
+
+MOTIONS_VARIABLE = "BOOSTER_LAB_MOTIONS"
+
+
+@dataclass(frozen=True)
+class Project:
+    """A checkout of the project: settings and sources in, store and databases out."""
+
+    root: Path
+
+    @property
+    def data(self) -> Path:
+        return self.root / "data"
+
+    @cached_property
+    def store(self) -> Store:
+        return Store(root=self.data / "store")
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the folders in `robots/`, the default robot first."""
+        names = sorted(path.parent.name for path in (self.root / "robots").glob("*/robot.toml"))
+        return tuple(sorted(names, key=lambda name: name != DEFAULT_ROBOT))
+
+    def robot_folder(self, robot: str) -> Path:
+        return self.root / "robots" / robot
+
+    def settings(self, name: str) -> Path:
+        """A settings file in `data/`."""
+        return self.data / name
+
+    def expert_db(self, robot: str) -> Path:
+        return self.data / "expert_db" / robot
+
+    def sources(self) -> tuple[Source, ...]:
+        """The source folders: those of `data/sources.yaml` and of the environment."""
+        return read_sources(self.settings("sources.yaml")) + sources_of_environment(
+            os.environ.get(MOTIONS_VARIABLE, "")
+        )
+
+
+PROJECT = Project(Path(__file__).resolve().parent.parent)

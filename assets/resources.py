@@ -1,0 +1,73 @@
+"""What runs need: the pool of processes for clips, and the store as an IO manager that brings inputs up to date."""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import dagster as dg
+
+from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
+from assets.project import PROJECT
+from pipeline.batch import ClipPool, Manifest
+
+
+class ClipPoolResource(dg.ConfigurableResource):
+    """How the clips of an asset are spread over processes. A cluster is a backend."""
+
+    backend: str = "loky"
+    """joblib backend: `loky`, `sequential`, or one that a package registers (`dask`, `ray`)."""
+    workers: int = 0
+    """Number of processes; 0 means one a core."""
+
+    def pool(self) -> ClipPool:
+        return ClipPool(backend=self.backend, workers=self.workers)
+
+
+class StoreIOManager(dg.ConfigurableIOManager):
+    """Manifests in the project's store. Before the first step of a run, what is missing or stale upstream is made.
+
+    It happens here because resources are set up before Dagster notes the versions of a step's inputs. One run
+    works on the store at a time; a second one waits.
+    """
+
+    bootstrap: bool = True
+    """Materialize what is missing or stale upstream of a run's assets first. Off: use what is there."""
+
+    @contextmanager
+    def yield_for_execution(self, context: dg.InitResourceContext) -> Iterator["StoreIOManager"]:
+        run, instance = context.run, context.instance
+        if run is None or instance is None or BOOTSTRAP_TAG in run.tags:
+            yield self
+            return
+        with _one_run_at_a_time(context):
+            if self.bootstrap:
+                bring_up_to_date(instance, run, PROJECT, context.log)
+            yield self
+
+    def handle_output(self, context: dg.OutputContext, obj: Manifest) -> None:
+        key = context.asset_key.to_user_string()
+        PROJECT.store.save(key, obj)
+        context.add_output_metadata({"dagster/uri": dg.MetadataValue.path(str(PROJECT.store.manifest_path(key)))})
+
+    def load_input(self, context: dg.InputContext) -> Manifest:
+        return PROJECT.store.load(context.asset_key.to_user_string())
+
+
+@contextmanager
+def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
+    """A lock on the store, released by the system when the process dies."""
+    path = PROJECT.store.root / "lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a+") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            stream.seek(0)
+            if context.log:
+                context.log.info(f"waiting for {stream.read().strip() or 'another run'} to finish with the store")
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        stream.truncate(0)
+        stream.write(f"run {context.run_id} (process {os.getpid()})")
+        stream.flush()
+        yield

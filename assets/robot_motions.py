@@ -1,0 +1,173 @@
+"""The stages of one robot, from one factory: a robot is a folder in `robots/`, no stage knows which."""
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import dagster as dg
+
+from assets.checks import check_specs
+from assets.database import database_checks, materialize_database
+from assets.plan import Plan, robot_plans
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.report import picture, stage_metadata, table_of
+from assets.resources import ClipPoolResource
+from assets.stage import materialized, stage_of
+from pipeline.batch import Manifest, run_stage
+from pipeline.files import settings
+
+
+def robot_assets(robot: str) -> list[dg.AssetsDefinition]:
+    """Model, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
+    model, retargeted, augmented, feasible, database = robot_plans(robot)
+    return [
+        _robot_model(model),
+        _retargeted_motions(retargeted, model),
+        _augmented_motions(augmented, retargeted, model),
+        _feasible_motions(feasible, augmented, model),
+        _expert_db(database, feasible, model),
+    ]
+
+
+def _declared(plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None) -> dict[str, Any]:
+    """What all assets of a robot declare alike. Step names bear the robot, for keys with a prefix."""
+    return {
+        "key": plan.key,
+        "ins": inputs or {},
+        "group_name": f"{plan.robot}_motions",
+        "kinds": {kind},
+        "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
+        "code_version": plan.code_version(),
+    }
+
+
+def _from(**plans: Plan) -> dict[str, dg.AssetIn]:
+    return {name: dg.AssetIn(plan.key) for name, plan in plans.items()}
+
+
+def _robot_model(plan: Plan) -> dg.AssetsDefinition:
+    @dg.asset(
+        **_declared(plan, "mujoco"),
+        check_specs=[
+            dg.AssetCheckSpec(
+                "models_agree",
+                asset=plan.key,
+                blocking=True,
+                description="MJCF and URDF compile and have the same mass and joints.",
+            )
+        ],
+    )
+    def robot_model(context: dg.AssetExecutionContext):
+        """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
+        from assets.model_report import joint_table, models_agree
+        from pipeline.robot import load_robot
+
+        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+        stage = stage_of(plan, load_robot, None)
+        facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={stage.settings_digest: facts})
+        agree = models_agree(robot)
+        result = materialized(plan, manifest, {"joints": table_of(joint_table(robot), list(joint_table(robot)))})
+        check = dg.AssetCheckResult(
+            asset_key=plan.key, check_name="models_agree", passed=agree.holds, metadata={"found": agree.found}
+        )
+        return result._replace(check_results=[check])
+
+    return robot_model
+
+
+def _retargeted_motions(plan: Plan, model: Plan) -> dg.AssetsDefinition:
+    repaired = dg.AssetKey(["repaired_motions"])
+
+    @dg.asset(
+        **_declared(plan, "placo", "3", {"repaired_motions": dg.AssetIn(repaired), **_from(robot_model=model)}),
+        check_specs=check_specs(plan),
+    )
+    def retargeted_motions(
+        context: dg.AssetExecutionContext,
+        clip_pool: ClipPoolResource,
+        repaired_motions: Manifest,
+        robot_model: Manifest,
+    ):
+        """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
+        from pipeline.retarget import RetargetSettings, process
+        from pipeline.robot import load_robot
+
+        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+        values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
+        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
+        manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
+        numbers = ["leg_ratio", "slip_m_s", "penetration_m", "limb_error_deg", "trunk_error_deg", "jerk_rad_s3"]
+        return materialized(plan, manifest, stage_metadata(manifest, numbers))
+
+    return retargeted_motions
+
+
+def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> dg.AssetsDefinition:
+    @dg.asset(
+        **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model)),
+        check_specs=check_specs(plan),
+    )
+    def augmented_motions(
+        context: dg.AssetExecutionContext,
+        clip_pool: ClipPoolResource,
+        retargeted_motions: Manifest,
+        robot_model: Manifest,
+    ):
+        """KP4: each clip and its mirrored and time-scaled variants."""
+        from pipeline.augment import AugmentSettings, process
+        from pipeline.robot import load_robot
+
+        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+        values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
+        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
+        manifest = run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log)
+        return materialized(plan, manifest, stage_metadata(manifest, ["variant", "time_scale", "mirrored"]))
+
+    return augmented_motions
+
+
+def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> dg.AssetsDefinition:
+    @dg.asset(
+        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, robot_model=model)),
+        check_specs=check_specs(plan),
+    )
+    def feasible_motions(
+        context: dg.AssetExecutionContext,
+        clip_pool: ClipPoolResource,
+        augmented_motions: Manifest,
+        robot_model: Manifest,
+    ):
+        """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
+        from pipeline.feasibility import FeasibilitySettings, balance, process
+        from pipeline.robot import load_robot
+        from pipeline.viewing.plots import command_coverage, lost_seconds
+
+        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+        values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
+        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
+        manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
+        balanced = balance(manifest.entry_table(), values)
+        weights = dict(zip(balanced["clip"], balanced["weight"], strict=True))
+        manifest = manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in weights.items()})
+        metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
+        metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "robot speed, feasible clips"))
+        metadata["worst clips"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+        return materialized(plan, manifest, metadata)
+
+    return feasible_motions
+
+
+def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> dg.AssetsDefinition:
+    @dg.asset(
+        **_declared(plan, "json", inputs=_from(feasible_motions=feasible, robot_model=model)),
+        output_required=False,
+        check_specs=database_checks(plan),
+    )
+    def expert_db(
+        context: dg.AssetExecutionContext, feasible_motions: Manifest, robot_model: Manifest
+    ) -> Iterator[dg.MaterializeResult]:
+        """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
+        yield from materialize_database(context, plan, feasible_motions)
+
+    return expert_db

@@ -1,0 +1,68 @@
+"""The external asset `raw_motions`: the source folders, versioned by content."""
+
+from pathlib import Path
+
+import dagster as dg
+
+from assets.project import Project
+from pipeline.files import digest, settings
+from pipeline.readers import Source, list_motion_files
+
+RAW_MOTIONS = dg.AssetKey(["raw_motions"])
+
+raw_motions = dg.AssetSpec(
+    RAW_MOTIONS,
+    group_name="motions",
+    description="The folders of motion files named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, by content.",
+    kinds={"file"},
+)
+
+
+def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
+    """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
+    files = []
+    for source in project.sources():
+        paths = list_motion_files(source)
+        stems = [path.relative_to(source.folder).with_suffix("").as_posix() for path in paths]
+        for path, stem in zip(paths, stems, strict=True):
+            within = path.relative_to(source.folder).as_posix()
+            name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
+            files.append((name, path, _content(path, source), (source, within)))
+    return files
+
+
+def _content(path: Path, source: Source) -> str:
+    """Digest of a file, of the skeletons beside it that it may need, and of what its source states."""
+    skeletons = sorted(path.parent.glob("*.asf")) if path.suffix.lower() == ".amc" else []
+    stated = {name: value for name, value in settings.plain(source).items() if name != "folder"}
+    return digest.of_json([[digest.of_file(each) for each in (path, *skeletons)], _text(stated)])
+
+
+def _text(value: object) -> object:
+    """JSON types; paths as text."""
+    if isinstance(value, dict):
+        return {key: _text(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_text(entry) for entry in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def observe(instance: dg.DagsterInstance, project: Project) -> str:
+    """Note the folders' content in the history if it changed since it was last noted; its digest."""
+    files = motion_files(project)
+    version = digest.of_json([(name, content) for name, _, content, _ in files])
+    last = instance.get_latest_data_version_record(RAW_MOTIONS)
+    known = last.asset_observation.tags.get("dagster/data_version") if last and last.asset_observation else None
+    if known != version:
+        event = dg.AssetObservation(
+            asset_key=RAW_MOTIONS,
+            tags={"dagster/data_version": version},
+            metadata={"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))},
+        )
+        instance.report_runtime_asset_event(event)
+    return version
+
+
+def _source_table(project: Project) -> str:
+    rows = [f"| {each.name} | {each.licence} | {len(list_motion_files(each))} |" for each in project.sources()]
+    return "\n".join(["| source | licence | files |", "|---|---|---|", *rows])

@@ -1,0 +1,36 @@
+"""What every clip stage does around its pure function: the stage's versions in, the result with its evidence out."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import dagster as dg
+
+from assets.checks import evaluate
+from assets.plan import FINGERPRINT_TAG, Plan, digest_of_robot
+from assets.project import PROJECT
+from pipeline.batch import Manifest, Stage
+from pipeline.clips.outcome import Outcome
+from pipeline.files import settings
+
+
+def stage_of(plan: Plan, function: Callable[..., Outcome], values: Any) -> Stage:
+    """The stage of an asset with its settings `values` (a settings dataclass, or None)."""
+    return Stage(
+        name=plan.name,
+        version=plan.code_version(),
+        function=function,
+        settings=settings.plain(values) if values is not None else {},
+        depends={"robot": digest_of_robot(PROJECT, plan.robot)} if plan.robot else {},
+    )
+
+
+def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
+    """The result Dagster notes: content as data version, what it depended on as a tag, checks."""
+    return dg.MaterializeResult(
+        asset_key=plan.key,
+        value=manifest,
+        metadata=metadata,
+        check_results=evaluate(plan, manifest),
+        data_version=dg.DataVersion(manifest.digest),
+        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
+    )

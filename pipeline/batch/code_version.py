@@ -1,0 +1,28 @@
+"""The code version of a stage: a digest of the sources and libraries its answers depend on.
+
+A number raised by hand is forgotten sooner or later; the sources are not. The price is that a
+changed comment recomputes a stage.
+"""
+
+from __future__ import annotations
+
+import functools
+from importlib import metadata
+from pathlib import Path
+
+from pipeline.files import digest
+
+PACKAGE = Path(__file__).resolve().parent.parent
+BELOW_ALL_STAGES = ("clips", "robot", "quality", "simulation")
+LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow")
+
+
+@functools.cache
+def code_version(*packages: str) -> str:
+    """Digest (12 hex digits) of `pipeline/<package>`, of what lies below all stages, and of library versions."""
+    folders = [PACKAGE / name for name in (*packages, *BELOW_ALL_STAGES)]
+    paths = sorted(PACKAGE.glob("*.py"))
+    for folder in folders:
+        paths += sorted(path for path in folder.rglob("*") if path.suffix in {".py", ".yaml"})
+    libraries = {name: metadata.version(name) for name in LIBRARIES}
+    return digest.of_json([digest.of_files(paths, PACKAGE), libraries])[:12]

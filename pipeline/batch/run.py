@@ -1,0 +1,198 @@
+"""Run a stage over clips: ask the memo, work on the rest in parallel, gather a manifest.
+
+The memo's key is everything an answer depends on: stage code, settings, robot, the clip's bytes and
+what earlier stages said of it. So the same question is never worked on twice, in any run.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.manifest import Entry, Judged, Manifest
+from pipeline.batch.pool import ClipPool
+from pipeline.batch.store import Store
+from pipeline.clips.outcome import Outcome
+from pipeline.errors import ClipError, FileError
+from pipeline.files import digest
+
+PROGRESS_EVERY_S = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """What is run on each clip, and what its answer depends on."""
+
+    name: str
+    version: str
+    """Code version: digest of the sources the answer depends on."""
+    function: Callable[..., Outcome]
+    """`function(clip, numbers) -> Outcome`; for files `function(path, *arguments) -> Outcome`. Must be importable."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Plain settings, for key and provenance."""
+    depends: dict[str, str] = field(default_factory=dict)
+    """What else the answer depends on, by digest (the robot)."""
+
+    @property
+    def settings_digest(self) -> str:
+        return digest.of_json({"settings": self.settings, "depends": self.depends})
+
+    def key(self, *question: Any) -> str:
+        """Memo key of a question (JSON values)."""
+        return digest.of_json([self.name, self.version, self.settings_digest, *question])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Job:
+    """One question: what the judged row is called, its memo key, the worker's arguments, what to carry on."""
+
+    clip: str
+    key: str
+    work: tuple
+    numbers: dict[str, Any] = field(default_factory=dict)
+    record: tuple[dict[str, Any], ...] = ()
+
+
+def run_stage(
+    stage: Stage, previous: Manifest, store: Store, pool: ClipPool, log: logging.Logger, entries: Sequence[Entry] = ()
+) -> Manifest:
+    """The stage on all clips that `previous` hands on (or on `entries` of it), in order of their names."""
+    jobs = [
+        _Job(
+            clip=entry.clip,
+            key=stage.key(entry.blob, entry.numbers),
+            work=(_work_on_clip, stage.function, store, entry),
+            numbers=entry.numbers,
+            record=entry.record,
+        )
+        for entry in sorted(entries or previous.entries, key=lambda entry: entry.clip)
+    ]
+    return _gather(stage, jobs, store, pool, log, previous.settings)
+
+
+def run_files(
+    stage: Stage,
+    files: Iterable[tuple[str, Path, str, tuple]],
+    store: Store,
+    pool: ClipPool,
+    log: logging.Logger,
+) -> Manifest:
+    """The stage on files: each `(name, path, digest of all that it is read from, further arguments)`."""
+    jobs = [
+        _Job(
+            clip=name,
+            key=stage.key(name, content),
+            work=(_work_on_file, stage.function, store, name, path, arguments),
+        )
+        for name, path, content, arguments in sorted(files, key=lambda file: file[0])
+    ]
+    return _gather(stage, jobs, store, pool, log, {})
+
+
+def _gather(
+    stage: Stage, jobs: list[_Job], store: Store, pool: ClipPool, log: logging.Logger, settings: dict[str, Any]
+) -> Manifest:
+    answers = {job.key: store.recall(job.key) for job in jobs}
+    todo = [job for job in jobs if answers[job.key] is None]
+    log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
+    last = started = time.monotonic()
+    for count, (job, answer) in enumerate(zip(todo, pool.map(_call, [job.work for job in todo]), strict=True), 1):
+        answers[job.key] = answer
+        if not answer["failed"]:
+            store.remember(job.key, answer)
+        if time.monotonic() - last > PROGRESS_EVERY_S:
+            last = time.monotonic()
+            log.info("%s: %d of %d clips, %.0f s", stage.name, count, len(todo), last - started)
+    entries: list[Entry] = []
+    judged: list[Judged] = []
+    for job in jobs:
+        answer = answers[job.key]
+        assert answer is not None
+        done = {
+            "stage": stage.name,
+            "version": stage.version,
+            "settings": stage.settings_digest,
+            "reasons": answer["reasons"],
+        }
+        for piece in answer["pieces"]:
+            numbers = {**job.numbers, **piece["numbers"]}
+            record = (*job.record, done)
+            entries.append(Entry(clip=piece["clip"], blob=piece["blob"], numbers=numbers, record=record))
+        names = tuple(piece["clip"] for piece in answer["pieces"])
+        judged.append(Judged(clip=job.clip, pieces=names, reasons=tuple(answer["reasons"]), numbers=answer["numbers"]))
+    _refuse_double_names(stage.name, entries)
+    settings = {**settings, stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
+    return Manifest(
+        stage=stage.name, entries=tuple(entries), judged=tuple(judged), settings=settings, recomputed=len(todo)
+    )
+
+
+def _refuse_double_names(stage: str, entries: list[Entry]) -> None:
+    seen: set[str] = set()
+    for entry in entries:
+        if entry.clip in seen:
+            raise ClipError(entry.clip, "double_name", f"two clips of this name left {stage}; rename one of the files.")
+        seen.add(entry.clip)
+
+
+def _call(worker: Callable[..., dict[str, Any]], *arguments: Any) -> dict[str, Any]:
+    return worker(*arguments)
+
+
+def _work_on_clip(function: Callable[..., Outcome], store: Store, entry: Entry) -> dict[str, Any]:
+    clip = store.get_clip(entry.blob)
+    seconds_in = entry.numbers.get("seconds", clip.duration_s)
+    return _answer(lambda: function(clip, entry.numbers), store, entry.clip, seconds_in)
+
+
+def _work_on_file(
+    function: Callable[..., Outcome], store: Store, name: str, path: Path, arguments: tuple
+) -> dict[str, Any]:
+    return _answer(lambda: function(path, name, *arguments), store, name, None)
+
+
+def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:
+    """The outcome as JSON types, its clips stored. What goes wrong with a clip becomes its rejection."""
+    failed = False
+    try:
+        outcome = work()
+    except (ClipError, FileError) as error:
+        code = error.code if isinstance(error, ClipError) else "unreadable"
+        return _rejection(code, str(error), seconds_in, failed)
+    except Exception as error:  # a fault of ours must not stop the other clips; it is tried again in the next run
+        text = f"clip '{name}': the stage failed with {type(error).__name__}: {error}"
+        return _rejection("failed", text, seconds_in, failed=True)
+    pieces = [
+        {"clip": piece.clip.name, "blob": store.put_clip(piece.clip), "numbers": _plain(piece.numbers)}
+        for piece in outcome.pieces
+    ]
+    seconds_out = sum(piece.numbers.get("seconds", piece.clip.duration_s) for piece in outcome.pieces)
+    numbers = {"seconds_in": seconds_in, "seconds_out": float(seconds_out), **_plain(outcome.numbers)}
+    if numbers["seconds_in"] is None:
+        numbers["seconds_in"] = numbers.get("seconds", numbers["seconds_out"])
+    return {
+        "failed": failed,
+        "pieces": pieces,
+        "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
+        "numbers": numbers,
+    }
+
+
+def _rejection(code: str, text: str, seconds_in: float | None, failed: bool) -> dict[str, Any]:
+    reason = {"code": code, "text": text, "effect": "rejected"}
+    numbers = {"seconds_in": seconds_in or 0.0, "seconds_out": 0.0}
+    return {"failed": failed, "pieces": [], "reasons": [reason], "numbers": numbers}
+
+
+def _plain(numbers: Any) -> dict[str, Any]:
+    """JSON types: numpy scalars become Python's, a number that is not finite becomes None."""
+    plain = {}
+    for name, value in numbers.items():
+        value = value.item() if hasattr(value, "item") else value
+        plain[name] = None if isinstance(value, float) and not math.isfinite(value) else value
+    return plain

@@ -1,0 +1,68 @@
+"""The project's store on disk: blobs, memo, manifests. Every write is whole or not there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.manifest import Manifest
+from pipeline.clips import codec
+from pipeline.clips.outcome import Clip
+from pipeline.errors import FileError
+from pipeline.files import atomic
+from pipeline.files.blob_store import BlobStore
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """`blobs/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder."""
+
+    root: Path
+
+    @property
+    def blobs(self) -> BlobStore:
+        return BlobStore(root=self.root / "blobs")
+
+    def put_clip(self, clip: Clip) -> str:
+        """Store a clip; the digest of its blob."""
+        return self.blobs.put(codec.encode(clip))
+
+    def get_clip(self, blob: str) -> Clip:
+        return codec.decode(self.blobs.get(blob))
+
+    def recall(self, key: str) -> dict[str, Any] | None:
+        """The remembered answer to a question, if all the blobs it names are still there."""
+        path = self.root / "memo" / key[:2] / f"{key}.json"
+        if not path.is_file():
+            return None
+        try:
+            answer = json.loads(path.read_text())
+        except ValueError:
+            return None
+        return answer if all(self.blobs.has(piece["blob"]) for piece in answer["pieces"]) else None
+
+    def remember(self, key: str, answer: dict[str, Any]) -> None:
+        path = self.root / "memo" / key[:2] / f"{key}.json"
+        atomic.write_text(path, json.dumps(answer, sort_keys=True, allow_nan=False))
+
+    def manifest_path(self, asset: str) -> Path:
+        """Where the manifest of an asset lies; `asset` is its key with slashes."""
+        return self.root / "manifests" / f"{asset}.json"
+
+    def save(self, asset: str, manifest: Manifest) -> None:
+        """Make `manifest` the asset's current one. The blobs it names are there already."""
+        atomic.write_text(self.manifest_path(asset), manifest.to_text())
+
+    def load(self, asset: str) -> Manifest:
+        """The asset's current manifest. Raises FileError with the command to run."""
+        path = self.manifest_path(asset)
+        if not path.is_file():
+            raise FileError(
+                path, f"'{asset}' was never materialized here.", f"Run: dagster asset materialize --select {asset}"
+            )
+        try:
+            return Manifest.from_text(path.read_text())
+        except (ValueError, KeyError, TypeError) as error:
+            raise FileError(path, f"not a readable manifest ({error}).", "Materialize the asset again.") from error

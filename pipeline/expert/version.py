@@ -1,0 +1,28 @@
+"""The version of a database on disk, cheaply: its manifest's digest, if every file is the one it states."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pipeline.errors import FileError
+from pipeline.expert import manifest
+from pipeline.expert.swap import current
+from pipeline.files import digest
+
+
+def database_version(folder: Path) -> str:
+    """Digest of the manifest. Raises FileError where a file is missing, changed or not stated."""
+    folder = current(folder)
+    path = folder / manifest.FILE
+    if not path.is_file():
+        raise FileError(path, "there is no database here.", "Materialize expert_db.")
+    data = path.read_bytes()
+    try:
+        stated = json.loads(data)["files"]
+    except (ValueError, KeyError) as error:
+        raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
+    found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
+    if found != stated:
+        raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")
+    return digest.of_bytes(data)

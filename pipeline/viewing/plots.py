@@ -1,0 +1,79 @@
+"""Plots as PNG bytes, small enough to live in a run's history. Drawn without a screen."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+SKILL_COLORS = {
+    "stand": "#7f7f7f",
+    "turn_left": "#17becf",
+    "turn_right": "#1f77b4",
+    "side_left": "#98df8a",
+    "side_right": "#2ca02c",
+    "back": "#9467bd",
+    "walk_slow": "#ffbb78",
+    "walk": "#ff7f0e",
+    "walk_fast_jog": "#e377c2",
+    "run": "#d62728",
+    "transition": "#c7c7c7",
+}
+"""A colour for each skill, the same in every plot."""
+
+COMMAND_RANGES = {"forward_m_s": (-0.6, 2.0), "lateral_m_s": (-0.6, 0.6), "yaw_rate_rad_s": (-1.5, 1.5)}
+"""The paper's command ranges, Table "Command range of the learned locomotion policy"."""
+
+LABELS = {"forward_m_s": "forward [m/s]", "lateral_m_s": "left [m/s]", "yaw_rate_rad_s": "yaw rate [rad/s]"}
+
+
+def png(figure: Figure) -> bytes:
+    """PNG bytes of a figure; the same figure gives the same bytes."""
+    stream = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(stream, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
+    """Where the clips lie in the command space, an area a clip's seconds; the paper's ranges are shaded.
+
+    Args:
+        clips: one row a clip with `skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`
+    """
+    figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
+    planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
+    for axes, (x, y) in zip(figure.subplots(1, 2), planes, strict=True):
+        axes.fill_between(COMMAND_RANGES[x], *COMMAND_RANGES[y], color="#eeeeee", zorder=0)
+        for skill, color in SKILL_COLORS.items():
+            rows = clips[clips["skill"] == skill] if len(clips) else clips
+            if len(rows):
+                axes.scatter(rows[x], rows[y], s=4.0 * rows["seconds"] + 4.0, color=color, alpha=0.6, label=skill)
+        axes.set(xlabel=LABELS[x], ylabel=LABELS[y])
+        axes.grid(alpha=0.3)
+    figure.suptitle(f"{title}: {clips['seconds'].sum() if len(clips) else 0.0:.0f} s in {len(clips)} clips")
+    handles, labels = figure.axes[1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside right center", fontsize=7, frameon=False)
+    return png(figure)
+
+
+def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:
+    """The clips that lost the most seconds in a stage, and how much of each went on.
+
+    Args:
+        judged: one row an input clip with `clip, seconds_in, seconds_out`
+    """
+    table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
+    worst = table[table["lost"] > 0.0].sort_values(["lost", "clip"], ascending=[False, True]).head(most)[::-1]
+    figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
+    axes = figure.subplots()
+    rows = np.arange(len(worst))
+    axes.barh(rows, worst["seconds_out"], color="#2ca02c", label="went on")
+    axes.barh(rows, worst["lost"], left=worst["seconds_out"], color="#d62728", label="lost")
+    axes.set_yticks(rows, list(worst["clip"]), fontsize=7)
+    axes.set(xlabel="seconds", title=title if len(worst) else f"{title}: nothing was lost")
+    if len(worst):
+        axes.legend(fontsize=7, frameon=False)
+    return png(figure)
