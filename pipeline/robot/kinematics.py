@@ -1,0 +1,51 @@
+"""Forward kinematics of a robot over many frames at once, in numpy alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.errors import UnknownNameError
+from pipeline.robot import tree
+from pipeline.robot.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkPoses:
+    """Where all links are in T frames; links in the order of `Robot.link_names`."""
+
+    pos_w: Float[np.ndarray, "t l 3"]
+    """Origins of the link frames, world frame [m]."""
+    quat_w: Float[np.ndarray, "t l 4"]
+    """Orientations of the link frames, world frame, wxyz."""
+
+
+class Kinematics:
+    """Poses of a robot's links and sites."""
+
+    def __init__(self, robot: Robot):
+        self._tree = robot.tree
+        self._site = {name: index for index, name in enumerate(robot.tree.site_names)}
+
+    def forward(
+        self,
+        root_pos_w: Float[np.ndarray, "t 3"],
+        root_quat_w: Float[np.ndarray, "t 4"],
+        joint_pos: Float[np.ndarray, "t j"],
+    ) -> LinkPoses:
+        """Poses of all links from the root's pose ([m], unit wxyz) and joint positions [rad]."""
+        pos_w, quat_w = tree.forward(self._tree, root_pos_w, root_quat_w, joint_pos)
+        return LinkPoses(pos_w=pos_w, quat_w=quat_w)
+
+    def site_pos_w(self, poses: LinkPoses, site_names: Sequence[str]) -> Float[np.ndarray, "t n 3"]:
+        """Positions of the named sites, world frame [m]. Raises UnknownNameError."""
+        for name in site_names:
+            if name not in self._site:
+                raise UnknownNameError("site", name, self._tree.site_names)
+        index = [self._site[name] for name in site_names]
+        link = self._tree.site_link[index]
+        return poses.pos_w[:, link] + rotation.rotate(poses.quat_w[:, link], self._tree.site_pos[index])

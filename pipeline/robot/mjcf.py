@@ -1,0 +1,84 @@
+"""The MJCF of a robot, rendered from its tables: bodies, joints, shapes, sites; nothing a simulation adds itself."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as Xml
+
+from pipeline.robot.description import Description
+from pipeline.robot.tables import LinkRow, ShapeRow, SiteRow
+from pipeline.robot.xml_text import numbers, to_text
+
+COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.render`. Do not edit."
+
+
+def render_mjcf(robot: Description, root_height: float) -> str:
+    """MJCF with the root link `root_height` [m] above the origin, so that the default pose stands on z = 0."""
+    model = Xml.Element("mujoco", model=robot.name)
+    model.append(Xml.Comment(f" {COMMENT} "))
+    Xml.SubElement(model, "compiler", angle="radian", eulerseq="XYZ", autolimits="true")
+    defaults = Xml.SubElement(Xml.SubElement(model, "default"), "default")
+    defaults.set("class", "visual")
+    Xml.SubElement(defaults, "geom", contype="0", conaffinity="0", group="2", density="0")
+    world = Xml.SubElement(model, "worldbody")
+    _body(world, robot, robot.links[0], root_height)
+    if robot.config.contact_excludes:
+        contact = Xml.SubElement(model, "contact")
+        for first, second in robot.config.contact_excludes:
+            Xml.SubElement(contact, "exclude", name=f"{first}-{second}", body1=first, body2=second)
+    return to_text(model)
+
+
+def _body(parent: Xml.Element, robot: Description, row: LinkRow, root_height: float) -> None:
+    pos = row.numbers("x", "y", "z") if row.parent else (0.0, 0.0, root_height)
+    body = Xml.SubElement(parent, "body", name=row.link, pos=numbers(pos))
+    angles = row.numbers("roll", "pitch", "yaw")
+    if any(angles):
+        body.set("euler", numbers(angles))
+    inertia = row.numbers("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    com = numbers(row.numbers("com_x", "com_y", "com_z"))
+    Xml.SubElement(body, "inertial", pos=com, mass=numbers([row.mass]), fullinertia=numbers(inertia))
+    if row.parent:
+        _joint(body, robot, row)
+    else:
+        Xml.SubElement(body, "freejoint", name="root")
+    for shape in robot.shapes:
+        if shape.link == row.link:
+            _geom(body, robot, shape)
+    for site in robot.sites:
+        if site.link == row.link:
+            _site(body, site)
+    for child in robot.children(row.link):
+        _body(body, robot, child, root_height)
+
+
+def _joint(body: Xml.Element, robot: Description, row: LinkRow) -> None:
+    joint = robot.joint_rows[row.joint]
+    Xml.SubElement(
+        body,
+        "joint",
+        name=row.joint,
+        type="hinge",
+        axis=numbers(row.numbers("axis_x", "axis_y", "axis_z")),
+        range=numbers([joint.lower, joint.upper]),
+        armature=numbers([joint.armature]),
+    )
+
+
+def _geom(body: Xml.Element, robot: Description, shape: ShapeRow) -> None:
+    visual = shape.role == "visual"
+    geom = Xml.SubElement(body, "geom", name=f"{shape.shape}_{'visual' if visual else 'collision'}")
+    if visual:
+        geom.set("class", "visual")
+    else:
+        geom.set("group", "2" if shape.role == "both" else "3")
+    geom.set("type", shape.kind)
+    geom.set("size", numbers(shape.size))
+    geom.set("pos", numbers(shape.numbers("x", "y", "z")))
+    angles = shape.numbers("roll", "pitch", "yaw")
+    if any(angles):
+        geom.set("euler", numbers(angles))
+    geom.set("rgba", numbers([*robot.config.colours[shape.colour], 1.0]))
+
+
+def _site(body: Xml.Element, site: SiteRow) -> None:
+    Xml.SubElement(body, "site", name=site.site, pos=numbers(site.numbers("x", "y", "z")), size="0.005", group="4")

@@ -1,0 +1,32 @@
+"""Command: write the MJCF and the URDF of robot folders from their tables.
+
+python -m pipeline.robot.render robots/t1
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from pipeline.files import atomic
+from pipeline.robot.build import build_robot
+from pipeline.robot.load import model_files
+from pipeline.robot.read import read_description
+from pipeline.robot.robot_error import RobotError
+
+
+def main(folders: list[str]) -> int:
+    """Render each folder. Returns the exit status: 0, or 1 when a folder has faults."""
+    try:
+        for folder in (Path(name).resolve() for name in folders):
+            for path, text in model_files(folder, build_robot(read_description(folder))).items():
+                atomic.write_text(path, text)
+                print(path)
+    except RobotError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

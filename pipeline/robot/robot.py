@@ -1,0 +1,109 @@
+"""A robot as plain arrays and text: what every stage takes, and what a worker process is handed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pipeline.errors import UnknownNameError
+from pipeline.robot.tree import Tree
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A humanoid with J hinge joints, read from its folder in `robots/`. Pairs are (left, right)."""
+
+    name: str
+    digest: str
+    """SHA-256 of the contents of the folder's model files."""
+    mjcf: str
+    """The MuJoCo model as text: no ground, actuators, sensors or lights."""
+    urdf: str
+    """The URDF as text; each site is a fixed link of its name."""
+    tree: Tree
+    """Kinematic tree and sites."""
+    total_mass: float
+    """[kg]"""
+
+    joint_names: tuple[str, ...]
+    """The J joints in hardware order, the order of every array below and of every clip."""
+    controlled: tuple[str, ...]
+    """Joints that a policy moves; the others hold their default position."""
+    joint_lower: Float[np.ndarray, " j"]
+    """Lower position limits [rad]."""
+    joint_upper: Float[np.ndarray, " j"]
+    """Upper position limits [rad]."""
+    retarget_speed_limit: Float[np.ndarray, " j"]
+    """Speed that a retargeted motion may use [rad/s]: the smaller of the model's and the motor's."""
+    motor_speed_limit: Float[np.ndarray, " j"]
+    """Speed limit of the motors [rad/s]."""
+    torque_limit: Float[np.ndarray, " j"]
+    """[N m]"""
+    armature: Float[np.ndarray, " j"]
+    """Rotor inertia seen at the joint [kg m^2]."""
+    kp: Float[np.ndarray, " j"]
+    """Stiffness of the joint controller [N m/rad]."""
+    kd: Float[np.ndarray, " j"]
+    """Damping of the joint controller [N m s/rad]."""
+    default_joint_pos: Float[np.ndarray, " j"]
+    """The default pose [rad]."""
+    default_root_height: float
+    """Height [m] of the root link's origin when the default pose stands on the ground."""
+
+    mirror_index: Int[np.ndarray, " j"]
+    """Each joint's partner in the mirror image; see `mirror_sign`."""
+    mirror_sign: Float[np.ndarray, " j"]
+    """+1 or -1: the mirrored pose is `mirror_sign * q[mirror_index]`."""
+    link_mirror_index: Int[np.ndarray, " l"]
+    """Each link's partner in the mirror image."""
+
+    hands: tuple[str, str]
+    """Sites at the ends of the arms."""
+    feet: tuple[str, str]
+    """Sites at the centres of the soles."""
+    sole_corners: tuple[tuple[str, str, str, str], tuple[str, str, str, str]]
+    """Sites at the corners of the soles, in one sense round each sole."""
+    key_links: tuple[str, ...]
+    """Links whose pose a tracking reward or a discriminator looks at."""
+    human: dict[str, str]
+    """Part of a person to what stands for it: for `trunk, pelvis` and, with `left_` or `right_` before
+    it, `thigh, shank, foot, upper_arm, forearm` a link; for `left_/right_` with `hip, knee, ankle,
+    shoulder, elbow, wrist` a site."""
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """All links, the root first, parents before children."""
+        return self.tree.link_names
+
+    @property
+    def root_link(self) -> str:
+        return self.tree.link_names[0]
+
+    @property
+    def site_names(self) -> tuple[str, ...]:
+        return self.tree.site_names
+
+    @property
+    def controlled_index(self) -> Int[np.ndarray, " c"]:
+        """Indices of the controlled joints in `joint_names`."""
+        return np.array([self.joint(name) for name in self.controlled])
+
+    def joint(self, name: str) -> int:
+        """Index of a joint. Raises UnknownNameError."""
+        return _index("joint", name, self.joint_names)
+
+    def link(self, name: str) -> int:
+        """Index of a link. Raises UnknownNameError."""
+        return _index("link", name, self.link_names)
+
+    def site(self, name: str) -> int:
+        """Index of a site. Raises UnknownNameError."""
+        return _index("site", name, self.site_names)
+
+
+def _index(kind: str, name: str, names: tuple[str, ...]) -> int:
+    if name not in names:
+        raise UnknownNameError(kind, name, names)
+    return names.index(name)

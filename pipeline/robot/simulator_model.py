@@ -1,0 +1,25 @@
+"""The robot in MuJoCo."""
+
+from __future__ import annotations
+
+import mujoco
+
+from pipeline.robot.robot import Robot
+
+
+def mujoco_model(robot: Robot, ground: bool = False, timestep: float = 0.005) -> mujoco.MjModel:
+    """The robot's MuJoCo model: armature in, no actuators.
+
+    `qpos` is the root's position [m] and quaternion (wxyz), then the joints in the robot's order; body
+    1 + i is link i.
+
+    Args:
+        robot: the robot
+        ground: add a plane `ground` at z = 0
+        timestep: of the simulation [s]
+    """
+    spec = mujoco.MjSpec.from_string(robot.mjcf)
+    spec.option.timestep = timestep
+    if ground:
+        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
+    return spec.compile()

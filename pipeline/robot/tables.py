@@ -1,0 +1,226 @@
+"""The tables of a robot folder (CSV) as typed rows. What a single row must fulfil is checked here."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from scipy.spatial.transform import Rotation
+
+from pipeline.robot.robot_error import Fault, refuse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of a table and where it stands. The first column names the row."""
+
+    line: int
+    """Line in the file, counted from 1."""
+    positive: ClassVar[tuple[str, ...]] = ()
+    """Columns that must be above zero."""
+
+    @property
+    def name(self) -> str:
+        return getattr(self, dataclasses.fields(self)[1].name)
+
+    def numbers(self, *columns: str) -> tuple[float, ...]:
+        """Values of several number columns, in the order asked for."""
+        return tuple(getattr(self, column) for column in columns)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkRow(Row):
+    """A link, the joint it hangs on and its inertia. Lengths in m, angles in rad, mass in kg, inertia in kg m^2."""
+
+    link: str
+    parent: str
+    """Empty for the root link, which has a free joint."""
+    joint: str
+    """Hinge joint to the parent; empty for the root link."""
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    """Joint frame in the parent's link frame: position, then rotation about the fixed x, y, z axes (URDF)."""
+    axis_x: float
+    axis_y: float
+    axis_z: float
+    """Joint axis in the joint frame, unit length; zero for the root link."""
+    mass: float
+    com_x: float
+    com_y: float
+    com_z: float
+    """Centre of mass in the link frame."""
+    ixx: float
+    ixy: float
+    ixz: float
+    iyy: float
+    iyz: float
+    izz: float
+    """Inertia about the centre of mass, in the axes of the link frame."""
+    positive: ClassVar[tuple[str, ...]] = ("mass", "ixx", "iyy", "izz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointRow(Row):
+    """Limits and gains of a joint. The order of the rows is the order of joints everywhere."""
+
+    joint: str
+    controlled: bool
+    """Whether the policy moves the joint; the others hold their default position."""
+    lower: float
+    upper: float
+    """Position limits [rad]."""
+    urdf_speed: float
+    """Speed limit of the manufacturer's model [rad/s]."""
+    motor_speed: float
+    """Speed limit of the motor [rad/s]."""
+    torque: float
+    """Torque limit [N m]."""
+    armature: float
+    """Inertia of the rotor, seen at the joint [kg m^2]."""
+    kp: float
+    """[N m/rad]"""
+    kd: float
+    """[N m s/rad]"""
+    default_pos: float
+    """Position in the default pose [rad]."""
+
+    @property
+    def speed(self) -> float:
+        """Speed that a motion may use [rad/s]: the smaller of the two limits."""
+        return min(self.urdf_speed, self.motor_speed)
+
+    positive: ClassVar[tuple[str, ...]] = ("urdf_speed", "motor_speed", "torque", "armature", "kp", "kd")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeRow(Row):
+    """A primitive on a link, for collision, for the eye, or both. Sizes and lengths in m, angles in rad.
+
+    `size_a, size_b, size_c`: box half extents x, y, z; sphere radius; cylinder and capsule radius and
+    half length along the local z axis (a capsule's caps come on top). Sizes that a kind lacks are 0.
+    """
+
+    shape: str
+    link: str
+    kind: str
+    role: str
+    colour: str
+    x: float
+    y: float
+    z: float
+    roll: float
+    pitch: float
+    yaw: float
+    size_a: float
+    size_b: float
+    size_c: float
+
+    @property
+    def size(self) -> tuple[float, ...]:
+        """The sizes that the kind has."""
+        return (self.size_a, self.size_b, self.size_c)[: SHAPE_SIZES.get(self.kind, 0)]
+
+    @property
+    def long_axis(self) -> tuple[float, ...]:
+        """Local z axis, which cylinders and capsules lie along, in the link frame."""
+        turn = Rotation.from_euler("xyz", self.numbers("roll", "pitch", "yaw"))
+        return tuple(turn.apply([0.0, 0.0, 1.0]).round(12).tolist())
+
+
+SHAPE_SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+SHAPE_ROLES = ("collision", "visual", "both")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteRow(Row):
+    """A named point fixed to a link, its axes those of the link."""
+
+    site: str
+    link: str
+    x: float
+    y: float
+    z: float
+    """Position in the link frame [m]."""
+    source: str
+
+
+R = TypeVar("R", bound=Row)
+
+
+def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
+    """Rows of the CSV file `path`. Raises RobotError that names every faulty line."""
+    if not path.is_file():
+        refuse([Fault(path=path, problem="the file is missing.", do="A robot folder needs it, see docs/robot.md.")])
+    hints = {name: hint for name, hint in typing.get_type_hints(kind).items() if name not in ("line", "positive")}
+    with path.open(newline="", encoding="utf-8") as stream:
+        records = list(csv.reader(stream))
+    header = records[0] if records else []
+    if header != list(hints):
+        problem = f"the columns are {', '.join(header) or 'missing'}."
+        refuse([Fault(path=path, line=1, problem=problem, do=f"They must be {', '.join(hints)}.")])
+    rows, faults = [], []
+    for line, record in enumerate(records[1:], start=2):
+        if len(record) != len(hints):
+            problem = f"the row has {len(record)} values."
+            faults.append(Fault(path=path, line=line, problem=problem, do=f"Write {len(hints)}, one a column."))
+            continue
+        values, problems = _parse(dict(zip(hints, record, strict=True)), hints, kind.positive)
+        name = f"{next(iter(hints))} '{record[0]}'"
+        faults += [Fault(path=path, line=line, problem=f"{name}: {problem}", do=do) for problem, do in problems]
+        if not problems:
+            rows.append(kind(line=line, **values))
+    refuse(faults + _repeated(path, rows))
+    if not rows:
+        refuse([Fault(path=path, problem="the table is empty.", do="Write at least one row.")])
+    return tuple(rows)
+
+
+def _parse(
+    record: dict[str, str], hints: dict[str, type], positive: tuple[str, ...]
+) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """Values of a record by column, and the (problem, what to do) of each value that is refused."""
+    values: dict[str, Any] = {}
+    problems = []
+    for column, text in record.items():
+        if hints[column] is float:
+            value = _number(text)
+            if value is None:
+                problems.append((f"{column} is '{text}'.", "Write a finite number."))
+            elif column in positive and value <= 0.0:
+                problems.append((f"{column} is {text}.", "Write a number above 0."))
+            values[column] = value
+        elif hints[column] is bool:
+            if text not in ("yes", "no"):
+                problems.append((f"{column} is '{text}'.", "Write yes or no."))
+            values[column] = text == "yes"
+        else:
+            values[column] = text
+    return values, problems
+
+
+def _number(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _repeated(path: Path, rows: list[Any]) -> list[Fault]:
+    first: dict[str, int] = {}
+    faults = []
+    for row in rows:
+        if row.name in first:
+            problem = f"'{row.name}' stands in line {first[row.name]} already."
+            faults.append(Fault(path=path, line=row.line, problem=problem, do="Remove or rename one of them."))
+        first.setdefault(row.name, row.line)
+    return faults

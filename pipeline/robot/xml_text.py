@@ -1,0 +1,17 @@
+"""XML as text, the same bytes for the same model: numbers in their shortest form, two spaces a level."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree import ElementTree as Xml
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers separated by spaces, to 15 digits, without a negative zero."""
+    return " ".join(f"{value + 0.0:.15g}" for value in values)
+
+
+def to_text(root: Xml.Element) -> str:
+    """The element as an indented document that ends with a newline."""
+    Xml.indent(root, space="  ")
+    return Xml.tostring(root, encoding="unicode") + "\n"
