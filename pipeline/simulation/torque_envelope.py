@@ -1,0 +1,38 @@
+"""What torque a joint's motor can give at a speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueEnvelope:
+    """Limits of J joints. Constant to the knee speed, then falling in a line to 0 at the no-load speed.
+
+    Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit.
+    """
+
+    limit: Float[np.ndarray, " j"]
+    """Torque below the knee speed [N m]."""
+    knee_speed: Float[np.ndarray, " j"] | None = None
+    """Speed from which the torque falls [rad/s]; None for a constant limit."""
+    no_load_speed: Float[np.ndarray, " j"] | None = None
+    """Speed at which it is 0 [rad/s]."""
+
+    def bounds(self, speed: Float[np.ndarray, "*t j"]) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest torque [N m] at each joint's speed [rad/s]."""
+        if self.knee_speed is None or self.no_load_speed is None:
+            upper = np.broadcast_to(self.limit, np.shape(speed)).astype(float)
+            return -upper, upper
+        width = np.maximum(self.no_load_speed - self.knee_speed, 1e-9)
+        forward = self.limit * np.clip((self.no_load_speed - speed) / width, 0.0, 1.0)
+        backward = self.limit * np.clip((self.no_load_speed + speed) / width, 0.0, 1.0)
+        return -backward, forward
+
+    def clip(self, torque: Float[np.ndarray, "*t j"], speed: Float[np.ndarray, "*t j"]) -> Float[np.ndarray, "*t j"]:
+        """The torque [N m] that the motors give when `torque` is asked for."""
+        lower, upper = self.bounds(speed)
+        return np.clip(torque, lower, upper)
