@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.files import digest
-from pipeline.robot.description import JOINTS, Description
+from pipeline.robot.description import HUMAN_SITES, JOINTS, Description
 from pipeline.robot.mirror import mirror_index, mirror_sign
 from pipeline.robot.mjcf import render_mjcf
 from pipeline.robot.robot import Robot
@@ -50,7 +50,7 @@ def build_robot(source: Description) -> Robot:
         feet=config.feet,
         sole_corners=config.sole_corners,
         key_links=config.key_links,
-        human={**config.human.links, **config.human.sites},
+        human={**config.human_links, **{site: site for site in HUMAN_SITES}},
     )
 
 

@@ -124,6 +124,9 @@ def _sites(robot: Description) -> Iterator[Fault]:
         if row.site in robot.link_names:
             problem = f"site '{row.site}' is also a link, and both are frames of the URDF."
             yield _fault(robot, SITES, row, problem, "Rename the site.")
+    for name in sorted(set(HUMAN_SITES) - {row.site for row in robot.sites}):
+        problem = f"site '{name}' is missing, the robot's counterpart of a person's joint."
+        yield _fault(robot, SITES, None, problem, "Add the row.")
 
 
 def _config(robot: Description) -> Iterator[Fault]:
@@ -132,21 +135,17 @@ def _config(robot: Description) -> Iterator[Fault]:
     groups: list[tuple[str, Iterable[str], Iterable[str]]] = [
         ("link in key_links", config.key_links, robot.link_names),
         ("link in contact_excludes", [name for pair in config.contact_excludes for name in pair], robot.link_names),
-        ("link in human.links", config.human.links.values(), robot.link_names),
+        ("link in human_links", config.human_links.values(), robot.link_names),
         ("site in hands", config.hands, sites),
         ("site in feet", config.feet, sites),
         ("site in sole_corners", [name for corners in config.sole_corners for name in corners], sites),
-        ("site in human.sites", config.human.sites.values(), sites),
     ]
     for what, names, known in groups:
         for name in names:
             yield from _unknown(robot, CONFIG, None, what, name, known)
-    for what, given, wanted in (
-        ("human.links", config.human.links, HUMAN_LINKS),
-        ("human.sites", config.human.sites, HUMAN_SITES),
-    ):
-        if set(given) != set(wanted):
-            yield _fault(robot, CONFIG, None, f"{what} names {', '.join(given)}.", f"Name {', '.join(wanted)}.")
+    if set(config.human_links) != set(HUMAN_LINKS):
+        problem = f"human_links names {', '.join(config.human_links)}."
+        yield _fault(robot, CONFIG, None, problem, f"Name {', '.join(HUMAN_LINKS)}.")
 
 
 def _mirror(robot: Description) -> Iterator[Fault]:

@@ -23,17 +23,7 @@ HUMAN_LINKS = (
 HUMAN_SITES = tuple(
     f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
 )
-"""Joints of the human body that every robot must name a site for."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Human:
-    """Which of the robot's links and sites stand for which part of a person."""
-
-    links: dict[str, str]
-    """Body part (`HUMAN_LINKS`) to the link that turns with it."""
-    sites: dict[str, str]
-    """Human joint (`HUMAN_SITES`) to the site that lies where it is."""
+"""Joints of the human body that every robot must have a site of the same name for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +45,8 @@ class Config:
     """Pairs of links that never touch each other in simulation."""
     colours: dict[str, tuple[float, float, float]]
     """Red, green, blue in 0..1 of each colour named in the shapes table."""
-    human: Human
+    human_links: dict[str, str]
+    """Part of the human body (`HUMAN_LINKS`) to the link that turns with it."""
 
 
 @dataclass(frozen=True, kw_only=True)
