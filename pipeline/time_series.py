@@ -60,11 +60,11 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
 
     The two runs together are biomechanics' "fourth-order zero-lag" filter (Winter 2009); the cutoff
     of each run is raised so that the result is at -3 dB at `cutoff_hz`. Clips too short to pad by one
-    period, or a cutoff at or above Nyquist, come back unchanged.
+    period, or a cutoff near Nyquist (from .45 of the rate), come back unchanged.
     """
-    raised = cutoff_hz / (np.sqrt(2.0) - 1.0) ** 0.25
-    if raised >= 0.49 * fps:
+    if cutoff_hz >= 0.45 * fps:
         return np.array(values, dtype=float)
+    raised = fps / np.pi * np.arctan(np.tan(np.pi * cutoff_hz / fps) / (np.sqrt(2.0) - 1.0) ** 0.25)
     pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
     if pad < int(fps / cutoff_hz):
         return np.array(values, dtype=float)

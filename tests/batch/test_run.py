@@ -1,0 +1,136 @@
+"""A stage over many clips: nothing is worked on twice, a failing clip does not stop the others."""
+
+import dataclasses
+import logging
+from functools import partial
+
+import pytest
+
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
+from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.errors import ClipError
+from tests.factories.clips import robot_clip
+
+LOG = logging.getLogger("test")
+POOL = ClipPool(backend="sequential")
+
+
+def keep(clip, numbers, *, add=0.0):
+    """Accepts all but the clips whose names say otherwise."""
+    if "bad" in clip.name:
+        raise ClipError(clip.name, "no_good", "is bad by name.", frame=2)
+    if "fault" in clip.name:
+        raise ZeroDivisionError("by design")
+    if "lame" in clip.name:
+        return Outcome(reasons=(Reason(code="lame", text="it limps", effect="rejected"),))
+    moved = dataclasses.replace(clip, joint_pos=clip.joint_pos + add)
+    return Outcome(pieces=(Piece(clip=moved, numbers={"seconds": clip.duration_s, "tenfold": 10 * numbers["rank"]}),))
+
+
+def manifest_of(store: Store, names: list[str]) -> Manifest:
+    entries = []
+    for rank, name in enumerate(names):
+        blob = store.put_clip(robot_clip(frames=5 + rank, name=name))
+        entries.append(Entry(clip=name, blob=blob, numbers={"rank": rank, "seconds": (5 + rank) / 50.0}))
+    return Manifest(stage="before", entries=tuple(entries), judged=())
+
+
+def stage(version: str = "1", add: float = 0.0) -> Stage:
+    return Stage(name="keep", version=version, function=partial(keep, add=add), settings={"add": add})
+
+
+@pytest.fixture
+def store(tmp_path) -> Store:
+    return Store(root=tmp_path)
+
+
+def test_a_second_run_works_on_no_clip_and_has_the_same_digest(store):
+    before = manifest_of(store, ["a", "b", "c"])
+    first = run_stage(stage(), before, store, POOL, LOG)
+    second = run_stage(stage(), before, store, POOL, LOG)
+    assert (first.recomputed, second.recomputed) == (3, 0)
+    assert first.digest == second.digest
+    assert first.to_text() == second.to_text()
+
+
+def test_one_clip_added_works_on_that_clip_alone(store):
+    run_stage(stage(), manifest_of(store, ["a", "b"]), store, POOL, LOG)
+    assert run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG).recomputed == 1
+
+
+@pytest.mark.parametrize("other", [stage(version="2"), stage(add=1.0)])
+def test_another_version_or_setting_works_on_all(store, other):
+    before = manifest_of(store, ["a", "b"])
+    run_stage(stage(), before, store, POOL, LOG)
+    assert run_stage(other, before, store, POOL, LOG).recomputed == 2
+
+
+def test_a_lost_blob_is_made_again(store):
+    before = manifest_of(store, ["a", "b"])
+    made = run_stage(stage(add=1.0), before, store, POOL, LOG)
+    store.blobs.path(made.entries[0].blob).unlink()
+    again = run_stage(stage(add=1.0), before, store, POOL, LOG)
+    assert again.recomputed == 1
+    assert again.digest == made.digest
+
+
+def test_a_failing_clip_is_rejected_with_its_reason_and_the_rest_goes_on(store):
+    found = run_stage(stage(), manifest_of(store, ["a", "bad", "fault", "lame"]), store, POOL, LOG)
+    reasons = {row.clip: [reason["code"] for reason in row.reasons] for row in found.judged}
+    assert reasons == {"a": [], "bad": ["no_good"], "fault": ["failed"], "lame": ["lame"]}
+    assert [entry.clip for entry in found.entries] == ["a"]
+    bad = next(row for row in found.judged if row.clip == "bad")
+    assert bad.reasons[0]["text"] == "clip 'bad' frame 2: is bad by name."
+    assert bad.numbers["seconds_in"] == pytest.approx(6 / 50.0)
+
+
+def test_a_fault_of_the_stage_is_tried_again_a_verdict_is_not(store):
+    before = manifest_of(store, ["fault", "lame", "bad"])
+    run_stage(stage(), before, store, POOL, LOG)
+    assert run_stage(stage(), before, store, POOL, LOG).recomputed == 1
+
+
+def test_numbers_of_earlier_stages_are_handed_on_and_go_with_the_clip(store):
+    found = run_stage(stage(), manifest_of(store, ["a", "b"]), store, POOL, LOG)
+    assert [entry.numbers["tenfold"] for entry in found.entries] == [0, 10]
+    assert [entry.numbers["rank"] for entry in found.entries] == [0, 1]
+    assert found.entries[0].record[0]["stage"] == "keep"
+
+
+def test_processes_give_the_same_bytes_as_this_one(store, tmp_path):
+    before = manifest_of(store, ["a", "b", "bad", "c"])
+    other = Store(root=tmp_path / "other")
+    manifest_of(other, ["a", "b", "bad", "c"])
+    here = run_stage(stage(), before, store, POOL, LOG)
+    there = run_stage(stage(), before, other, ClipPool(workers=2), LOG)
+    assert here.to_text() == there.to_text()
+
+
+def test_order_of_the_input_does_not_matter(store):
+    before = manifest_of(store, ["a", "b", "c"])
+    turned = dataclasses.replace(before, entries=before.entries[::-1])
+    assert run_stage(stage(), before, store, POOL, LOG).digest == run_stage(stage(), turned, store, POOL, LOG).digest
+
+
+def test_two_clips_of_one_name_are_refused(store):
+    before = manifest_of(store, ["a", "b"])
+    doubled = dataclasses.replace(before, entries=(*before.entries, before.entries[0]))
+    with pytest.raises(ClipError, match="two clips of this name"):
+        run_stage(stage(), doubled, store, POOL, LOG)
+
+
+def test_a_manifest_comes_back_from_its_text(store):
+    found = run_stage(stage(), manifest_of(store, ["a", "bad"]), store, POOL, LOG)
+    again = Manifest.from_text(found.to_text())
+    assert again.to_text() == found.to_text()
+    assert again.judged[1].fate == "rejected"
+
+
+def test_dropped_clips_leave_with_their_reason_and_seconds(store):
+    found = run_stage(stage(), manifest_of(store, ["a", "b"]), store, POOL, LOG)
+    reason = Reason(code="not_taken", text="enough of these", effect="rejected").to_dict()
+    left = found.without({"b": reason})
+    assert [entry.clip for entry in left.entries] == ["a"]
+    assert left.judged[1].reasons[-1]["code"] == "not_taken"
+    assert left.judged[1].fate == "rejected"
+    assert left.seconds("seconds_out") == pytest.approx(found.seconds("seconds_out") - 6 / 50.0)
