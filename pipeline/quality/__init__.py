@@ -1,0 +1,1 @@
+"""Metrics that several stages need, each with its definition and source."""

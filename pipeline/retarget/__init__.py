@@ -1,0 +1,12 @@
+"""KP3: a person's motion becomes the robot's.
+
+    HumanClip -> (resampled by time) -> stances -> foot plan -> targets -> two passes of IK -> RobotClip
+
+`process` is the stage. Everything before the solver works on whole clips with numpy; the solver (placo)
+works frame by frame.
+"""
+
+from pipeline.retarget.process import STAGE_VERSION, process
+from pipeline.retarget.settings import RetargetSettings
+
+__all__ = ["STAGE_VERSION", "RetargetSettings", "process"]

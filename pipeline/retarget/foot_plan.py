@@ -1,0 +1,137 @@
+"""Where the robot's foot is meant to be over the whole clip: locked in each stance, free between.
+
+The foot's pose is five numbers a frame: ankle x, y, z, yaw and pitch (toes down positive); it does not
+roll. In a stance they follow from one foothold and the heel's rise. Between stances they are the human's,
+scaled, plus a correction that leads from the end of one stance to the start of the next without a step
+in position or speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.retarget.settings import FootSettings
+
+X, Y, Z, YAW, PITCH = range(5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sole:
+    """The robot's sole below its ankle; the foot's frame is at the ankle, parallel to the sole."""
+
+    depth: float
+    """Ankle over sole [m]."""
+    front: float
+    """Front edge before the ankle [m]."""
+    rear: float
+    """Rear edge before the ankle, negative [m]."""
+    half_width: float
+    """[m]"""
+
+    @property
+    def centre(self) -> float:
+        """Centre before the ankle [m]."""
+        return (self.front + self.rear) / 2.0
+
+    def lowest_ankle(self, pitch: np.ndarray) -> np.ndarray:
+        """Height of the ankle [m] at which the lowest edge of the pitched sole touches z = 0."""
+        lever = np.where(pitch > 0.0, self.front, self.rear)
+        return lever * np.sin(pitch) + self.depth * np.cos(pitch)
+
+    def ankle_from_ball(self, ball: float, pitch: np.ndarray) -> np.ndarray:
+        """Horizontal way [m] from the sole's point at `ball` to the ankle, along the foot's yaw."""
+        return -ball * np.cos(pitch) + self.depth * np.sin(pitch)
+
+
+def lock_stances(
+    raw: Float[np.ndarray, "t 5"],
+    contact: Bool[np.ndarray, " t"],
+    ball_w: Float[np.ndarray, "t 2"],
+    toe_yaw: Float[np.ndarray, " t"],
+    sole: Sole,
+    settings: FootSettings,
+) -> Float[np.ndarray, "t 5"]:
+    """`raw` in swings; in each stance the pose that keeps the ball of the foot on one foothold.
+
+    Args:
+        raw: the human's foot, scaled: ankle x, y, z, yaw, pitch; yaw unwrapped
+        contact: frames of stance
+        ball_w: the human's toe, scaled to where the robot's ball of the foot should be
+        toe_yaw: yaw of the human foot [rad], any branch
+    """
+    ball = sole.centre + settings.ball_share * (sole.front - sole.centre)
+    locked = raw.copy()
+    for start, stop in time_series.runs(contact):
+        span = slice(start, stop)
+        yaw = _mean_angle(toe_yaw[span], near=float(np.median(raw[span, YAW])))
+        heading = np.array([np.cos(yaw), np.sin(yaw)])
+        foothold = np.median(ball_w[span], axis=0)
+        rise = raw[span, PITCH] - settings.heel_rise_free
+        pitch = settings.heel_rise_share * np.maximum(rise, 0.0)
+        locked[span, :2] = foothold + heading * sole.ankle_from_ball(ball, pitch)[:, None]
+        locked[span, Z] = sole.lowest_ankle(pitch)
+        locked[span, YAW] = yaw
+        locked[span, PITCH] = pitch
+    return locked
+
+
+def spread(
+    raw: Float[np.ndarray, "t 5"], locked: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], slope: int
+) -> Float[np.ndarray, "t 5"]:
+    """`locked` in stances; in swings `raw` plus a correction that joins the stances at both ends.
+
+    The correction goes by smoothstep from what it is at the end of a stance to what it is at the next;
+    its slopes at both ends (so that the foot's speed has no step) die away over `slope` frames.
+    """
+    plan = locked.copy()
+    correction = locked - raw
+    for start, stop in time_series.runs(~contact):
+        before, after = start - 1, stop
+        span = np.arange(start, stop)
+        if before < 0 and after >= len(raw):
+            continue
+        first = correction[before] if before >= 0 else correction[after]
+        last = correction[after] if after < len(raw) else correction[before]
+        along = ((span - before) / (after - before))[:, None]
+        blend = first + (last - first) * along**2 * (3.0 - 2.0 * along)
+        reach = min(after - before, slope)
+        if before >= 1 and contact[before - 1]:
+            blend += _fading(span - before, reach) * (correction[before] - correction[before - 1])
+        if after + 1 < len(raw) and contact[after + 1]:
+            blend += _fading(after - span, reach) * (correction[after] - correction[after + 1])
+        plan[start:stop] = raw[start:stop] + blend
+    return plan
+
+
+def keep_above_ground(
+    plan: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], sole: Sole, settings: FootSettings
+) -> Float[np.ndarray, "t 5"]:
+    """The plan with pitch in its range, the sole's edges at or over the ground, and clear of it in mid-swing."""
+    result = plan.copy()
+    swings = ~contact
+    result[swings, PITCH] = np.clip(plan[swings, PITCH], settings.lowest_pitch, settings.highest_pitch)
+    clearance = np.zeros(len(plan))
+    for start, stop in time_series.runs(swings):
+        inner = start > 0 and stop < len(plan)
+        along = (np.arange(start, stop) - start + 1) / (stop - start + 1)
+        clearance[start:stop] = settings.clearance * (np.sin(np.pi * along) ** 2 if inner else 0.0)
+    ground = sole.lowest_ankle(result[:, PITCH])
+    result[:, Z] = np.maximum(result[:, Z], ground + clearance)
+    return result
+
+
+def _fading(frames: np.ndarray, reach: int) -> np.ndarray:
+    """(n, 1) Hermite's slope term: starts at 0 with slope 1 a frame, ends at 0 with slope 0 after `reach` frames."""
+    along = np.minimum(frames / reach, 1.0)
+    return (reach * along * (1.0 - along) ** 2)[:, None]
+
+
+def _mean_angle(angles: np.ndarray, near: float) -> float:
+    """Median of angles [rad] around their circular mean, on the branch closest to `near`."""
+    mean = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
+    centre = mean + np.median(rotation.wrap(angles - mean))
+    return float(near + rotation.wrap(centre - near))

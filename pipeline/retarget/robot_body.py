@@ -1,0 +1,72 @@
+"""The robot as the planner and the solver see it: lengths, sole and limb axes, from its model alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import FEET
+from pipeline.quality.retargeting import LIMBS
+from pipeline.retarget.foot_plan import Sole
+from pipeline.robot import Kinematics, Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotBody:
+    """Measured at joint angles of zero."""
+
+    leg: float
+    """Hip to knee plus knee to ankle, mean of both sides [m]."""
+    hip_half_width: float
+    """Half the distance of the hips [m]."""
+    hip_centre_b: Float[np.ndarray, 3]
+    """Midpoint of the hips in the pelvis link's frame [m]."""
+    sole: Sole
+    limb_axes_b: Float[np.ndarray, "8 3"]
+    """Unit vector along each of `LIMBS` in the frame of the link that turns with it."""
+    waist: int
+    """Index of the joint between trunk and pelvis; it turns about z."""
+
+
+def measure(robot: Robot) -> RobotBody:
+    """The robot's body from its kinematics at zero."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((1, 3)), rotation.IDENTITY[None], np.zeros((1, len(robot.joint_names))))
+    human = robot.human
+
+    def site(name: str) -> np.ndarray:
+        return kinematics.site_pos_w(poses, (name,))[0, 0]
+
+    def point(name: str) -> np.ndarray:
+        return site(human[name])
+
+    axes = []
+    for limb, upper, lower in LIMBS:
+        quat_w = poses.quat_w[0, robot.link(human[limb])]
+        axes.append(rotation.rotate_inverse(quat_w, rotation.normalize(point(lower) - point(upper))))
+    bones = [[point(f"{side}_hip"), point(f"{side}_knee"), point(f"{side}_ankle")] for side in FEET]
+    hips = [bone[0] for bone in bones]
+    pelvis_pos_w = poses.pos_w[0, robot.link(human["pelvis"])]
+    corners_b = np.array([site(name) for name in robot.sole_corners[0]]) - bones[0][2]
+    return RobotBody(
+        leg=float(np.mean([np.linalg.norm(np.diff(bone, axis=0), axis=-1).sum() for bone in bones])),
+        hip_half_width=float(np.linalg.norm(hips[0] - hips[1])) / 2.0,
+        hip_centre_b=(hips[0] + hips[1]) / 2.0 - pelvis_pos_w,
+        sole=Sole(
+            depth=float(-corners_b[:, 2].mean()),
+            front=float(corners_b[:, 0].max()),
+            rear=float(corners_b[:, 0].min()),
+            half_width=float(np.ptp(corners_b[:, 1])) / 2.0,
+        ),
+        limb_axes_b=np.array(axes),
+        waist=_waist(robot),
+    )
+
+
+def _waist(robot: Robot) -> int:
+    """The joint by which the pelvis link hangs on the trunk link."""
+    pelvis = robot.link(robot.human["pelvis"])
+    return int(robot.tree.joint[pelvis])

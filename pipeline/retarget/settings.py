@@ -1,0 +1,90 @@
+"""Settings of KP3, read from `data/retarget.yaml`. One set for every skeleton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class StanceSettings:
+    """Labels of foot contact, used only for clips that bring none."""
+
+    toe_height: float
+    """Highest toe over its own 5th percentile [m]."""
+    toe_speed_m_s: float
+    """Highest speed of the toe, all directions [m/s]."""
+    shortest_s: float
+    """Stances shorter than this are dropped and gaps shorter than this are closed [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootSettings:
+    """The foot plan."""
+
+    ball_share: float
+    """Where the foot is locked in a stance: 0 the sole's centre, 1 its front edge."""
+    heel_rise_share: float
+    """Heel rise of the robot in a stance / heel rise of the human."""
+    heel_rise_free: float
+    """Pitch of the human foot that does not count as heel rise [rad]."""
+    highest_pitch: float
+    """Largest pitch of the planned foot, toes down [rad]."""
+    lowest_pitch: float
+    """Smallest pitch of the planned foot (negative: toes up) [rad]."""
+    slope_s: float
+    """Time over which the speed difference at a stance's end dies away [s]."""
+    clearance: float
+    """Least height of the sole in the middle of a swing [m]."""
+    spacing: float
+    """Least gap between the two soles seen from above [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeightSettings:
+    """Weights of the soft tasks; each multiplies a squared error."""
+
+    stance_position: float
+    """[cost/m2]"""
+    stance_orientation: float
+    """[cost/rad2]"""
+    swing_position: float
+    """[cost/m2]"""
+    swing_orientation: float
+    """[cost/rad2]"""
+    pelvis_horizontal: float
+    """[cost/m2]"""
+    pelvis_height: float
+    """[cost/m2]"""
+    trunk: float
+    """[cost/rad2]"""
+    waist: float
+    """[cost/rad2]"""
+    legs: float
+    """Directions of thighs and shanks [cost/rad2]."""
+    arms: float
+    """Directions of upper arms and forearms [cost/rad2]."""
+    posture_first: float
+    """Toward the default pose, first pass [cost/rad2]."""
+    posture_second: float
+    """Toward the smoothed first pass, second pass [cost/rad2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetargetSettings:
+    """All of KP3."""
+
+    fps: float
+    """Rate of the robot clip [Hz]."""
+    leg_scale: float
+    """Share of the robot's leg length that stands for the human's, so that knees don't lock."""
+    speed_share: float
+    """Share of the joint speed limits that may be used."""
+    smooth_hz: float
+    """Cutoff of the zero-phase low pass on the human's motion before planning [Hz]."""
+    posture_smooth_hz: float
+    """Cutoff of the zero-phase low pass on the first pass [Hz]."""
+    settle_iterations: int
+    """Solves on the first frame before the clip starts."""
+    stance: StanceSettings
+    feet: FootSettings
+    weights: WeightSettings

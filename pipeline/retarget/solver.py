@@ -1,0 +1,197 @@
+"""Inverse kinematics frame by frame with placo: one quadratic program a frame, warm-started by the last.
+
+One solver a process and robot: a placo wrapper that is dropped leaks, and building one costs more than
+a short clip. A solver keeps nothing of a clip: every clip starts from the same state.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import placo
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import FEET
+from pipeline.errors import ClipError, UnknownNameError
+from pipeline.quality.retargeting import LIMBS
+from pipeline.retarget.robot_body import measure
+from pipeline.retarget.settings import RetargetSettings, WeightSettings
+from pipeline.retarget.targets import Targets
+from pipeline.robot import Robot
+
+LIMIT_MARGIN = 1e-6
+"""Distance [rad] kept from position limits, so that rounding stays inside them."""
+
+DAMPING = 1e-6
+"""Weight of the step's square; it keeps the program strictly convex."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """What the solver found, T frames."""
+
+    root_pos_w: Float[np.ndarray, "t 3"]
+    root_quat_w: Float[np.ndarray, "t 4"]
+    """wxyz, sign-continuous."""
+    joint_pos: Float[np.ndarray, "t j"]
+
+
+class Solver:
+    """A robot in placo with all tasks. Not for sharing between threads; get one from `solver_for`."""
+
+    def __init__(self, robot: Robot):
+        self.robot, self.body = robot, measure(robot)
+        self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, robot.urdf)
+        self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
+        self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
+        for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
+            self._wrapper.set_joint_limits(name, lower, upper)
+        self._solver = self._wrapper.make_solver()
+        self._solver.enable_joint_limits(True)
+        for name in set(robot.joint_names) - set(robot.controlled):
+            self._solver.mask_dof(name)
+        self._add_tasks()
+
+    def _add_tasks(self) -> None:
+        solver, human, zero, identity = self._solver, self.robot.human, np.zeros(3), np.eye(3)
+        pelvis = _frame_on(self.robot, human["pelvis"])
+        self._pelvis_horizontal = solver.add_position_task(pelvis, zero)
+        self._pelvis_horizontal.mask.set_axises("xy")
+        self._pelvis_height = solver.add_position_task(pelvis, zero)
+        self._pelvis_height.mask.set_axises("z")
+        self._trunk = solver.add_orientation_task(human["trunk"], identity)
+        self._waist, self._posture = solver.add_joints_task(), solver.add_joints_task()
+        self._foot_position = [solver.add_position_task(human[f"{side}_foot"], zero) for side in FEET]
+        self._foot_orientation = [solver.add_orientation_task(human[f"{side}_foot"], identity) for side in FEET]
+        self._limbs = [
+            solver.add_axisalign_task(human[limb], axis, axis)
+            for (limb, _, _), axis in zip(LIMBS, self.body.limb_axes_b, strict=True)
+        ]
+        solver.add_regularization_task(DAMPING)
+
+    def solve(
+        self,
+        clip: str,
+        targets: Targets,
+        posture: Float[np.ndarray, "t j"],
+        posture_weight: float,
+        settings: RetargetSettings,
+    ) -> Trajectory:
+        """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
+
+        Raises ClipError that names the clip and the frame where the program has no solution.
+        """
+        frames = len(posture)
+        feed = _Feed(self, targets, posture)
+        states = np.empty((frames, len(self._wrapper.state.q)))
+        self._start(targets, posture[0])
+        self._configure(settings.weights, posture_weight)
+        self._limit_speed(settings)
+        for frame in range(frames):
+            feed.set(frame, settings.weights)
+            try:
+                for _ in range(settings.settle_iterations if frame == 0 else 1):
+                    self._solver.solve(True)
+                    self._wrapper.update_kinematics()
+            except RuntimeError as error:
+                problem = f"the inverse kinematics has no solution ({error})."
+                raise ClipError(clip, "no_solution", problem, frame) from error
+            if frame == 0:
+                self._solver.enable_velocity_limits(True)
+            states[frame] = self._wrapper.state.q
+        return Trajectory(
+            root_pos_w=states[:, :3].copy(),
+            root_quat_w=rotation.make_continuous(np.roll(states[:, 3:7], 1, axis=1)),
+            joint_pos=states[:, self._columns],
+        )
+
+    def _start(self, targets: Targets, joint_pos: Float[np.ndarray, " j"]) -> None:
+        self._solver.enable_velocity_limits(False)
+        self._wrapper.reset()
+        q = np.array(self._wrapper.state.q)
+        q[:3] = targets.pelvis_pos_w[0]
+        q[3:7] = np.roll(targets.trunk_quat_w[0], -1)
+        q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
+        self._wrapper.state.q = q
+        self._wrapper.update_kinematics()
+
+    def _limit_speed(self, settings: RetargetSettings) -> None:
+        self._solver.dt = 1.0 / settings.fps
+        for name, limit in zip(self.robot.joint_names, self.robot.retarget_speed_limit, strict=True):
+            self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
+
+    def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
+        self._pelvis_horizontal.configure("pelvis_horizontal", "soft", weights.pelvis_horizontal)
+        self._pelvis_height.configure("pelvis_height", "soft", weights.pelvis_height)
+        self._trunk.configure("trunk", "soft", weights.trunk)
+        self._waist.configure("waist", "soft", weights.waist)
+        self._posture.configure("posture", "soft", posture_weight)
+        for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True):
+            leg = limb.endswith(("thigh", "shank"))
+            task.configure(limb, "soft", weights.legs if leg else weights.arms)
+
+
+class _Feed:
+    """Hands a frame's targets to the tasks of a solver; arrays are turned into what placo takes once a clip."""
+
+    def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"]):
+        names = solver.robot.joint_names
+        self._solver = solver
+        self._contacts = targets.contacts.tolist()
+        self._pelvis = list(targets.pelvis_pos_w)
+        self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
+        waist = names[solver.body.waist]
+        self._waist = [{waist: angle} for angle in targets.waist_pos.tolist()]
+        self._posture = [dict(zip(names, row, strict=True)) for row in posture.tolist()]
+        self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
+        self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
+        self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
+
+    def set(self, frame: int, weights: WeightSettings) -> None:
+        solver = self._solver
+        solver._pelvis_horizontal.target_world = self._pelvis[frame]
+        solver._pelvis_height.target_world = self._pelvis[frame]
+        solver._trunk.R_world_frame = self._trunk[frame]
+        solver._waist.set_joints(self._waist[frame])
+        solver._posture.set_joints(self._posture[frame])
+        for side in range(2):
+            stands = self._contacts[frame][side]
+            position, orientation = solver._foot_position[side], solver._foot_orientation[side]
+            position.target_world = self._foot_pos[side][frame]
+            orientation.R_world_frame = self._foot_rot[side][frame]
+            position.configure(FEET[side], "soft", weights.stance_position if stands else weights.swing_position)
+            orientation.configure(
+                FEET[side], "soft", weights.stance_orientation if stands else weights.swing_orientation
+            )
+        for task, directions in zip(solver._limbs, self._limbs, strict=True):
+            task.targetAxis_world = directions[frame]
+
+
+def solver_for(robot: Robot) -> Solver:
+    """This process's solver of a robot, built on first use."""
+    if robot.digest not in _SOLVERS:
+        _SOLVERS[robot.digest] = Solver(robot)
+    return _SOLVERS[robot.digest]
+
+
+_SOLVERS: dict[str, Solver] = {}
+"""By the robot's digest; the one thing a process keeps between clips."""
+
+
+def _frame_on(robot: Robot, link: str) -> str:
+    """Name of a frame at a link's origin that no joint is called, too (placo looks a name up among both)."""
+    if link not in robot.joint_names:
+        return link
+    index = robot.link(link)
+    sites = [
+        n
+        for n, on, pos in zip(robot.site_names, robot.tree.site_link, robot.tree.site_pos, strict=True)
+        if on == index and not pos.any()
+    ]
+    if not sites:
+        raise UnknownNameError(
+            f"site at the origin of link '{link}' (needed because a joint has its name)", link, robot.site_names
+        )
+    return sites[0]

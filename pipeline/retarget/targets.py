@@ -1,0 +1,120 @@
+"""What the robot should do in each frame, from the human's motion and the robot's proportions alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.quality.retargeting import LIMBS
+from pipeline.retarget import foot_plan, proportions
+from pipeline.retarget.foot_plan import PITCH, YAW, X, Z
+from pipeline.retarget.proportions import Proportions
+from pipeline.retarget.robot_body import RobotBody
+from pipeline.retarget.settings import RetargetSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Targets:
+    """Targets of the solver, world frame."""
+
+    contacts: Bool[np.ndarray, "t 2"]
+    """Stance, (left, right)."""
+    foot_pos_w: Float[np.ndarray, "t 2 3"]
+    """Ankles (left, right) [m]."""
+    foot_quat_w: Float[np.ndarray, "t 2 4"]
+    """Feet, parallel to the sole, x to the toes."""
+    pelvis_pos_w: Float[np.ndarray, "t 3"]
+    """Origin of the pelvis link [m]."""
+    trunk_quat_w: Float[np.ndarray, "t 4"]
+    waist_pos: Float[np.ndarray, " t"]
+    """Angle of the waist joint [rad]."""
+    limb_dir_w: Float[np.ndarray, "t 8 3"]
+    """Unit directions of `LIMBS`."""
+    leg_ratio: float
+    """Robot length / human length used for all positions; the robot's speed / the human's."""
+
+
+def plan_targets(
+    clip: HumanClip, contacts: Bool[np.ndarray, "t 2"], body: RobotBody, settings: RetargetSettings
+) -> Targets:
+    """Targets for a clip at the robot's rate. Raises ClipError for a skeleton that is no person's."""
+    person = proportions.measure(clip, contacts)
+    ratio = settings.leg_scale * body.leg / person.leg
+    clip = _smoothed(clip, settings.smooth_hz)
+    hips_w = np.stack([clip.pos(f"{side}_hip") for side in FEET], axis=1)
+    lateral_w = _horizontal(hips_w[:, 0] - hips_w[:, 1])
+    heading = np.unwrap(np.arctan2(-lateral_w[:, 0], lateral_w[:, 1]))
+    widening = body.hip_half_width - ratio * person.hip_half_width
+    feet = [
+        _plan_foot(clip, side, contacts[:, side], ratio, lateral_w[:, :2] * widening, heading, person, body, settings)
+        for side in range(2)
+    ]
+    trunk_quat_w = clip.quat("chest")
+    centre_w = ratio * (hips_w.mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+    return Targets(
+        contacts=contacts,
+        foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
+        foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
+        pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
+        trunk_quat_w=trunk_quat_w,
+        waist_pos=waist_angle(trunk_quat_w, heading),
+        limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),
+        leg_ratio=ratio,
+    )
+
+
+def waist_angle(trunk_quat_w: Float[np.ndarray, "t 4"], heading: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    """Angle [rad] about the trunk's z by which a link must turn for its twist about world z to be `heading`.
+
+    For trunk (w, x, y, z) and a turn by 2a about its z, the product's w and z are w cos a - z sin a and
+    w sin a + z cos a: their ratio's angle is the trunk's own plus a.
+    """
+    return rotation.wrap(heading - rotation.yaw_of(trunk_quat_w))
+
+
+def _plan_foot(
+    clip: HumanClip,
+    side: int,
+    contact: Bool[np.ndarray, " t"],
+    ratio: float,
+    widening_w: Float[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    person: Proportions,
+    body: RobotBody,
+    settings: RetargetSettings,
+) -> Float[np.ndarray, "t 5"]:
+    ankle, toe = clip.pos(f"{FEET[side]}_ankle"), clip.pos(f"{FEET[side]}_toe")
+    outward_w = widening_w if side == 0 else -widening_w
+    raw = np.empty((len(ankle), 5))
+    raw[:, :Z] = ratio * ankle[:, :2] + outward_w
+    raw[:, Z] = ratio * (ankle[:, 2] - person.ankle_height[side]) + body.sole.depth
+    raw[:, YAW] = heading
+    raw[:, PITCH] = proportions.foot_pitch(ankle, toe) - person.flat_pitch[side]
+    line = toe - ankle
+    toe_yaw = np.arctan2(line[:, 1], line[:, 0])
+    locked = foot_plan.lock_stances(raw, contact, ratio * toe[:, :2] + outward_w, toe_yaw, body.sole, settings.feet)
+    plan = foot_plan.spread(raw, locked, contact, max(1, round(settings.feet.slope_s * clip.fps)))
+    return foot_plan.keep_above_ground(plan, contact, body.sole, settings.feet)
+
+
+def _foot_quat(foot: Float[np.ndarray, "t 5"]) -> Float[np.ndarray, "t 4"]:
+    pitch = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), foot[:, PITCH])
+    return rotation.multiply(rotation.about_z(foot[:, YAW]), pitch)
+
+
+def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
+    """Unit vectors along the horizontal part."""
+    return rotation.normalize(vectors * [1.0, 1.0, 0.0])
+
+
+def _smoothed(clip: HumanClip, cutoff_hz: float) -> HumanClip:
+    return dataclasses.replace(
+        clip,
+        body_pos_w=time_series.smooth(clip.body_pos_w, clip.fps, cutoff_hz),
+        body_quat_w=time_series.smooth_quat(clip.body_quat_w, clip.fps, cutoff_hz),
+    )
