@@ -17,9 +17,9 @@ COVERED = "every_skill_has_seconds"
 MIN_SKILL_SECONDS = 4.0
 
 
-def database_checks(plan: Plan) -> list[dg.AssetCheckSpec]:
-    """The checks that the database declares."""
-    return [
+def database_checks(plan: Plan) -> dg.AssetChecksDefinition:
+    """The checks on the database, as a step of their own: one that wrote nothing has nothing to check."""
+    specs = [
         dg.AssetCheckSpec(
             WHOLE,
             asset=plan.key,
@@ -33,12 +33,29 @@ def database_checks(plan: Plan) -> list[dg.AssetCheckSpec]:
         ),
     ]
 
+    @dg.multi_asset_check(name="_".join([*plan.key.path, "checks"]), specs=specs)
+    def checks(context: dg.AssetCheckExecutionContext) -> Iterator[dg.AssetCheckResult]:
+        from pipeline.expert import DatabaseError, read_database
+
+        try:
+            database = read_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
+        except DatabaseError as error:
+            yield dg.AssetCheckResult(
+                asset_key=plan.key, check_name=WHOLE, passed=False, metadata={"faults": str(error)}
+            )
+            return
+        found = {"clips": len(database.index)}
+        yield dg.AssetCheckResult(asset_key=plan.key, check_name=WHOLE, passed=True, metadata=found)
+        yield _every_skill(plan, database.index)
+
+    return checks
+
 
 def materialize_database(
     context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest
 ) -> Iterator[dg.MaterializeResult]:
     """Write the database of what left KP5, or say that nothing is stale and yield nothing."""
-    from pipeline.expert import read_database, write_database
+    from pipeline.expert import write_database
     from pipeline.expert.version import database_version
     from pipeline.robot import load_robot
 
@@ -49,12 +66,10 @@ def materialize_database(
     context.log.info(f"'{plan.key.to_user_string()}' is written: {why}")
     robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
     folder = PROJECT.expert_db(robot.name)
-    write_database(folder, _entries(feasible), robot, stages=feasible.settings)
-    database = read_database(folder)
+    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings)
     yield dg.MaterializeResult(
         asset_key=plan.key,
-        metadata={"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(database.manifest, database.index)},
-        check_results=_check_results(plan, database.index),
+        metadata={"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())},
         data_version=dg.DataVersion(database_version(folder)),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
@@ -96,23 +111,20 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _check_results(plan: Plan, index: pd.DataFrame) -> list[dg.AssetCheckResult]:
+def _every_skill(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
     from pipeline.viewing.plots import SKILL_COLORS
 
-    own = index[index["variant"] == "original"] if "variant" in index else index
-    seconds = own.groupby("skill")["seconds"].sum() if len(own) else pd.Series(dtype=float)
+    own = index[index["variant"] == "original"]
+    seconds = own.groupby("skill")["seconds"].sum()
     poor = [
         f"{skill} {seconds.get(skill, 0.0):.1f} s"
         for skill in SKILL_COLORS
         if skill != "transition" and seconds.get(skill, 0.0) < MIN_SKILL_SECONDS
     ]
-    return [
-        dg.AssetCheckResult(asset_key=plan.key, check_name=WHOLE, passed=True, metadata={"clips": len(index)}),
-        dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=COVERED,
-            passed=not poor,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": ", ".join(poor) or "all"},
-        ),
-    ]
+    return dg.AssetCheckResult(
+        asset_key=plan.key,
+        check_name=COVERED,
+        passed=not poor,
+        severity=dg.AssetCheckSeverity.WARN,
+        metadata={"found": ", ".join(poor) or "all"},
+    )

@@ -29,6 +29,11 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition]:
     ]
 
 
+def robot_checks(robot: str) -> list[dg.AssetChecksDefinition]:
+    """The checks that are steps of their own: those on the robot's database."""
+    return [database_checks(robot_plans(robot)[-1])]
+
+
 def _declared(plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None) -> dict[str, Any]:
     """What all assets of a robot declare alike. Step names bear the robot, for keys with a prefix."""
     return {
@@ -90,12 +95,13 @@ def _retargeted_motions(plan: Plan, model: Plan) -> dg.AssetsDefinition:
         robot_model: Manifest,
     ):
         """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
-        from pipeline.retarget import RetargetSettings, process
+        from pipeline.retarget import RetargetSettings
+        from pipeline.retarget.recording import onto_robot
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
-        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
+        stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
         manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
         numbers = ["leg_ratio", "slip_m_s", "penetration_m", "limb_error_deg", "trunk_error_deg", "jerk_rad_s3"]
         return materialized(plan, manifest, stage_metadata(manifest, numbers))
@@ -162,7 +168,6 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> dg.AssetsDefinition:
     @dg.asset(
         **_declared(plan, "json", inputs=_from(feasible_motions=feasible, robot_model=model)),
         output_required=False,
-        check_specs=database_checks(plan),
     )
     def expert_db(
         context: dg.AssetExecutionContext, feasible_motions: Manifest, robot_model: Manifest
