@@ -157,6 +157,13 @@ def _mirror(robot: Description) -> Iterator[Fault]:
             if partner not in names:
                 problem = f"{what} '{row.name}' has the mirror partner '{partner}', which does not exist."
                 yield _fault(robot, table, row, problem, f"Add it or correct mirror_names in {CONFIG}.")
+    moved_by = {row.link: row.joint for row in robot.links}
+    for row in robot.links[1:]:
+        link, joint = mirrored_name(row.link, pairs), mirrored_name(row.joint, pairs)
+        if moved_by.get(link) not in (joint, None):
+            problem = f"link '{row.link}' has the mirror partner '{link}', but its joint has '{joint}'."
+            do = f"Let mirror_names in {CONFIG} swap both, or rename one."
+            yield _fault(robot, LINKS, row, problem, do)
     config = robot.config
     for left, right in (config.hands, config.feet, *zip(*config.sole_corners, strict=True)):
         if left == right:

@@ -7,8 +7,8 @@ from xml.etree import ElementTree as Xml
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers separated by spaces, to 15 digits, without a negative zero."""
-    return " ".join(f"{value + 0.0:.15g}" for value in values)
+    """Numbers separated by spaces, exact, without a negative zero."""
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)
 
 
 def to_text(root: Xml.Element) -> str:
