@@ -1,0 +1,89 @@
+"""What is drawn of a motion: rigid parts made of primitives, and where each part is in each frame.
+
+HumanClip -> human_figure -> Figure -> contact sheet (PNG)
+RobotClip -> robot_figure -> Figure -> scene of the browser viewer
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+
+Color = tuple[float, float, float]
+"""Red, green, blue, 0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A primitive fixed to a part; sizes as MuJoCo has them."""
+
+    kind: str
+    """`box` (three half sides), `sphere` (radius), `ellipsoid` (three half axes), `capsule` or `cylinder` (radius,
+    half the length of the cylinder; along z)."""
+    size: tuple[float, ...]
+    """[m]"""
+    color: Color
+    name: str = ""
+    pos: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Centre in the part's frame [m]."""
+    quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    """Orientation in the part's frame, wxyz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A rigid body of the figure."""
+
+    name: str
+    shapes: tuple[Shape, ...]
+    foot: int | None = None
+    """0: the left foot, 1: the right foot; its contact is shown. None for all else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """T frames of P parts. A part that is missing in a frame has NaN there and is not drawn."""
+
+    name: str
+    fps: float
+    """Frames per second [Hz]."""
+    parts: tuple[Part, ...]
+    pos_w: Float[np.ndarray, "t p 3"]
+    """Origins of the parts, world frame [m]."""
+    quat_w: Float[np.ndarray, "t p 4"]
+    """Orientations of the parts, world frame, wxyz."""
+    root_pos_w: Float[np.ndarray, "t 3"]
+    """Where the figure as a whole is [m]."""
+    heading: Float[np.ndarray, " t"]
+    """Direction it faces, about world z [rad]."""
+    contacts: np.ndarray | None = field(default=None)
+    """Foot on the ground (t, 2), (left, right); None where the clip does not say."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.pos_w)
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last frame [s]; the first is at 0."""
+        return (self.frame_count - 1) / self.fps
+
+    def frame_at(self, time_s: float) -> int:
+        """The frame nearest to a time; the first and the last hold beyond the ends."""
+        return int(np.clip(round(time_s * self.fps), 0, self.frame_count - 1))
+
+    def drawn(self, frame: int) -> np.ndarray:
+        """Which parts are there in a frame (p,)."""
+        return np.isfinite(self.pos_w[frame]).all(axis=1) & np.isfinite(self.quat_w[frame]).all(axis=1)
+
+    def shape_poses(self, frame: int) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+        """World positions [m] and orientations (wxyz) of all shapes, parts in order, shapes in order within."""
+        part = np.repeat(np.arange(len(self.parts)), [len(part.shapes) for part in self.parts])
+        pos = np.array([shape.pos for part in self.parts for shape in part.shapes])
+        quat = np.array([shape.quat for part in self.parts for shape in part.shapes])
+        part_quat = self.quat_w[frame, part]
+        return self.pos_w[frame, part] + rotation.rotate(part_quat, pos), rotation.multiply(part_quat, quat)

@@ -1,0 +1,128 @@
+"""A human's motion as a figure: a capsule from joint to joint, drawn from the joint positions alone.
+
+Only the head is placed by an orientation too. So what is seen is what the positions say, whatever the
+orientations are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import BODIES, HumanClip, body
+from pipeline.errors import ClipError
+from pipeline.viewing.figure import Color, Figure, Part, Shape
+
+SKIN: Color = (0.87, 0.68, 0.53)
+SHIRT: Color = (0.25, 0.45, 0.70)
+TROUSERS: Color = (0.30, 0.32, 0.38)
+SHOE: Color = (0.55, 0.25, 0.20)
+
+BONES: tuple[tuple[str, str, float, Color], ...] = (
+    ("left_hip", "right_hip", 0.085, TROUSERS),
+    ("pelvis", "chest", 0.105, SHIRT),
+    ("left_shoulder", "right_shoulder", 0.060, SHIRT),
+    ("chest", "neck", 0.080, SHIRT),
+    ("neck", "head", 0.050, SKIN),
+    ("left_hip", "left_knee", 0.068, TROUSERS),
+    ("left_knee", "left_ankle", 0.048, TROUSERS),
+    ("left_ankle", "left_toe", 0.038, SHOE),
+    ("right_hip", "right_knee", 0.068, TROUSERS),
+    ("right_knee", "right_ankle", 0.048, TROUSERS),
+    ("right_ankle", "right_toe", 0.038, SHOE),
+    ("left_shoulder", "left_elbow", 0.043, SHIRT),
+    ("left_elbow", "left_wrist", 0.036, SKIN),
+    ("right_shoulder", "right_elbow", 0.043, SHIRT),
+    ("right_elbow", "right_wrist", 0.036, SKIN),
+)
+"""From joint, to joint, radius [m] for a person with legs of `LEG`, colour. Chosen to look like a person."""
+
+LEG = 0.84
+"""Thigh plus shank [m] of the person the radii are for: .491 of 1.71 m (Drillis and Contini 1966)."""
+
+HEAD_RADIUS, HEAD_ABOVE = 0.10, 0.09
+"""Radius of the head and height of its centre above the head's joint, along the head's z [m]."""
+
+_FOOT = {"left_ankle": 0, "right_ankle": 1}
+
+
+def human_figure(clip: HumanClip) -> Figure:
+    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError when a leg never is there."""
+    scale = _leg_length(clip) / LEG
+    parts, pos, quat = [], [], []
+    for start, stop, radius, color in BONES:
+        from_w, to_w = clip.body_pos_w[:, body(start)], clip.body_pos_w[:, body(stop)]
+        half = _median_length(to_w - from_w) / 2
+        shape = Shape(kind="capsule", size=(radius * scale, half), color=color, name=f"{start}-{stop}")
+        parts.append(Part(name=shape.name, shapes=(shape,), foot=_FOOT.get(start)))
+        pos.append((from_w + to_w) / 2)
+        quat.append(_along(to_w - from_w))
+    head = Shape(kind="sphere", size=(HEAD_RADIUS * scale,), color=SKIN, name="head", pos=(0, 0, HEAD_ABOVE * scale))
+    parts.append(Part(name="head", shapes=(head,)))
+    pos.append(clip.pos("head"))
+    quat.append(clip.quat("head"))
+    return Figure(
+        name="human",
+        fps=clip.fps,
+        parts=tuple(parts),
+        pos_w=np.stack(pos, axis=1),
+        quat_w=np.stack(quat, axis=1),
+        root_pos_w=clip.pos("pelvis"),
+        heading=facing(clip),
+        contacts=clip.contacts,
+    )
+
+
+def facing(clip: HumanClip) -> Float[np.ndarray, " t"]:
+    """Direction [rad] square to the line from the right to the left hip; NaN where a hip is missing."""
+    left = clip.pos("left_hip") - clip.pos("right_hip")
+    return np.arctan2(-left[:, 0], left[:, 1])
+
+
+def mirrored(clip: HumanClip) -> HumanClip:
+    """The clip seen in a mirror in the plane y = 0: what a robot clip's `~mirror` variant came from."""
+    index = [body(_other_side(name)) for name in BODIES]
+    return HumanClip(
+        name=clip.name,
+        fps=clip.fps,
+        body_pos_w=clip.body_pos_w[:, index] * np.array([1.0, -1.0, 1.0]),
+        body_quat_w=clip.body_quat_w[:, index] * np.array([1.0, -1.0, 1.0, -1.0]),
+        contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
+    )
+
+
+def _other_side(name: str) -> str:
+    side, _, rest = name.partition("_")
+    other = {"left": "right", "right": "left"}.get(side)
+    return f"{other}_{rest}" if other else name
+
+
+def _leg_length(clip: HumanClip) -> float:
+    """Thigh plus shank [m], median over the frames, mean of both sides."""
+    total = 0.0
+    for start, stop in (("hip", "knee"), ("knee", "ankle")):
+        for side in ("left", "right"):
+            bone = _median_length(clip.pos(f"{side}_{stop}") - clip.pos(f"{side}_{start}"))
+            if bone == 0.0:
+                raise ClipError(clip.name, "missing", f"there is no frame with a {side} {start} and {stop}.")
+            total += bone / 2
+    return total
+
+
+def _median_length(vectors: Float[np.ndarray, "t 3"]) -> float:
+    """Median length [m] over the frames that are there; 0 where none is."""
+    length = np.linalg.norm(vectors, axis=1)
+    length = length[np.isfinite(length)]
+    return float(np.median(length)) if len(length) else 0.0
+
+
+def _along(direction: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 4"]:
+    """The shortest rotation of z onto each direction, wxyz; NaN stays NaN.
+
+    The quaternion of a turn from a to b is (1 + a.b, a x b), normalised.
+    """
+    unit = rotation.normalize(direction)
+    quat = np.stack([1.0 + unit[:, 2], -unit[:, 1], unit[:, 0], np.zeros(len(unit))], axis=1)
+    down = unit[:, 2] < -1.0 + 1e-9
+    return np.where(down[:, None], np.array([0.0, 1.0, 0.0, 0.0]), rotation.normalize(quat))
