@@ -94,9 +94,7 @@ def solve_contacts(
     supplied = np.einsum("tkcx,tcx->tk", maps, force_w)
     torque = forces.joint_torque.copy()
     torque[:, legs] -= supplied[:, 6:]
-    return ContactSolution(
-        force_w=force_w, joint_torque=torque, residual_w=wrench_w - supplied[:, :6]
-    )
+    return ContactSolution(force_w=force_w, joint_torque=torque, residual_w=wrench_w - supplied[:, :6])
 
 
 def _solve(matrix: np.ndarray, needed: np.ndarray) -> np.ndarray:

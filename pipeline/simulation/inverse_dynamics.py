@@ -49,9 +49,7 @@ def states(
     quat = time_series.smooth_quat(root_quat_w, fps, cutoff_hz)
     joints = time_series.smooth(joint_pos, fps, cutoff_hz)
     ang_vel_b = rotation.rotate_inverse(quat, rotation.angular_velocity_w(quat, fps))
-    qvel = np.concatenate(
-        [time_series.derivative(pos, fps), ang_vel_b, time_series.derivative(joints, fps)], axis=1
-    )
+    qvel = np.concatenate([time_series.derivative(pos, fps), ang_vel_b, time_series.derivative(joints, fps)], axis=1)
     qacc = np.concatenate(
         [_second_difference(pos, fps), _angular_acceleration_b(quat, fps), _second_difference(joints, fps)], axis=1
     )

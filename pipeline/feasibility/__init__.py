@@ -1,0 +1,20 @@
+"""KP5: what of a motion the robot can do, and how much each clip weighs."""
+
+from pipeline.feasibility.assess import Assessment, assess
+from pipeline.feasibility.balance import balance
+from pipeline.feasibility.coverage import Coverage, coverage
+from pipeline.feasibility.process import STAGE_VERSION, process
+from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.feasibility.verdict import Verdict
+
+__all__ = [
+    "STAGE_VERSION",
+    "Assessment",
+    "Coverage",
+    "FeasibilitySettings",
+    "Verdict",
+    "assess",
+    "balance",
+    "coverage",
+    "process",
+]

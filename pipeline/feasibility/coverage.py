@@ -1,0 +1,127 @@
+"""How many seconds each part of the command space has, and what is missing, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.feasibility.command_cells import STANDING, axis_index, cell_edges, cell_of
+from pipeline.feasibility.settings import BalanceSettings, CommandSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """Seconds on the axes of the command space and on its plane of forward speed and yaw rate."""
+
+    cells: pd.DataFrame
+    """A row a cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
+    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips`, and `weighted_seconds`
+    where the rows have weights."""
+    missing: tuple[str, ...]
+    """A sentence for each stretch of an axis that has too little."""
+
+
+def coverage(rows: pd.DataFrame, settings: BalanceSettings) -> Coverage:
+    """Coverage of the paper's command ranges by clips with their mean velocities.
+
+    An axis has the clips whose other velocities lie in the middle of the range: within one cell's width of 0.
+    Clips outside the ranges count for no cell.
+    """
+    commands = settings.commands
+    standing = cell_of(rows, commands) == STANDING if len(rows) else pd.Series(dtype=bool)
+    tables = [_row(STANDING, 0.0, 0.0, rows[standing])]
+    straight = {
+        "forward": (_near(rows, "lateral_m_s", commands.lateral) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
+        "lateral": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
+        "yaw": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "lateral_m_s", commands.lateral)),
+    }
+    for axis, column, limits in _axes(commands):
+        tables += _axis_rows(axis, rows[straight[axis] & ~standing], column, limits)
+    tables += _plane_rows(rows[_near(rows, "lateral_m_s", commands.lateral) & ~standing], commands)
+    cells = pd.DataFrame(tables)
+    return Coverage(cells=cells, missing=_missing(cells, settings))
+
+
+def _axes(commands: CommandSettings) -> tuple[tuple[str, str, tuple[float, float, float]], ...]:
+    return (
+        ("forward", "forward_m_s", commands.forward),
+        ("lateral", "lateral_m_s", commands.lateral),
+        ("yaw", "yaw_rate_rad_s", commands.yaw_rate),
+    )
+
+
+def _near(rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> pd.Series:
+    return rows[column].abs() <= axis[2]
+
+
+def _axis_rows(name: str, rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> list[dict]:
+    edges = cell_edges(axis)
+    inside = rows[rows[column].between(axis[0], axis[1])]
+    index = axis_index(inside[column].to_numpy(), axis)
+    return [_row(name, edges[cell], edges[cell + 1], inside[index == cell]) for cell in range(len(edges) - 1)]
+
+
+def _plane_rows(rows: pd.DataFrame, commands: CommandSettings) -> list[dict]:
+    edges = cell_edges(commands.yaw_rate)
+    inside = rows[rows["yaw_rate_rad_s"].between(commands.yaw_rate[0], commands.yaw_rate[1])]
+    index = axis_index(inside["yaw_rate_rad_s"].to_numpy(), commands.yaw_rate)
+    found = []
+    for cell in range(len(edges) - 1):
+        limits = {"low_2": float(edges[cell]), "high_2": float(edges[cell + 1])}
+        line = _axis_rows("forward_yaw", inside[index == cell], "forward_m_s", commands.forward)
+        found += [{**entry, **limits} for entry in line]
+    return found
+
+
+def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
+    entry = {
+        "axis": axis,
+        "low": float(np.round(low, 9)),
+        "high": float(np.round(high, 9)),
+        "low_2": np.nan,
+        "high_2": np.nan,
+        "seconds": float(rows["seconds"].sum()),
+        "clips": len(rows),
+    }
+    if "weight" in rows:
+        entry["weight"] = float(rows["weight"].sum())
+    return entry
+
+
+_SENTENCES: dict[str, Callable[[float, float], str]] = {
+    "forward": lambda low, high: (
+        f"walks forward at {low:.1f} to {high:.1f} m/s" if low >= 0 else f"walks back at {-high:.1f} to {-low:.1f} m/s"
+    ),
+    "lateral": lambda low, high: (
+        f"walks left at {low:.1f} to {high:.1f} m/s" if low >= 0 else f"walks right at {-high:.1f} to {-low:.1f} m/s"
+    ),
+    "yaw": lambda low, high: (
+        f"turns left at {low:.1f} to {high:.1f} rad/s"
+        if low >= 0
+        else f"turns right at {-high:.1f} to {-low:.1f} rad/s"
+    ),
+}
+
+
+def _missing(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
+    """Neighbouring empty cells of one direction are one sentence; the cells about 0 are covered by standing."""
+    least = settings.missing_seconds
+    sentences = []
+    if cells.loc[cells["axis"] == STANDING, "seconds"].sum() < least:
+        sentences.append(f"No clip stands for {least:g} s.")
+    for axis in ("forward", "lateral", "yaw"):
+        line = cells[(cells["axis"] == axis)].sort_values("low")
+        for side in (line[line["low"] >= -1e-9], line[line["low"] < -1e-9]):
+            spans: list[list[float]] = []
+            for low, high, seconds in zip(side["low"], side["high"], side["seconds"], strict=True):
+                if seconds >= least:
+                    continue
+                if spans and abs(spans[-1][1] - low) < 1e-6:
+                    spans[-1][1] = high
+                else:
+                    spans.append([low, high])
+            sentences += [f"No clip {_SENTENCES[axis](low, high)}." for low, high in spans]
+    return tuple(sentences)

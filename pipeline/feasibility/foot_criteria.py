@@ -1,0 +1,123 @@
+"""Criteria of the feet: slip, penetration, floating, flight, labels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.settings import FootSettings
+from pipeline.feasibility.verdict import Verdict
+from pipeline.quality.foot_slip import inner_contacts, lowest_corner_slip
+from pipeline.quality.sole_contact import contact_from_sole
+
+SIDES = ("left", "right")
+
+
+def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
+    """Mean and 95th percentile of slip against limits that grow with the speed over ground."""
+    slip = lowest_corner_slip(motion.sole, motion.contacts)
+    speed = motion.ground_speed
+    mean_limit = settings.slip_mean[0] + settings.slip_mean[1] * speed
+    p95_limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
+    text = f"feet in contact slide, at {speed:.2f} m/s over ground, at"
+    mean = Verdict(
+        code="foot_slip_mean",
+        value=slip.mean,
+        limit=mean_limit,
+        unit="m/s",
+        text=f"{text} {slip.mean:.2f} m/s on average",
+        bad=_sliding_stances(motion, mean_limit),
+    )
+    p95 = Verdict(
+        code="foot_slip_p95",
+        value=slip.p95,
+        limit=p95_limit,
+        unit="m/s",
+        text=f"{text} more than {slip.p95:.2f} m/s in 5 % of the time",
+        bad=_sliding_stances(motion, p95_limit),
+    )
+    return mean, p95
+
+
+def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
+    """Depth of the lowest corner of each frame below the ground: 95th percentile and most."""
+    depth = np.maximum(-motion.sole.height.min(axis=1), 0.0)
+    p95, frame = float(np.percentile(depth, 95)), int(np.argmax(depth))
+    return (
+        Verdict(
+            code="penetration_p95",
+            value=p95,
+            limit=settings.penetration_p95,
+            unit="m",
+            text=f"a sole is more than {100 * p95:.1f} cm below the ground in 5 % of the time",
+            bad=depth > settings.penetration_p95,
+        ),
+        Verdict(
+            code="penetration_max",
+            value=float(depth[frame]),
+            limit=settings.penetration_max,
+            unit="m",
+            text=f"frame {frame}: a sole is {100 * depth[frame]:.1f} cm below the ground",
+            bad=depth > settings.penetration_max,
+        ),
+    )
+
+
+def floating(motion: Motion, settings: FootSettings) -> Verdict:
+    """Height of the lowest corner of feet that are labelled as in contact."""
+    height = np.where(inner_contacts(motion.contacts), motion.sole.height, 0.0)
+    frame, side = np.unravel_index(np.argmax(height), height.shape)
+    value = max(float(height[frame, side]), 0.0)
+    return Verdict(
+        code="floating_contact",
+        value=value,
+        limit=settings.floating,
+        unit="m",
+        text=f"frame {frame}: the {SIDES[side]} foot is said to stand and is {100 * value:.1f} cm above the ground",
+        bad=np.any(height > settings.floating, axis=1),
+    )
+
+
+def flight(motion: Motion, settings: FootSettings) -> Verdict:
+    """Longest time with both soles off the ground."""
+    above = np.all(motion.sole.height > settings.flight_height, axis=1)
+    fps = motion.clip.fps
+    flights = time_series.runs(above)
+    longest = max(flights, key=lambda span: span[1] - span[0], default=(0, 0))
+    value = (longest[1] - longest[0]) / fps
+    bad = np.zeros(len(above), dtype=bool)
+    for start, stop in flights:
+        bad[start:stop] = (stop - start) / fps > settings.flight_s
+    return Verdict(
+        code="flight_s",
+        value=value,
+        limit=settings.flight_s,
+        unit="s",
+        text=f"from {longest[0] / fps:.2f} s on both feet are off the ground for {value:.2f} s",
+        bad=bad,
+    )
+
+
+def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
+    """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
+    seen = contact_from_sole(motion.sole)
+    value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
+    return Verdict(
+        code="contact_disagreement",
+        value=value,
+        limit=settings.disagreement,
+        unit="of foot-frames",
+        text=f"contact labels and the soles' motion disagree in {100 * value:.0f} % of the foot-frames",
+    )
+
+
+def _sliding_stances(motion: Motion, limit: float) -> np.ndarray:
+    """Frames of stances whose own mean slip is above the limit."""
+    speed, inner = motion.sole.lowest_corner_speed, inner_contacts(motion.contacts)
+    bad = np.zeros(len(speed), dtype=bool)
+    for side in range(2):
+        for start, stop in time_series.runs(inner[:, side]):
+            if speed[start:stop, side].mean() > limit:
+                bad[start:stop] = True
+    return bad

@@ -1,0 +1,78 @@
+"""A clip with all that several criteria look at, worked out once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.quality.command_velocity import CommandVelocity, command_velocity
+from pipeline.quality.sole import SoleMotion, sole_motion
+from pipeline.quality.sole_contact import contact_from_sole
+from pipeline.robot import Robot
+
+FPS = 50.0
+"""Rate at which motions are judged and stored [Hz]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A clip at 50 Hz and what follows from it."""
+
+    clip: RobotClip
+    robot: Robot
+    sole: SoleMotion
+    contacts: Bool[np.ndarray, "t 2"]
+    """The clip's labels; told from the soles where it has none."""
+    labelled: bool
+    velocity: CommandVelocity
+    smooth_root_pos_w: Float[np.ndarray, "t 3"]
+    smooth_root_quat_w: Float[np.ndarray, "t 4"]
+
+    @property
+    def ground_speed(self) -> float:
+        """Mean speed over ground [m/s]."""
+        return float(np.hypot(self.velocity.forward_m_s, self.velocity.lateral_m_s))
+
+    def cut(self, start: int, stop: int, settings: FeasibilitySettings) -> Motion:
+        """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
+        return motion_of(self.clip.cut(start, stop, self.clip.name), self.robot, settings)
+
+
+def motion_of(clip: RobotClip, robot: Robot, settings: FeasibilitySettings) -> Motion:
+    """The clip, resampled to 50 Hz by time, with what follows from it."""
+    clip = at_database_rate(clip)
+    sole = sole_motion(clip, robot)
+    cutoff_hz = settings.root.cutoff_hz
+    return Motion(
+        clip=clip,
+        robot=robot,
+        sole=sole,
+        contacts=contact_from_sole(sole) if clip.contacts is None else clip.contacts,
+        labelled=clip.contacts is not None,
+        velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
+        smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
+        smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
+    )
+
+
+def at_database_rate(clip: RobotClip) -> RobotClip:
+    """The clip at 50 Hz. Multiples of it lose frames, other rates go through a spline: lines between frames
+    would put all acceleration at the frames."""
+    if clip.fps == FPS or clip.fps % FPS == 0:
+        return clip.resampled(FPS)
+    times_s = time_series.resample_times(clip.frame_count, clip.fps, FPS)
+    return RobotClip(
+        name=clip.name,
+        fps=FPS,
+        robot=clip.robot,
+        joint_names=clip.joint_names,
+        root_pos_w=time_series.resample_cubic(clip.root_pos_w, clip.fps, times_s),
+        root_quat_w=rotation.normalize(time_series.resample_quat_cubic(clip.root_quat_w, clip.fps, times_s)),
+        joint_pos=time_series.resample_cubic(clip.joint_pos, clip.fps, times_s),
+        contacts=None if clip.contacts is None else time_series.resample_nearest(clip.contacts, clip.fps, times_s),
+    )

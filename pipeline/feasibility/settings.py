@@ -1,0 +1,149 @@
+"""The thresholds of KP5 as `data/feasibility.yaml` states them; there stand their values and sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutSettings:
+    """What is done with bad stretches."""
+
+    min_seconds: float
+    """Shortest stretch that goes on [s]."""
+    margin_s: float
+    """Cut away with a bad frame on both sides [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSettings:
+    """Positions, speeds and accelerations of joints."""
+
+    limit_excess: float
+    """Allowed beyond the robot's position limits [rad]."""
+    speed_ratio: float
+    """Largest speed over the motor's limit."""
+    acceleration_p99: float
+    """99th percentile over all frames and joints, low-passed [rad/s^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueSettings:
+    """The torque a motion needs with the best admissible contact forces."""
+
+    cutoff_hz: float
+    """Low pass of the motion before accelerations are taken [Hz]."""
+    friction: float
+    """Coefficient of friction of the ground."""
+    touch_height: float
+    """A sole corner below this [m] may bear a force."""
+    ratio: float
+    """A joint is over its limit where torque over limit is above this."""
+    over_share: float
+    """Largest share of a joint's frames over its limit."""
+    over_run_s: float
+    """Longest time a joint may be over its limit without a break [s]."""
+    force_residual: float
+    """Largest mean of the force that no contact supplies, over the weight."""
+    lever_residual: float
+    """Largest mean of the moment that no contact supplies, over the weight [m]."""
+    residual_window_s: float
+    """Length of the stretches over which both means are taken [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootSettings:
+    """Feet on the ground."""
+
+    slip_mean: tuple[float, float]
+    """Largest mean slip [m/s]: a + b times the speed over ground."""
+    slip_p95: tuple[float, float]
+    """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
+    penetration_p95: float
+    """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
+    penetration_max: float
+    """Deepest corner [m]."""
+    floating: float
+    """Largest height of the lowest corner of a foot in contact [m]."""
+    flight_height: float
+    """Both soles higher than this [m] is flight."""
+    flight_s: float
+    """Longest flight [s]."""
+    disagreement: float
+    """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollisionSettings:
+    """The robot against itself."""
+
+    depth: float
+    """Deepest overlap of two shapes [m]."""
+    contact_depth: float
+    """An overlap deeper than this [m] counts for the share."""
+    share: float
+    """Largest share of frames with such an overlap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RootSettings:
+    """The root link, low-passed at `cutoff_hz`."""
+
+    cutoff_hz: float
+    """[Hz]"""
+    height: tuple[float, float]
+    """Lowest and highest root over the default root height."""
+    tilt_deg: float
+    """Largest angle from upright [deg]."""
+    speed: float
+    """Largest speed of the root [m/s]."""
+    turn_speed: float
+    """Largest angular speed of the root [rad/s]."""
+    acceleration: float
+    """Largest acceleration of the root [m/s^2]."""
+    jerk: float
+    """Largest mean jerk of the root [m/s^3]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandSettings:
+    """The cells of the command space that clips are balanced over."""
+
+    forward: tuple[float, float, float]
+    """Lowest, highest and width of cells [m/s]."""
+    lateral: tuple[float, float, float]
+    """[m/s]"""
+    yaw_rate: tuple[float, float, float]
+    """[rad/s]"""
+    standing_m_s: float
+    """Slower than this over ground [m/s] ..."""
+    standing_rad_s: float
+    """... and turning slower than this [rad/s] is standing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BalanceSettings:
+    """How feasible clips share the weight."""
+
+    commands: CommandSettings
+    cell_power: float
+    """0: every second weighs the same; 1: every cell weighs the same."""
+    max_ratio: float
+    """Largest weight of a second over the mean weight of a second."""
+    smooth_jerk: float
+    """Mean jerk [m/s^3] at which a clip's weight is halved."""
+    missing_seconds: float
+    """A cell with less than this [s] is missing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeasibilitySettings:
+    """`data/feasibility.yaml`."""
+
+    cut: CutSettings
+    joints: JointSettings
+    torque: TorqueSettings
+    feet: FootSettings
+    collision: CollisionSettings
+    root: RootSettings
+    balance: BalanceSettings

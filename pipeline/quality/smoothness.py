@@ -1,0 +1,24 @@
+"""How smooth a motion is."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import time_series
+
+
+def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> float:
+    """Mean length of the third derivative of a position [m/s^3], low-passed at `cutoff_hz` (zero-phase) first."""
+    if len(pos_w) < 4:
+        return 0.0
+    jerk = np.diff(time_series.smooth(pos_w, fps, cutoff_hz), n=3, axis=0) * fps**3
+    return float(np.linalg.norm(jerk, axis=1).mean())
+
+
+def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float) -> float:
+    """99th percentile of |second derivative| over all frames and columns, low-passed at `cutoff_hz` first."""
+    if len(values) < 3:
+        return 0.0
+    second = np.diff(time_series.smooth(values, fps, cutoff_hz), n=2, axis=0) * fps**2
+    return float(np.percentile(np.abs(second), 99))
