@@ -1,0 +1,99 @@
+"""The graph as it is meant: keys, lineage, checks. A key misspelt would silently become an external stub."""
+
+import dagster as dg
+import pytest
+
+from assets.definitions import defs
+from assets.freshness import topological
+from assets.plan import plans
+from assets.project import PROJECT
+from assets.robot_motions import robot_assets, robot_checks
+
+LINEAGE = {
+    "raw_motions": set(),
+    "motion_catalog": {"raw_motions"},
+    "selected_motions": {"motion_catalog"},
+    "repaired_motions": {"selected_motions"},
+    "robot_model": set(),
+    "retargeted_motions": {"repaired_motions", "robot_model"},
+    "augmented_motions": {"retargeted_motions", "robot_model"},
+    "feasible_motions": {"augmented_motions", "robot_model"},
+    "expert_db": {"feasible_motions", "robot_model"},
+}
+
+
+def lineage(definitions: dg.Definitions) -> dict[str, set[str]]:
+    graph = definitions.resolve_asset_graph()
+    return {
+        key.to_user_string(): {parent.to_user_string() for parent in graph.get(key).parent_keys}
+        for key in graph.get_all_asset_keys()
+    }
+
+
+def test_lineage_of_the_t1_bears_the_bare_keys():
+    found = lineage(defs)
+    assert {key: parents for key, parents in found.items() if "/" not in key} == LINEAGE
+
+
+def test_only_the_source_folders_are_external():
+    graph = defs.resolve_asset_graph()
+    assert graph.external_asset_keys == {dg.AssetKey(["raw_motions"])}
+
+
+def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
+    other = dg.Definitions(
+        assets=[*defs.assets, *robot_assets("k9")],
+        asset_checks=[*defs.asset_checks, *robot_checks("k9")],
+        resources=defs.resources,
+    )
+    found = lineage(other)
+    assert found["k9/retargeted_motions"] == {"repaired_motions", "k9/robot_model"}
+    assert found["k9/expert_db"] == {"k9/feasible_motions", "k9/robot_model"}
+    assert {key for key in found if key.startswith("k9/")} == {
+        f"k9/{name}" for name in LINEAGE if "motions" in name or name in ("robot_model", "expert_db")
+    } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
+
+
+def test_every_asset_has_a_plan_a_description_and_a_group():
+    graph = defs.resolve_asset_graph()
+    known = plans(PROJECT)
+    for key in graph.materializable_asset_keys:
+        assert key in known
+        assert graph.get(key).description
+        assert graph.get(key).group_name in {"motions", "t1_motions"}
+
+
+def test_what_would_make_wrong_data_blocks():
+    graph = defs.resolve_asset_graph()
+    blocking = {
+        (key.asset_key.to_user_string(), key.name)
+        for key in graph.asset_check_keys
+        if graph.get_check_spec(key).blocking
+    }
+    stages = [name for name in LINEAGE if name not in ("raw_motions", "robot_model", "expert_db")]
+    expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
+    assert blocking == expected | {("robot_model", "models_agree"), ("expert_db", "whole_database")}
+
+
+def test_topological_order_puts_parents_first():
+    keys = {name: dg.AssetKey([name]) for name in "abcd"}
+    parents = {keys["d"]: {keys["b"], keys["c"]}, keys["b"]: {keys["a"]}, keys["c"]: {keys["a"]}, keys["a"]: set()}
+    assert topological(parents) == [keys[name] for name in "abcd"]
+
+
+@pytest.mark.parametrize("name", ["motion_catalog", "feasible_motions"])
+def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path, root):
+    import shutil
+
+    from assets.project import Project
+
+    for folder in ("data", "robots"):
+        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
+    project = Project(tmp_path)
+    plan = plans(project)[dg.AssetKey([name])]
+    path = project.settings(plan.settings_files[0])
+    before, text = plan.fingerprint(project), path.read_text()
+    path.write_text(text + "\n# a remark\n")
+    assert plan.fingerprint(project) == before
+    path.write_text(text + "\nanother_key: 1\n")
+    assert plan.fingerprint(project) != before

@@ -1,0 +1,97 @@
+"""A checkout of the project in a folder of its own, and the README's commands run in it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import dagster as dg
+
+ASSETS = (
+    "motion_catalog",
+    "selected_motions",
+    "repaired_motions",
+    "robot_model",
+    "retargeted_motions",
+    "augmented_motions",
+    "feasible_motions",
+    "expert_db",
+)
+
+
+@dataclass(frozen=True)
+class Checkout:
+    """The project's files (committed or about to be) in `root`, with a few of the shipped motions."""
+
+    root: Path
+
+    @staticmethod
+    def make(project: Path, root: Path, motions: tuple[str, ...]) -> "Checkout":
+        """Copy the project without what git ignores; of the shipped motions only the named ones."""
+        listed = subprocess.run(
+            ["git", "ls-files", "-co", "--exclude-standard"], cwd=project, capture_output=True, text=True, check=True
+        )
+        for name in listed.stdout.splitlines():
+            source = project / name
+            if source.is_file() and (not name.startswith("data/motions/") or source.stem in motions):
+                (root / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(source, root / name)
+        return Checkout(root)
+
+    def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        """A command typed in the root with the project's environment active."""
+        clean = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        return subprocess.run(
+            command,
+            cwd=self.root,
+            env={**clean, "PATH": path, "PYTHONPATH": str(self.root), **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+        )
+
+    def materialize(self, **environment: str) -> str:
+        """The literal command of the README; what it printed. It must succeed."""
+        done = self.run("dagster", "asset", "materialize", "--select", "expert_db", **environment)
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+        return done.stdout + done.stderr
+
+    def history(self) -> dict[str, list[dict]]:
+        """Metadata of each asset's materializations as `dagster dev` would see them, the newest first."""
+        before = Path.cwd()
+        os.chdir(self.root)
+        try:
+            with dg.DagsterInstance.from_config(str(self.root)) as instance:
+                return {name: _materializations(instance, name) for name in ASSETS}
+        finally:
+            os.chdir(before)
+
+    def counts(self) -> dict[str, int]:
+        """How often each asset was materialized so far."""
+        return {name: len(each) for name, each in self.history().items()}
+
+    def recomputed(self) -> dict[str, int]:
+        """Clips that the newest materialization of each clip stage worked on."""
+        history = self.history()
+        return {name: each[0]["clips recomputed"] for name, each in history.items() if "clips recomputed" in each[0]}
+
+    def database(self) -> dict[str, str]:
+        """Files of the T1 database and their digests."""
+        return json.loads((self.root / "data/expert_db/t1/manifest.json").read_text())["files"]
+
+    def clips(self) -> set[str]:
+        """Names of the motion files that the database's clips come from."""
+        import pandas as pd
+
+        return set(pd.read_parquet(self.root / "data/expert_db/t1/index.parquet")["source_file"])
+
+
+def _materializations(instance: dg.DagsterInstance, name: str) -> list[dict]:
+    records = instance.fetch_materializations(dg.AssetKey([name]), limit=100).records
+    events = [record.asset_materialization for record in records]
+    return [{key: value.value for key, value in event.metadata.items()} for event in events if event is not None]
