@@ -74,11 +74,8 @@ def test_the_four_corners_are_the_bottom_of_the_foot(t1: Robot):
 
 def test_excluded_pairs_of_links_never_touch(tmp_path: Path):
     folder = write_small_robot(tmp_path / "small")
-    replace(
-        folder / "shapes.csv",
-        "l_leg,l_thigh,capsule,both,grey,0,0,-0.15",
-        "l_leg,l_thigh,capsule,both,grey,0,-0.2,-0.15",
-    )
+    thigh = "l_leg,l_thigh,capsule,both,grey,0,{y},-0.15,0,0.2,0,{radius},"
+    replace(folder / "shapes.csv", thigh.format(y="0", radius="0.04"), thigh.format(y="-0.25", radius="0.1"))
     assert render.main([str(folder)]) == 0
     robot = load_robot(folder)
     assert in_default_pose(robot, mujoco_model(robot)).ncon == 0
