@@ -42,7 +42,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     result = job.execute_in_process(
         instance=instance,
         asset_selection=list(stale),
-        run_config={"resources": dict(run.run_config.get("resources", {}))} if run.run_config else None,
+        run_config={name: value for name, value in run.run_config.items() if name == "resources"},
         tags={BOOTSTRAP_TAG: run.run_id},
         raise_on_error=False,
     )

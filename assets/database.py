@@ -115,11 +115,11 @@ def _every_skill(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
     from pipeline.viewing.plots import SKILL_COLORS
 
     own = index[index["variant"] == "original"]
-    seconds = own.groupby("skill")["seconds"].sum()
+    seconds = {skill: float(own.loc[own["skill"] == skill, "seconds"].sum()) for skill in SKILL_COLORS}
     poor = [
-        f"{skill} {seconds.get(skill, 0.0):.1f} s"
-        for skill in SKILL_COLORS
-        if skill != "transition" and seconds.get(skill, 0.0) < MIN_SKILL_SECONDS
+        f"{skill} {value:.1f} s"
+        for skill, value in seconds.items()
+        if skill != "transition" and value < MIN_SKILL_SECONDS
     ]
     return dg.AssetCheckResult(
         asset_key=plan.key,

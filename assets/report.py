@@ -41,8 +41,8 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str]) -> dict[str, Any]
 
 
 def _worst_first(table: pd.DataFrame) -> pd.DataFrame:
-    order = table["fate"].map({"rejected": 0, "partly": 1, "accepted": 2})
-    return table.assign(order=order).sort_values(["order", "clip"]).drop(columns="order")
+    order = [("rejected", "partly", "accepted").index(fate) for fate in table["fate"]]
+    return table.assign(order=order).sort_values(by=["order", "clip"]).drop(columns="order")
 
 
 def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:

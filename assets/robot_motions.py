@@ -50,7 +50,7 @@ def _from(**plans: Plan) -> dict[str, dg.AssetIn]:
     return {name: dg.AssetIn(plan.key) for name, plan in plans.items()}
 
 
-def _robot_model(plan: Plan) -> dg.AssetsDefinition:
+def _robot_model(plan: Plan) -> Any:
     @dg.asset(
         **_declared(plan, "mujoco"),
         check_specs=[
@@ -68,9 +68,8 @@ def _robot_model(plan: Plan) -> dg.AssetsDefinition:
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-        stage = stage_of(plan, load_robot, None)
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={stage.settings_digest: facts})
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         agree = models_agree(robot)
         result = materialized(plan, manifest, {"joints": table_of(joint_table(robot), list(joint_table(robot)))})
         check = dg.AssetCheckResult(
@@ -81,7 +80,7 @@ def _robot_model(plan: Plan) -> dg.AssetsDefinition:
     return robot_model
 
 
-def _retargeted_motions(plan: Plan, model: Plan) -> dg.AssetsDefinition:
+def _retargeted_motions(plan: Plan, model: Plan) -> Any:
     repaired = dg.AssetKey(["repaired_motions"])
 
     @dg.asset(
@@ -109,7 +108,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> dg.AssetsDefinition:
     return retargeted_motions
 
 
-def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> dg.AssetsDefinition:
+def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     @dg.asset(
         **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model)),
         check_specs=check_specs(plan),
@@ -133,7 +132,7 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> dg.AssetsDe
     return augmented_motions
 
 
-def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> dg.AssetsDefinition:
+def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
     @dg.asset(
         **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, robot_model=model)),
         check_specs=check_specs(plan),
@@ -164,7 +163,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> dg.AssetsDefi
     return feasible_motions
 
 
-def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> dg.AssetsDefinition:
+def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
     @dg.asset(
         **_declared(plan, "json", inputs=_from(feasible_motions=feasible, robot_model=model)),
         output_required=False,

@@ -59,7 +59,7 @@ def observe(instance: dg.DagsterInstance, project: Project) -> str:
             tags={"dagster/data_version": version},
             metadata={"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))},
         )
-        instance.report_runtime_asset_event(event)
+        instance.report_runless_asset_event(event)
     return version
 
 

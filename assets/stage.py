@@ -9,11 +9,10 @@ from assets.checks import evaluate
 from assets.plan import FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
-from pipeline.clips.outcome import Outcome
 from pipeline.files import settings
 
 
-def stage_of(plan: Plan, function: Callable[..., Outcome], values: Any) -> Stage:
+def stage_of(plan: Plan, function: Callable[..., Any], values: Any) -> Stage:
     """The stage of an asset with its settings `values` (a settings dataclass, or None)."""
     return Stage(
         name=plan.name,

@@ -31,5 +31,5 @@ class ClipPool:
             yield from (function(*call) for call in calls)
             return
         with joblib.parallel_config(backend=self.backend, n_jobs=workers):
-            parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs", batch_size=1)
+            parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
             yield from parallel(joblib.delayed(function)(*call) for call in calls)

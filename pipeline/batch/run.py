@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
-from pipeline.clips.outcome import Outcome
+from pipeline.clips.outcome import Outcome, Piece
 from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
 
@@ -171,8 +171,8 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
         {"clip": piece.clip.name, "blob": store.put_clip(piece.clip), "numbers": _plain(piece.numbers)}
         for piece in outcome.pieces
     ]
-    seconds_out = sum(piece.numbers.get("seconds", piece.clip.duration_s) for piece in outcome.pieces)
-    numbers = {"seconds_in": seconds_in, "seconds_out": float(seconds_out), **_plain(outcome.numbers)}
+    seconds_out = sum(_seconds(piece) for piece in outcome.pieces)
+    numbers = {"seconds_in": seconds_in, "seconds_out": seconds_out, **_plain(outcome.numbers)}
     if numbers["seconds_in"] is None:
         numbers["seconds_in"] = numbers.get("seconds", numbers["seconds_out"])
     return {
@@ -181,6 +181,11 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
         "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
         "numbers": numbers,
     }
+
+
+def _seconds(piece: Piece) -> float:
+    """Length of a piece [s]; a window of a whole clip says its own."""
+    return float(piece.numbers.get("seconds") or piece.clip.duration_s)
 
 
 def _rejection(code: str, text: str, seconds_in: float | None, failed: bool) -> dict[str, Any]:

@@ -6,6 +6,7 @@ One row a frame, one fixed-size-list column of float64 an array; name, rate and 
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -55,10 +56,11 @@ def decode(data: bytes) -> HumanClip | RobotClip:
         for name in table.column_names
     }
     contacts = arrays.pop("contacts", None)
-    common = {"name": head["name"], "fps": head["fps"], "contacts": None if contacts is None else contacts > 0.5}
+    common: dict[str, Any] = {"name": head["name"], "fps": head["fps"], **arrays}
+    common["contacts"] = None if contacts is None else contacts > 0.5
     if head["kind"] == "human":
-        return HumanClip(**common, **arrays)
-    return RobotClip(**common, robot=head["robot"], joint_names=tuple(head["joint_names"]), **arrays)
+        return HumanClip(**common)
+    return RobotClip(robot=head["robot"], joint_names=tuple(head["joint_names"]), **common)
 
 
 def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
