@@ -50,8 +50,9 @@ class Sole:
 def lock_stances(
     raw: Float[np.ndarray, "t 5"],
     contact: Bool[np.ndarray, " t"],
-    ball_w: Float[np.ndarray, "t 2"],
+    toe_w: Float[np.ndarray, "t 2"],
     toe_yaw: Float[np.ndarray, " t"],
+    ankle_to_toe: float,
     sole: Sole,
     settings: FootSettings,
 ) -> Float[np.ndarray, "t 5"]:
@@ -60,8 +61,9 @@ def lock_stances(
     Args:
         raw: the human's foot, scaled: ankle x, y, z, yaw, pitch; yaw unwrapped
         contact: frames of stance
-        ball_w: the human's toe, scaled to where the robot's ball of the foot should be
+        toe_w: the human's toe, scaled [m]; it rests while the heel rises, so the foothold is measured there
         toe_yaw: yaw of the human foot [rad], any branch
+        ankle_to_toe: horizontal way from ankle to toe of the flat human foot, scaled [m]
     """
     ball = sole.centre + settings.ball_share * (sole.front - sole.centre)
     locked = raw.copy()
@@ -69,7 +71,7 @@ def lock_stances(
         span = slice(start, stop)
         yaw = _mean_angle(toe_yaw[span], near=float(np.median(raw[span, YAW])))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
-        foothold = np.median(ball_w[span], axis=0)
+        foothold = np.median(toe_w[span], axis=0) + heading * (ball - ankle_to_toe)
         rise = raw[span, PITCH] - settings.heel_rise_free
         pitch = settings.heel_rise_share * np.maximum(rise, 0.0)
         locked[span, :2] = foothold + heading * sole.ankle_from_ball(ball, pitch)[:, None]

@@ -12,13 +12,14 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
+from pipeline.retarget.clearance import cleared
 from pipeline.retarget.report import numbers_of
 from pipeline.retarget.resample import resampled
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
-from pipeline.robot import Robot
+from pipeline.robot import Kinematics, Robot
 
 STAGE_VERSION = "1"
 
@@ -56,6 +57,8 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
     first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
+    poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
+    targets = cleared(targets, poses, robot, settings.clearance, settings.fps)
     return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
 
 

@@ -37,6 +37,22 @@ class FootSettings:
     """Least height of the sole in the middle of a swing [m]."""
     spacing: float
     """Least gap between the two soles seen from above [m]."""
+    spacing_s: float
+    """Time over which a swinging foot gives way to the other one [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClearanceSettings:
+    """What the second pass corrects of the first."""
+
+    correction_share: float
+    """Of the stance error that is added to the target."""
+    highest_correction: float
+    """[m] Each coordinate of it."""
+    arm_distance: float
+    """Least distance of forearm and hand from the line hip to knee [m]."""
+    spread_s: float
+    """Time over which corrections come and go [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +67,8 @@ class WeightSettings:
     """[cost/m2]"""
     swing_orientation: float
     """[cost/rad2]"""
+    foot_height: float
+    """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
     pelvis_horizontal: float
     """[cost/m2]"""
     pelvis_height: float
@@ -87,4 +105,5 @@ class RetargetSettings:
     """Solves on the first frame before the clip starts."""
     stance: StanceSettings
     feet: FootSettings
+    clearance: ClearanceSettings
     weights: WeightSettings

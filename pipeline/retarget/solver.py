@@ -64,6 +64,10 @@ class Solver:
         self._trunk = solver.add_orientation_task(human["trunk"], identity)
         self._waist, self._posture = solver.add_joints_task(), solver.add_joints_task()
         self._foot_position = [solver.add_position_task(human[f"{side}_foot"], zero) for side in FEET]
+        self._foot_height = [solver.add_position_task(human[f"{side}_foot"], zero) for side in FEET]
+        for horizontal, height in zip(self._foot_position, self._foot_height, strict=True):
+            horizontal.mask.set_axises("xy")
+            height.mask.set_axises("z")
         self._foot_orientation = [solver.add_orientation_task(human[f"{side}_foot"], identity) for side in FEET]
         self._limbs = [
             solver.add_axisalign_task(human[limb], axis, axis)
@@ -128,6 +132,8 @@ class Solver:
         self._trunk.configure("trunk", "soft", weights.trunk)
         self._waist.configure("waist", "soft", weights.waist)
         self._posture.configure("posture", "soft", posture_weight)
+        for task in self._foot_height:
+            task.configure("foot_height", "soft", weights.foot_height)
         for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True):
             leg = limb.endswith(("thigh", "shank"))
             task.configure(limb, "soft", weights.legs if leg else weights.arms)
@@ -160,6 +166,7 @@ class _Feed:
             stands = self._contacts[frame][side]
             position, orientation = solver._foot_position[side], solver._foot_orientation[side]
             position.target_world = self._foot_pos[side][frame]
+            solver._foot_height[side].target_world = self._foot_pos[side][frame]
             orientation.R_world_frame = self._foot_rot[side][frame]
             position.configure(FEET[side], "soft", weights.stance_position if stands else weights.swing_position)
             orientation.configure(

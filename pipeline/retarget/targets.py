@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget import foot_plan, proportions
-from pipeline.retarget.foot_plan import PITCH, YAW, X, Z
+from pipeline.retarget import foot_plan, foot_spacing, proportions
+from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z
 from pipeline.retarget.proportions import Proportions
 from pipeline.retarget.robot_body import RobotBody
 from pipeline.retarget.settings import RetargetSettings
@@ -50,10 +50,7 @@ def plan_targets(
     lateral_w = _horizontal(hips_w[:, 0] - hips_w[:, 1])
     heading = np.unwrap(np.arctan2(-lateral_w[:, 0], lateral_w[:, 1]))
     widening = body.hip_half_width - ratio * person.hip_half_width
-    feet = [
-        _plan_foot(clip, side, contacts[:, side], ratio, lateral_w[:, :2] * widening, heading, person, body, settings)
-        for side in range(2)
-    ]
+    feet = _plan_feet(clip, contacts, ratio, lateral_w[:, :2] * widening, heading, person, body, settings)
     trunk_quat_w = clip.quat("chest")
     centre_w = ratio * (hips_w.mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
     return Targets(
@@ -77,29 +74,53 @@ def waist_angle(trunk_quat_w: Float[np.ndarray, "t 4"], heading: Float[np.ndarra
     return rotation.wrap(heading - rotation.yaw_of(trunk_quat_w))
 
 
-def _plan_foot(
+def _plan_feet(
     clip: HumanClip,
-    side: int,
-    contact: Bool[np.ndarray, " t"],
+    contacts: Bool[np.ndarray, "t 2"],
     ratio: float,
     widening_w: Float[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
     person: Proportions,
     body: RobotBody,
     settings: RetargetSettings,
+) -> tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]]:
+    """Plans of both feet (ankle x, y, z, yaw, pitch), spaced and above ground."""
+    feet, sole = settings.feet, body.sole
+    raws, locked = [], []
+    for side, name in enumerate(FEET):
+        outward_w = widening_w if side == 0 else -widening_w
+        ankle, toe = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe")
+        raw = _scaled_foot(ankle, toe, side, ratio, outward_w, heading, person, sole)
+        toe_yaw = np.arctan2(toe[:, 1] - ankle[:, 1], toe[:, 0] - ankle[:, 0])
+        scaled_toe_w = ratio * toe[:, :2] + outward_w
+        ankle_to_toe = ratio * float(person.ankle_to_toe[side])
+        raws.append(raw)
+        locked.append(foot_plan.lock_stances(raw, contacts[:, side], scaled_toe_w, toe_yaw, ankle_to_toe, sole, feet))
+    foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing)
+    slope = max(1, round(feet.slope_s * clip.fps))
+    plans = [foot_plan.spread(raws[side], locked[side], contacts[:, side], slope) for side in range(2)]
+    foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, feet.spacing_s * clip.fps)
+    left, right = (foot_plan.keep_above_ground(plans[side], contacts[:, side], sole, feet) for side in range(2))
+    return left, right
+
+
+def _scaled_foot(
+    ankle: Float[np.ndarray, "t 3"],
+    toe: Float[np.ndarray, "t 3"],
+    side: int,
+    ratio: float,
+    outward_w: Float[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    person: Proportions,
+    sole: Sole,
 ) -> Float[np.ndarray, "t 5"]:
-    ankle, toe = clip.pos(f"{FEET[side]}_ankle"), clip.pos(f"{FEET[side]}_toe")
-    outward_w = widening_w if side == 0 else -widening_w
+    """The human's foot as the robot's, no stance looked at: ankle x, y, z [m], yaw (the pelvis's), pitch [rad]."""
     raw = np.empty((len(ankle), 5))
     raw[:, :Z] = ratio * ankle[:, :2] + outward_w
-    raw[:, Z] = ratio * (ankle[:, 2] - person.ankle_height[side]) + body.sole.depth
+    raw[:, Z] = ratio * (ankle[:, 2] - person.ankle_height[side]) + sole.depth
     raw[:, YAW] = heading
     raw[:, PITCH] = proportions.foot_pitch(ankle, toe) - person.flat_pitch[side]
-    line = toe - ankle
-    toe_yaw = np.arctan2(line[:, 1], line[:, 0])
-    locked = foot_plan.lock_stances(raw, contact, ratio * toe[:, :2] + outward_w, toe_yaw, body.sole, settings.feet)
-    plan = foot_plan.spread(raw, locked, contact, max(1, round(settings.feet.slope_s * clip.fps)))
-    return foot_plan.keep_above_ground(plan, contact, body.sole, settings.feet)
+    return raw
 
 
 def _foot_quat(foot: Float[np.ndarray, "t 5"]) -> Float[np.ndarray, "t 4"]:

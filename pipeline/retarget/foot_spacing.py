@@ -1,0 +1,106 @@
+"""Feet that would pass through each other are moved apart along the pelvis's lateral axis.
+
+A sole seen from above is a row of discs. Two discs whose distance along the heading is less than the sum R of their
+radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+from pipeline import time_series
+from pipeline.retarget.foot_plan import YAW, Sole
+
+DISCS = 5
+"""Discs a sole."""
+
+CORNER = 1.1
+"""Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
+
+
+def overlap(
+    left: Float[np.ndarray, "t 5"],
+    right: Float[np.ndarray, "t 5"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+) -> Float[np.ndarray, " t"]:
+    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
+    along, across = [], []
+    places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)
+    for foot in (left, right):
+        direction = np.stack([np.cos(foot[:, YAW]), np.sin(foot[:, YAW])], axis=-1)
+        discs_w = foot[:, None, :2] + places[:, None] * direction[:, None, :]
+        cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        along.append(cosine * discs_w[..., 0] + sine * discs_w[..., 1])
+        across.append(cosine * discs_w[..., 1] - sine * discs_w[..., 0])
+    reach = 2.0 * CORNER * sole.half_width + gap
+    way = along[0][:, :, None] - along[1][:, None, :]
+    needed = np.sqrt(np.maximum(reach**2 - way**2, 0.0))
+    lacking = np.where(np.abs(way) < reach, needed - (across[0][:, :, None] - across[1][:, None, :]), 0.0)
+    return np.maximum(lacking.max(axis=(1, 2)), 0.0)
+
+
+def space_footholds(
+    locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    contacts: Bool[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+) -> None:
+    """Move whole footholds in place so that feet which stand at the same time have `gap` between them."""
+    both = contacts.all(axis=1)
+    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    for _ in range(3):
+        lacking = np.where(both, overlap(*locked, heading, sole, gap), 0.0)
+        if not lacking.any():
+            return
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            for start, stop in time_series.runs(contacts[:, side]):
+                worst = start + int(np.argmax(lacking[start:stop]))
+                locked[side][start:stop, :2] += 0.5 * sign * lacking[worst] * lateral_w[worst]
+
+
+def space_swings(
+    plans: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    contacts: Bool[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+    spread: float,
+) -> None:
+    """Move swinging feet in place away from the other foot; a standing foot stays where it is.
+
+    Args:
+        spread: frames over which a push comes and goes
+    """
+    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    lacking = overlap(*plans, heading, sole, gap)
+    if not lacking.any():
+        return
+    swings = ~contacts
+    share = swings / np.maximum(swings.sum(axis=1, keepdims=True), 1)
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        push = faded(lacking * share[:, side], spread)
+        push = np.where(swings[:, side], push * _window(swings[:, side], spread), 0.0)
+        plans[side][:, :2] += sign * push[:, None] * lateral_w
+
+
+def faded(push: Float[np.ndarray, " t"], spread: float) -> Float[np.ndarray, " t"]:
+    """A smooth curve at or above most of `push`: its running maximum, then a Gaussian of `spread` frames."""
+    width = 2 * round(spread) + 1
+    return gaussian_filter1d(maximum_filter1d(push, width), spread, mode="nearest")
+
+
+def _window(swings: Bool[np.ndarray, " t"], spread: float) -> Float[np.ndarray, " t"]:
+    """1 within swings, 0 at their ends next to a stance, smooth between over `spread` frames."""
+    window = np.zeros(len(swings))
+    for start, stop in time_series.runs(swings):
+        index = np.arange(start, stop)
+        before = index - start + 1.0 if start > 0 else np.full(len(index), np.inf)
+        after = stop - index + 0.0 if stop < len(swings) else np.full(len(index), np.inf)
+        share = np.minimum(np.minimum(before, after) / (spread + 1.0), 1.0)
+        window[start:stop] = share**2 * (3.0 - 2.0 * share)
+    return window
