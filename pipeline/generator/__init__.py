@@ -1,0 +1,13 @@
+"""Human motions made from figures of gait: a footstep plan first, the body around it after.
+
+    Recipe -> Commands (speed over time, path) -> Stride (phase, stances) -> Feet -> Pelvis -> legs, trunk, arms
+           -> Generated (truth as a HumanClip, the same motion as BVH)
+
+`python -m pipeline.generator data/motions` writes the files that ship with the project; docs/motions.md
+tells what is in them.
+"""
+
+from pipeline.generator.generate import Generated, generate
+from pipeline.generator.recipes import RECIPES
+
+__all__ = ["RECIPES", "Generated", "generate"]

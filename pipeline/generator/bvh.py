@@ -1,0 +1,93 @@
+"""A motion as BVH text: centimetres, degrees, y up, facing +z, T-pose at rest.
+
+The root turns by Y, X, Z so that no heading is singular, all other joints by Z, Y, X so that neither a
+knee bent by more than a right angle nor a hanging arm is. Rotations multiply in the order of the channels.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.generator import skeleton
+from pipeline.generator.pose import Motion
+
+CM_PER_M = 100.0
+ROOT_ORDER, JOINT_ORDER = "YXZ", "ZYX"
+DECIMALS = 4
+"""Of degrees and centimetres: 2 micrometres at a metre's distance."""
+
+
+def channels(motion: Motion) -> Float[np.ndarray, "t c"]:
+    """The motion block: root position [cm], then the angles of every joint in `skeleton.JOINTS` [deg]."""
+    columns = [_to_y_up(motion.root_pos_w) * CM_PER_M]
+    for joint in skeleton.JOINTS:
+        order = ROOT_ORDER if joint.parent is None else JOINT_ORDER
+        columns.append(_angles_deg(motion.local_quat(joint), order))
+    return np.round(np.concatenate(columns, axis=1), DECIMALS) + 0.0
+
+
+def columns_of(name: str) -> slice:
+    """Where the three angles of a joint stand in the motion block."""
+    index = [joint.name for joint in skeleton.JOINTS].index(name)
+    return slice(3 + 3 * index, 6 + 3 * index)
+
+
+def write(motion: Motion) -> str:
+    """The whole file."""
+    return to_text(channels(motion), motion.fps)
+
+
+def to_text(block: Float[np.ndarray, "t c"], fps: float) -> str:
+    """A BVH file of this skeleton with the given motion block, at a rate [Hz]."""
+    lines = ["HIERARCHY", *_hierarchy("Hips", 0), "MOTION", f"Frames: {len(block)}", f"Frame Time: {1.0 / fps:.9f}"]
+    lines += [" ".join([_number(value) for value in row]) for row in block.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    """Fixed decimals without trailing zeros."""
+    return f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
+
+
+def _to_y_up(vectors: np.ndarray) -> np.ndarray:
+    """(x, y, z) with x forward, z up -> (left, up, forward), the axes of the file."""
+    return vectors[..., [1, 2, 0]]
+
+
+def _angles_deg(quat: np.ndarray, order: str) -> Float[np.ndarray, "t 3"]:
+    """Angles about the file's axes, multiplied in `order`, without jumps of 360 degrees [deg]."""
+    wxyz = np.concatenate([quat[:, :1], _to_y_up(quat[:, 1:])], axis=-1)
+    matrix = rotation.to_matrix(wxyz)
+    first, middle, last = ("XYZ".index(axis) for axis in order)
+    sign = 1.0 if (middle - first) % 3 == 1 else -1.0
+    angles = np.stack(
+        [
+            np.arctan2(-sign * matrix[:, middle, last], matrix[:, last, last]),
+            np.arcsin(np.clip(sign * matrix[:, first, last], -1.0, 1.0)),
+            np.arctan2(-sign * matrix[:, first, middle], matrix[:, first, first]),
+        ],
+        axis=-1,
+    )
+    return np.rad2deg(np.unwrap(angles, axis=0))
+
+
+def _hierarchy(name: str, depth: int) -> list[str]:
+    joint = next(joint for joint in skeleton.JOINTS if joint.name == name)
+    pad, inner = "  " * depth, "  " * (depth + 1)
+    order = ROOT_ORDER if joint.parent is None else JOINT_ORDER
+    turns = " ".join(f"{axis}rotation" for axis in order)
+    root = joint.parent is None
+    lines = [f"{pad}{'ROOT' if root else 'JOINT'} {name}", f"{pad}{{", f"{inner}OFFSET {_offset(joint.offset)}"]
+    lines.append(f"{inner}CHANNELS {f'6 Xposition Yposition Zposition {turns}' if root else f'3 {turns}'}")
+    for child in skeleton.JOINTS:
+        if child.parent == name:
+            lines += _hierarchy(child.name, depth + 1)
+    if joint.end is not None:
+        lines += [f"{inner}End Site", f"{inner}{{", f"{inner}  OFFSET {_offset(joint.end)}", f"{inner}}}"]
+    return [*lines, f"{pad}}}"]
+
+
+def _offset(offset_m: tuple[float, float, float]) -> str:
+    return " ".join(f"{value * CM_PER_M:.6f}" for value in (offset_m[1], offset_m[2], offset_m[0]))

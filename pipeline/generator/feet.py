@@ -1,0 +1,143 @@
+"""Where each foot is at every moment: rolling over a planted point in stance, a smooth arc in swing.
+
+In stance the foot turns about its heel while its toes are up, about its toe joint while its heel is
+up (the toes stay flat); the point it turns about does not move. In swing each coordinate is the
+polynomial of degree five that takes over position, velocity and acceleration from the stances at both
+ends, plus a bump that vanishes with its second derivative at both ends: twice continuously
+differentiable throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline.generator import gait, skeleton
+from pipeline.generator.command import Commands, Recipe
+from pipeline.generator.footsteps import Stance, Stride
+from pipeline.generator.hermite import hermite
+
+MIDDLE_AHEAD = 0.045
+"""A foothold is the middle of the foot, this far ahead of the ankle [m]."""
+HEEL = np.array([-skeleton.HEEL_BACK, -skeleton.ANKLE_HEIGHT])
+"""Rear end of the sole from the ankle (forward, up), flat foot [m]."""
+BALL = np.array([skeleton.BALL_AHEAD, skeleton.BALL_HEIGHT - skeleton.ANKLE_HEIGHT])
+"""Toe joint from the ankle (forward, up), flat foot [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Foot:
+    """One foot at `GRID_HZ`, world frame."""
+
+    ankle_w: Float[np.ndarray, "n 3"]
+    """Ankle joint [m]."""
+    yaw: Float[np.ndarray, "n"]
+    """[rad]"""
+    pitch: Float[np.ndarray, "n"]
+    """Heel up positive [rad]."""
+    toe_bend: Float[np.ndarray, "n"]
+    """Toes up against the foot [rad]."""
+    contact: Bool[np.ndarray, "n"]
+    """On the ground."""
+
+
+def move_foot(recipe: Recipe, commands: Commands, stances: tuple[Stance, ...]) -> Foot:
+    """The foot over the whole time of the commands."""
+    times = commands.times
+    values = np.zeros((len(times), 6))
+    contact = np.zeros(len(times), dtype=bool)
+    for stance in stances:
+        inside = (times >= stance.start_s) & (times <= stance.stop_s)
+        values[inside] = _in_stance(stance, times[inside])[0]
+        contact |= inside
+    for before, after in zip(stances[:-1], stances[1:], strict=True):
+        inside = (times > before.stop_s) & (times < after.start_s)
+        values[inside] = _in_swing(recipe, commands, before, after, times[inside])
+    return Foot(ankle_w=values[:, :3], yaw=values[:, 3], pitch=values[:, 4], toe_bend=values[:, 5], contact=contact)
+
+
+def _in_stance(stance: Stance, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ankle x, y, z, yaw, pitch and toe bend (n, 6), their velocities and accelerations, in a stance."""
+    pitch, rate, acceleration = _roll(stance, times)
+    pivot = np.where((pitch > 0.0)[:, None], BALL, HEEL)
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    # from the pivot to the ankle, turned nose down by the pitch: (forward, up) and its derivative by the pitch
+    arm = -pivot
+    turned = np.stack([cosine * arm[:, 0] + sine * arm[:, 1], -sine * arm[:, 0] + cosine * arm[:, 1]], axis=-1)
+    slope = np.stack([turned[:, 1], -turned[:, 0]], axis=-1)
+    place = turned + pivot - [MIDDLE_AHEAD, 0.0]
+    speed = slope * rate[:, None]
+    change = slope * acceleration[:, None] - turned * (rate**2)[:, None]
+    height = np.full(len(times), skeleton.ANKLE_HEIGHT)
+    zeros, bent = np.zeros(len(times)), pitch > 0.0
+    ahead, across = np.cos(stance.yaw), np.sin(stance.yaw)
+    value = [stance.x + ahead * place[:, 0], stance.y + across * place[:, 0], height + place[:, 1]]
+    value += [zeros + stance.yaw, pitch, np.where(bent, pitch, 0.0)]
+    velocity = [ahead * speed[:, 0], across * speed[:, 0], speed[:, 1], zeros, rate, np.where(bent, rate, 0.0)]
+    second = [ahead * change[:, 0], across * change[:, 0], change[:, 1], zeros, acceleration]
+    second += [np.where(bent, acceleration, 0.0)]
+    return np.stack(value, axis=-1), np.stack(velocity, axis=-1), np.stack(second, axis=-1)
+
+
+def _roll(stance: Stance, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pitch of a standing foot (n,) with rate and acceleration: down after landing, flat, up before leaving.
+
+    Each part is 2 u³ - u⁴ of the time u from or to the flat foot: it starts from rest with no acceleration and
+    touches down or lifts off at full rate, again with no acceleration.
+    """
+    parts = []
+    for u, sign, duration_s, pitch in (
+        ((stance.start_s + stance.landing_s - times) / stance.landing_s, -1.0, stance.landing_s, stance.landing_pitch),
+        ((times - stance.stop_s + stance.leaving_s) / stance.leaving_s, 1.0, stance.leaving_s, stance.leaving_pitch),
+    ):
+        u = np.clip(u, 0.0, 1.0)
+        value, rate, acceleration = 2 * u**3 - u**4, 6 * u**2 - 4 * u**3, 12 * u - 12 * u**2
+        parts.append(pitch * np.stack([value, sign * rate / duration_s, acceleration / duration_s**2]))
+    return tuple(parts[0] + parts[1])
+
+
+def _in_swing(
+    recipe: Recipe, commands: Commands, before: Stance, after: Stance, times: np.ndarray
+) -> Float[np.ndarray, "n 6"]:
+    """The six coordinates of `_in_stance` between two stances."""
+    duration_s = after.start_s - before.stop_s
+    s = (times - before.stop_s) / duration_s
+    start = [part[0] for part in _in_stance(before, np.array([before.stop_s]))]
+    stop = [part[0] for part in _in_stance(after, np.array([after.start_s]))]
+    values = hermite(s, duration_s, start, stop)
+    forward = float(commands.at(commands.forward, before.stop_s + 0.5 * duration_s))
+    lift, dip = swing_lift(recipe.gait, forward), swing_dip(recipe.gait, forward)
+    values[:, 2] += lift * _bump(s, 3, 3)
+    values[:, 4] += dip * _bump(s, 3, 4)
+    return values
+
+
+def swing_lift(kind: str, forward: float) -> float:
+    """Height of the ankle's arc above the plain curve [m]. [judgement: toe clearance above 2 cm]"""
+    return 0.06 + 0.045 * max(forward - 2.0, 0.0) if kind == gait.RUN else 0.065 + 0.01 * abs(forward)
+
+
+def swing_dip(kind: str, forward: float) -> float:
+    """Pitch added in swing, heel up positive [rad]: the foot hangs while the shank is tilted forward. [judgement]"""
+    return 0.30 + 0.1 * (forward - 2.0) if kind == gait.RUN else 0.1 * max(forward, 0.0)
+
+
+def _bump(s: np.ndarray, rise: int, fall: int) -> np.ndarray:
+    """0 at both ends with two derivatives, 1 at its highest, s = rise/(rise+fall)."""
+    top = rise / (rise + fall)
+    return s**rise * (1.0 - s) ** fall / (top**rise * (1.0 - top) ** fall)
+
+
+def heights_at(foot: Foot) -> tuple[np.ndarray, np.ndarray]:
+    """Height of the sole's rear end and of the toe joint's underside (n,) above the floor [m]."""
+    cosine, sine = np.cos(foot.pitch), np.sin(foot.pitch)
+    heel = foot.ankle_w[:, 2] - sine * HEEL[0] + cosine * HEEL[1]
+    ball = foot.ankle_w[:, 2] - sine * BALL[0] + cosine * BALL[1] - skeleton.BALL_HEIGHT
+    return heel, ball
+
+
+def move_feet(recipe: Recipe, commands: Commands, stride: Stride) -> tuple[Foot, Foot]:
+    """Left and right foot."""
+    return tuple(move_foot(recipe, commands, stances) for stances in stride.stances)

@@ -1,0 +1,179 @@
+"""When and where each foot stands. A foothold lies beside the path at the middle of its stance, so
+that the feet keep exactly the commanded speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import time_series
+from pipeline.generator import gait
+from pipeline.generator.command import GRID_HZ, Commands, Recipe, smoothstep
+
+TOE_OUT = np.deg2rad(4.0)
+"""Feet point outwards when walking [rad]; people: 5 to 7 degrees (Murray 1967)."""
+WIDTH_JITTER = 0.003
+"""Spread of the step width from step to step [m]; people: .02 m (Owings and Grabiner 2004)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stance:
+    """One foot on the ground. World frame, SI."""
+
+    start_s: float
+    """Touch-down; -inf for a clip that begins standing."""
+    stop_s: float
+    """Lift-off; inf for one that ends standing."""
+    x: float
+    y: float
+    """Middle of the foot."""
+    yaw: float
+    landing_pitch: float
+    """Pitch at touch-down, heel up positive [rad]."""
+    leaving_pitch: float
+    """Pitch at lift-off, heel up positive [rad]."""
+    landing_s: float
+    """From touch-down to flat."""
+    leaving_s: float
+    """From flat to lift-off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stride:
+    """The rhythm of the steps at `GRID_HZ`."""
+
+    phase: Float[np.ndarray, "n"]
+    """Strides so far: the left foot lands at whole numbers, the right one in between. Stays while standing."""
+    duty: Float[np.ndarray, "n"]
+    """Part of the stride that a foot is down."""
+    activity: Float[np.ndarray, "n"]
+    """0 standing, 1 stepping."""
+    stances: tuple[tuple[Stance, ...], tuple[Stance, ...]]
+    """Of the left foot and of the right one, in order."""
+
+    def wave(self, per_stride: int = 1, from_midstance: bool = False) -> np.ndarray:
+        """Cosine of the stride (n,), 1 as the left foot lands or is in the middle of its stance."""
+        shift = self.duty / 2.0 if from_midstance else 0.0
+        return np.cos(2.0 * np.pi * per_stride * (self.phase - shift))
+
+
+def plan_steps(recipe: Recipe, commands: Commands) -> Stride:
+    """The footsteps along the commanded path.
+
+    Raises ValueError for a recipe that stands while running or goes on before its last stop is over.
+    """
+    command = (commands.forward, commands.lateral, commands.yaw_rate)
+    rate_hz = gait.step_rate(recipe.gait, *command) / 2.0
+    duty = gait.duty(recipe.gait, *command)
+    if recipe.gait == gait.RUN and not commands.moving.all():
+        raise ValueError(f"recipe '{recipe.name}': a run can't stand still.")
+    phase, activity = _phase(recipe, commands, rate_hz, duty)
+    rng = np.random.default_rng(recipe.seed)
+    stances = tuple(_stances(recipe, commands, phase, rate_hz, duty, foot, rng) for foot in (0, 1))
+    return Stride(phase=phase, duty=duty, activity=activity, stances=stances)
+
+
+def _phase(recipe: Recipe, commands: Commands, rate_hz: np.ndarray, duty: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Phase and activity. Stepping begins with the command and ends as both feet stand at the end of the path."""
+    count = len(rate_hz)
+    phase, activity = np.full(count, _first_phase(commands)), np.zeros(count)
+    reached = 0
+    for start, stop in time_series.runs(commands.moving):
+        if start < reached:
+            raise ValueError(f"recipe '{recipe.name}': moves on before its last stop is over, hold it longer.")
+        steps = 0.5 * (rate_hz[start + 1 :] + rate_hz[start:-1]) / GRID_HZ
+        running = phase[start] + np.concatenate([[0.0], np.cumsum(steps)])
+        reached = (
+            count if stop == count else start + _last_landing(running, rate_hz[start:], duty[start:], stop - start)
+        )
+        phase[start:reached] = running[: reached - start]
+        phase[reached:] = np.round(2.0 * running[reached - start]) / 2.0 if reached < count else 0.0
+        rise = np.ones(count) if start == 0 else smoothstep((np.arange(count) - start) / (0.6 * GRID_HZ))
+        fall = np.ones(count) if reached == count else smoothstep((reached - np.arange(count)) / (0.6 * GRID_HZ))
+        activity += rise * fall
+    return phase, activity
+
+
+def _first_phase(commands: Commands) -> float:
+    """Phase to stand in at the start: the foot on the side that is moved or turned to steps first, else the right."""
+    sideways = (commands.lateral + commands.yaw_rate)[commands.moving]
+    return 0.5 if len(sideways) and sideways[0] > 0.0 else 0.0
+
+
+def _last_landing(phase: np.ndarray, rate_hz: np.ndarray, duty: np.ndarray, stop: int) -> int:
+    """Index of the touch-down at which both feet stand where the path ends (at index `stop`)."""
+    landings = np.flatnonzero(np.floor(2.0 * phase[1:]) > np.floor(2.0 * phase[:-1])) + 1
+    middles = landings + 0.5 * duty[landings] / rate_hz[landings] * GRID_HZ
+    settled = np.flatnonzero(middles >= stop)
+    return int(landings[settled[0] + 1])
+
+
+def _stances(
+    recipe: Recipe,
+    commands: Commands,
+    phase: np.ndarray,
+    rate_hz: np.ndarray,
+    duty: np.ndarray,
+    foot: int,
+    rng: np.random.Generator,
+) -> tuple[Stance, ...]:
+    shift, side = (0.0, 1.0) if foot == 0 else (-0.5, -1.0)
+    stances = []
+    for landing in np.arange(np.floor(phase[0]) + shift, phase[-1] + 1.0, 1.0):
+        start_s = _time_of(commands, phase, rate_hz, landing)
+        if start_s == np.inf:
+            break
+        share = float(commands.at(duty, float(np.clip(start_s, commands.times[0], commands.times[-1]))))
+        stop_s = _time_of(commands, phase, rate_hz, landing + share)
+        if stop_s == -np.inf:
+            continue
+        stances.append(_stance(recipe, commands, rate_hz, start_s, stop_s, share, side, rng))
+    return tuple(stances)
+
+
+def _time_of(commands: Commands, phase: np.ndarray, rate_hz: np.ndarray, value: float) -> float:
+    """When the phase first reaches a value [s]; -inf or inf where it stood there before or never gets there."""
+    times = commands.times
+    if value <= phase[0]:
+        return times[0] + (value - phase[0]) / rate_hz[0] if phase[1] > phase[0] else -np.inf
+    if value > phase[-1]:
+        return times[-1] + (value - phase[-1]) / rate_hz[-1] if phase[-1] > phase[-2] else np.inf
+    high = int(np.searchsorted(phase, value, side="left"))
+    fraction = (value - phase[high - 1]) / (phase[high] - phase[high - 1])
+    return float(times[high - 1] + fraction / GRID_HZ)
+
+
+def _stance(
+    recipe: Recipe,
+    commands: Commands,
+    rate_hz: np.ndarray,
+    start_s: float,
+    stop_s: float,
+    share: float,
+    side: float,
+    rng: np.random.Generator,
+) -> Stance:
+    known_s = float(np.clip(start_s, commands.times[0], commands.times[-1]))
+    length_s = share / float(commands.at(rate_hz, known_s))
+    middle_s = commands.times[0] if start_s == -np.inf else start_s + 0.5 * length_s
+    leave_s = min(stop_s, commands.times[-1])
+    leaving_length_s = share / float(commands.at(rate_hz, leave_s))
+    command = [
+        np.array(commands.at(values, middle_s)) for values in (commands.forward, commands.lateral, commands.yaw_rate)
+    ]
+    width = float(gait.step_width(recipe.gait, *command)) + float(np.clip(rng.normal(0.0, WIDTH_JITTER), -0.006, 0.006))
+    x, y = commands.at(commands.path_w, middle_s)
+    heading = float(commands.at(commands.heading, middle_s))
+    return Stance(
+        start_s=start_s,
+        stop_s=stop_s,
+        x=float(x - np.sin(heading) * side * width / 2.0),
+        y=float(y + np.cos(heading) * side * width / 2.0),
+        yaw=heading + (side * TOE_OUT if recipe.gait == gait.WALK else 0.0),
+        landing_pitch=float(gait.landing_pitch(recipe.gait, np.array(commands.at(commands.forward, known_s)))),
+        leaving_pitch=float(gait.leaving_pitch(recipe.gait, np.array(commands.at(commands.forward, leave_s)))),
+        landing_s=0.25 * length_s,
+        leaving_s=0.55 * leaving_length_s,
+    )

@@ -1,0 +1,133 @@
+"""The pelvis over the feet: along the path, swaying, turning, and as high as the legs allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import minimum_filter1d
+
+from pipeline import rotation
+from pipeline.generator import gait, skeleton
+from pipeline.generator.command import GRID_HZ, Commands, Recipe
+from pipeline.generator.feet import Foot
+from pipeline.generator.footsteps import Stride
+from pipeline.generator.hermite import hermite
+
+LONGEST_LEG = 0.99 * (skeleton.THIGH + skeleton.SHANK)
+"""Hip to ankle at most [m]: a knee bent by 16 degrees. People land with 5 degrees; a little more keeps knee speeds
+low and suits robots, which do not walk on straight knees. [judgement]"""
+HEIGHT_WINDOW_S = 0.75
+"""Half the time over which the height is levelled, longer than half a stride [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pelvis:
+    """At `GRID_HZ`, world frame."""
+
+    pos_w: Float[np.ndarray, "n 3"]
+    quat_w: Float[np.ndarray, "n 4"]
+
+
+def move_pelvis(recipe: Recipe, commands: Commands, stride: Stride, feet: tuple[Foot, Foot]) -> Pelvis:
+    """The pelvis of the whole motion. Raises ValueError where a foot is out of a leg's reach."""
+    quat_w = _orientation(recipe, commands, stride)
+    side = gait.sway(recipe.gait, commands.forward, commands.lateral) * stride.activity
+    side = side * stride.wave(from_midstance=True) + _idle(recipe, commands.times, 0) * (1.0 - stride.activity)
+    along = _idle(recipe, commands.times, 1) * (1.0 - stride.activity) + gait.body_ahead(recipe.gait, commands.forward)
+    cosine, sine = np.cos(commands.heading), np.sin(commands.heading)
+    pos_w = np.zeros((len(side), 3))
+    pos_w[:, 0] = commands.path_w[:, 0] + cosine * along - sine * side
+    pos_w[:, 1] = commands.path_w[:, 1] + sine * along + cosine * side
+    limit = _highest(recipe, pos_w, quat_w, feet)
+    if recipe.gait == gait.RUN:
+        pos_w[:, 2] = _running_height(commands, stride, limit)
+    else:
+        wave = gait.bob(commands.forward) * stride.activity * stride.wave(2, from_midstance=True)
+        pos_w[:, 2] = _level(limit - wave) + wave
+    return Pelvis(pos_w=pos_w, quat_w=quat_w)
+
+
+def _idle(recipe: Recipe, times: np.ndarray, channel: int) -> np.ndarray:
+    """Slow sway of a standing person [m] (n,): three sines of .1 to .4 Hz, together at most 6 mm (Winter 1995)."""
+    rng = np.random.default_rng([recipe.seed, 1, channel])
+    rates_hz, starts = rng.uniform(0.1, 0.4, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
+    return 0.002 * np.sin(2.0 * np.pi * rates_hz * times[:, None] + starts).sum(axis=1)
+
+
+def _orientation(recipe: Recipe, commands: Commands, stride: Stride) -> Float[np.ndarray, "n 4"]:
+    """Heading, turn with the steps (the landing foot's side ahead), list to the swing side, part of the lean."""
+    turn = -gait.pelvis_turn(commands.forward) * stride.activity * stride.wave()
+    listing = gait.pelvis_list(recipe.gait, commands.forward) * stride.activity * stride.wave(from_midstance=True)
+    lean = 0.4 * gait.trunk_lean(recipe.gait, commands.forward)
+    quat = rotation.about_z(commands.heading + turn)
+    quat = rotation.multiply(quat, rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), listing))
+    return rotation.multiply(quat, rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), lean))
+
+
+def hip_offset(side: int) -> Float[np.ndarray, "3"]:
+    """Hip joint of foot 0 (left) or 1 (right) in the pelvis frame [m]."""
+    return skeleton.offset("LeftUpLeg" if side == 0 else "RightUpLeg")
+
+
+def _highest(recipe: Recipe, pos_w: np.ndarray, quat_w: np.ndarray, feet: tuple[Foot, Foot]) -> np.ndarray:
+    """Greatest height of the pelvis (n,) at which neither leg is longer than `LONGEST_LEG` [m]."""
+    limits = []
+    for side, foot in enumerate(feet):
+        hip = rotation.rotate(quat_w, hip_offset(side))
+        across = np.linalg.norm(foot.ankle_w[:, :2] - pos_w[:, :2] - hip[:, :2], axis=-1)
+        if across.max() > LONGEST_LEG:
+            frame = int(across.argmax())
+            raise ValueError(
+                f"recipe '{recipe.name}': at grid index {frame} a foot is {across.max():.2f} m from its hip, "
+                f"the leg is {LONGEST_LEG:.2f} m long; take shorter or quicker steps."
+            )
+        limits.append(foot.ankle_w[:, 2] + np.sqrt(LONGEST_LEG**2 - across**2) - hip[:, 2])
+    return np.minimum(*limits)
+
+
+def _level(limit: np.ndarray) -> np.ndarray:
+    """A smooth curve (n,) below `limit`: the least of a window, averaged over the same window.
+
+    The mean's weights are a cosine bell to the fourth power, so the curve has several continuous derivatives; every
+    value averaged is a minimum over a window that holds the point, so the curve nowhere exceeds the limit.
+    """
+    half = int(HEIGHT_WINDOW_S * GRID_HZ)
+    least = minimum_filter1d(limit, 2 * half + 1, mode="nearest")
+    weights = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 2 * half + 1)) ** 4
+    padded = np.pad(least, half, mode="edge")
+    return np.convolve(padded, weights / weights.sum(), mode="valid")
+
+
+def _running_height(commands: Commands, stride: Stride, limit: np.ndarray) -> np.ndarray:
+    """Height of the pelvis (n,) [m]: parabolas of 9.81 m/s² in flight, polynomials of degree five in stance.
+
+    A flight begins and ends at the same height; stances take over height, velocity and acceleration (-g) at
+    both ends. The height is levelled twice: once for the shape, once more for what the stance adds to it.
+    """
+    edges = sorted((stance.start_s, stance.stop_s) for stances in stride.stances for stance in stances)
+    shape = _bounces(commands.times, edges, np.zeros(len(edges) + 1))
+    base = _level(limit - shape)
+    middles = [edges[0][0]] + [0.5 * (a[1] + b[0]) for a, b in zip(edges[:-1], edges[1:], strict=True)] + [edges[-1][1]]
+    levels = np.interp(middles, commands.times, base)
+    return _bounces(commands.times, edges, levels)
+
+
+def _bounces(times: np.ndarray, stances: list[tuple[float, float]], levels: np.ndarray) -> np.ndarray:
+    """Height (n,) over stances (start, stop) [s] in order; `levels` (one more) are those of touch-down and
+    take-off before, between and after them [m]."""
+    height = np.full(len(times), levels[0])
+    flights = [0.1] + [b[0] - a[1] for a, b in zip(stances[:-1], stances[1:], strict=True)] + [0.1]
+    for index, (start_s, stop_s) in enumerate(stances):
+        speeds = -0.5 * gait.GRAVITY * flights[index], 0.5 * gait.GRAVITY * flights[index + 1]
+        inside = (times >= start_s) & (times <= stop_s)
+        ends = [
+            [np.array([level]), np.array([speed]), np.array([-gait.GRAVITY])]
+            for level, speed in zip(levels[index : index + 2], speeds, strict=True)
+        ]
+        height[inside] = hermite((times[inside] - start_s) / (stop_s - start_s), stop_s - start_s, *ends)[:, 0]
+        since = times - stop_s
+        flying = (since > 0.0) & (since < flights[index + 1])
+        height[flying] = levels[index + 1] + 0.5 * gait.GRAVITY * since[flying] * (flights[index + 1] - since[flying])
+    return height
