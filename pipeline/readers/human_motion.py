@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.errors import AmbiguousFileError, FileError
+from pipeline.errors import FileError
+from pipeline.readers.frame_rate import frame_rate
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.skeleton_map import SkeletonMap, find_map
 from pipeline.readers.statement import Statement
@@ -50,26 +52,13 @@ def to_human(motion: RawMotion, name: str, statement: Statement) -> Canonical:
     offset = np.array([skeleton.bodies[body].offset for body in BODIES])
     pos = motion.joint_pos_w[:, order] @ axes.T * metres + rotation.rotate(quat, offset)
     clip = HumanClip(
-        name=name, fps=frame_rate(motion, statement), body_pos_w=pos, body_quat_w=_continuous(rotation.normalize(quat))
+        name=name,
+        fps=frame_rate(path, motion.fps or motion.assumed_fps, statement),
+        body_pos_w=pos,
+        body_quat_w=_continuous(rotation.normalize(quat)),
     )
     _check_sides(motion, clip, skeleton)
     return Canonical(clip=clip, skeleton=skeleton.name, unit=unit, metres_per_unit=metres, up_axis=up_axis)
-
-
-def frame_rate(motion: RawMotion, statement: Statement) -> float:
-    """Frames per second [Hz], stated or declared.
-
-    A declared rate within 1e-4 of a whole number is that number: files print 1/30 s as 0.033333. Raises
-    AmbiguousFileError when there is none.
-    """
-    fps = statement.fps if statement.fps is not None else motion.fps
-    if fps is None:
-        raise AmbiguousFileError(
-            motion.files[0], "the file does not say its frame rate.", "State `fps:` for it in data/sources.yaml."
-        )
-    if not 1.0 <= fps <= 10_000.0:
-        raise FileError(motion.files[0], f"the frame rate is {fps:g} Hz, wanted 1 to 10000.")
-    return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
 
 
 def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
@@ -77,7 +66,7 @@ def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
     lengths = []
     for side in ("left", "right"):
         chain = [skeleton.bodies[f"{side}_{part}"].joint for part in ("hip", "knee", "ankle")]
-        for upper, lower in zip(chain[:-1], chain[1:], strict=True):
+        for upper, lower in itertools.pairwise(chain):
             try:
                 lengths.append(float(np.linalg.norm(motion.offset_between(upper, lower))))
             except KeyError as error:

@@ -32,13 +32,15 @@ class RawMotion:
     """Joint orientations in the file's world, wxyz."""
     fps: float | None
     """Frames per second as the file declares [Hz]; None where it does not."""
+    assumed_fps: float | None = None
+    """The rate that recordings of this kind are known to have [Hz], used when neither file nor person says one."""
     files: tuple[Path, ...]
     """The files that were read, the motion itself first."""
     unit: str | None = None
     """Unit of length where the format defines it (`m`), None where the skeleton has to tell."""
     notes: tuple[Reason, ...] = ()
 
-    def offset_between(self, ancestor: str, joint: str) -> Float[np.ndarray, "3"]:
+    def offset_between(self, ancestor: str, joint: str) -> Float[np.ndarray, " 3"]:
         """Rest offset from `ancestor` to `joint` in the ancestor's frame, all joints between at rest.
 
         Raises KeyError when `joint` does not descend from `ancestor`.

@@ -10,10 +10,19 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
+from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
+from pipeline.readers.deepmimic import read_deepmimic
+from pipeline.readers.frame_rate import frame_rate
 from pipeline.readers.human_motion import to_human
+from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
+from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.statement import Statement
+from pipeline.readers.robot_csv import read_robot_csv
+from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
+from pipeline.readers.robot_npz import is_robot, read_robot_npz
+from pipeline.readers.smpl import is_smpl, read_smpl
+from pipeline.readers.statement import NOTHING_STATED, Statement
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +47,7 @@ class ReadMotion:
     """What a reader of the data should know; the effect `rejected` keeps the clip from going on."""
 
 
-def read_motion(path: Path, name: str, statement: Statement = Statement()) -> ReadMotion:
+def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) -> ReadMotion:
     """The motion in a file as the clip `name`.
 
     Raises FileError with a sentence for what can't be read, AmbiguousFileError for a unit, axis or rate that the file
@@ -50,8 +59,7 @@ def read_motion(path: Path, name: str, statement: Statement = Statement()) -> Re
     return reader(path, name, statement)
 
 
-def _human(read: Callable[[Path, Statement], RawMotion], path: Path, name: str, statement: Statement) -> ReadMotion:
-    motion = read(path, statement)
+def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
     canonical = to_human(motion, name, statement)
     return ReadMotion(
         clip=canonical.clip,
@@ -62,12 +70,70 @@ def _human(read: Callable[[Path, Statement], RawMotion], path: Path, name: str, 
         metres_per_unit=canonical.metres_per_unit,
         up_axis=canonical.up_axis,
         files=motion.files,
+        notes=motion.notes + _assumed(motion, statement),
+    )
+
+
+def _assumed(motion: RawMotion, statement: Statement) -> tuple[Reason, ...]:
+    """A note that the rate is neither in the file nor stated."""
+    if motion.assumed_fps is None or motion.fps is not None or statement.fps is not None:
+        return ()
+    text = f"The file does not say its frame rate; {motion.assumed_fps:g} Hz is what recordings of this kind have."
+    return (Reason(code="assumed_rate", text=text, effect="noted", value=motion.assumed_fps, unit="Hz"),)
+
+
+def _robot(motion: RobotMotion, name: str, statement: Statement) -> ReadMotion:
+    clip = to_robot_clip(motion, name, frame_rate(motion.path, motion.fps, statement))
+    return ReadMotion(
+        clip=clip,
+        format=motion.format,
+        skeleton=clip.robot,
+        declared_fps=motion.fps,
+        unit="m",
+        metres_per_unit=1.0,
+        up_axis="z",
+        files=(motion.path,),
         notes=motion.notes,
     )
 
 
 def _read_bvh(path: Path, name: str, statement: Statement) -> ReadMotion:
-    return _human(lambda file, _: read_bvh(file), path, name, statement)
+    return _human(read_bvh(path), name, statement)
 
 
-_READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {".bvh": _read_bvh}
+def _read_amc(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _human(read_amc(path, statement.asf), name, statement)
+
+
+def _read_text(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _human(read_deepmimic(path), name, statement)
+
+
+def _read_csv(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _robot(read_robot_csv(path), name, statement)
+
+
+def _read_npz(path: Path, name: str, statement: Statement) -> ReadMotion:
+    header = open_npz(path)
+    if is_smpl(header):
+        model = None if statement.body_model is None else Path(statement.body_model)
+        return _human(read_smpl(path, model), name, statement)
+    if is_isaac_amp(header):
+        return _human(read_isaac_amp(path), name, statement)
+    if is_robot(header):
+        return _robot(read_robot_npz(path), name, statement)
+    found = ", ".join(sorted(header.shapes)[:12]) or "nothing"
+    wanted = "poses and trans (SMPL), body_positions (Isaac Lab AMP), joint_pos or qpos (a robot)"
+    raise FileError(path, f"no known motion: it holds {found}; known are {wanted}.")
+
+
+_READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
+    ".amc": _read_amc,
+    ".bvh": _read_bvh,
+    ".csv": _read_csv,
+    ".npz": _read_npz,
+    ".txt": _read_text,
+}
+
+SUFFIXES = tuple(_READERS)
+"""Suffixes of motion files."""

@@ -7,7 +7,7 @@ by its file name: every joint a map names has to be there. See docs/sources.md f
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -33,8 +33,9 @@ CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXE
 class BodyMap:
     """One canonical body in a skeleton. Two of `ahead`, `left`, `up`, `down` say how its axes lie.
 
-    Each is an axis of the joint's frame (`x`, `-y`, …) or the name of a joint below it (the direction
-    of that joint at rest). A joint's direction is kept exactly, the other one is made orthogonal to it.
+    Each is an axis of the joint's frame (`x`, `-y`, …), three numbers in it (`"0 0.87 -0.5"`), or the name
+    of a joint below it (the direction of that joint at rest). A joint's direction is kept exactly, the
+    other one is made orthogonal to it.
     """
 
     joint: str
@@ -65,24 +66,38 @@ class SkeletonMap:
     also: tuple[str, ...] = ()
     """Joints that have to be in the file too, to tell skeletons with similar names apart."""
 
+    rest: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Joints and their rest offsets in the file's unit, for a figure that only its proportions tell from others."""
+
+    def fits(self, motion: RawMotion) -> bool:
+        """Every joint is there, and the rest offsets that the map states are the motion's (1 %)."""
+        if not self.joints <= set(motion.joint_names):
+            return False
+        found = [motion.rest_offset[motion.joint_names.index(joint)] for joint in self.rest]
+        return all(
+            np.allclose(got, want, atol=0.01 * np.linalg.norm(want))
+            for got, want in zip(found, self.rest.values(), strict=True)
+        )
+
     @property
     def joints(self) -> frozenset[str]:
         """Every joint the map needs."""
-        named = {value for body in self.bodies.values() for value in body.directions().values() if value not in AXES}
-        return frozenset(named | {body.joint for body in self.bodies.values()} | set(self.also))
+        named = {value for body in self.bodies.values() for value in body.directions().values() if _axis(value) is None}
+        return frozenset(named | {body.joint for body in self.bodies.values()} | set(self.also) | set(self.rest))
 
-    def rest_frame(self, motion: RawMotion, name: str) -> Float[np.ndarray, "4"]:
+    def rest_frame(self, motion: RawMotion, name: str) -> Float[np.ndarray, " 4"]:
         """Constant rotation wxyz from a body's canonical frame to the frame of its joint."""
         body = self.bodies[name]
-        first, second = sorted(body.directions().items(), key=lambda item: item[1] in AXES)
+        first, second = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
         canonical = _frame(CANONICAL[first[0]], CANONICAL[second[0]])
         local = _frame(*(self._direction(motion, body.joint, value) for _, value in (first, second)))
         pitch = rotation.from_axis_angle(AXES["y"], np.deg2rad(body.pitch_deg))
         return rotation.multiply(rotation.from_matrix(local @ canonical.T), pitch)
 
-    def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, "3"]:
-        if value in AXES:
-            return AXES[value]
+    def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, " 3"]:
+        axis = _axis(value)
+        if axis is not None:
+            return axis
         try:
             offset = motion.offset_between(joint, value)
         except KeyError as error:
@@ -91,6 +106,17 @@ class SkeletonMap:
         if np.linalg.norm(offset) < 1e-9:
             raise FileError(motion.files[0], f"the bone from joint '{joint}' to '{value}' has no length.")
         return offset / np.linalg.norm(offset)
+
+
+def _axis(value: str) -> Float[np.ndarray, " 3"] | None:
+    """The unit vector that a map's direction states; None where it is a joint's name."""
+    if value in AXES:
+        return AXES[value]
+    try:
+        vector = np.array([float(token) for token in value.split()])
+    except ValueError:
+        return None
+    return rotation.normalize(vector) if vector.shape == (3,) and vector.any() else None
 
 
 def _frame(first: np.ndarray, second: np.ndarray) -> Float[np.ndarray, "3 3"]:
@@ -134,14 +160,21 @@ def find_map(motion: RawMotion, stated: str | None = None) -> SkeletonMap:
             missing = ", ".join(sorted(skeleton.joints - names))
             raise FileError(path, f"the stated skeleton '{stated}' needs joints that the file lacks: {missing}.")
         return skeleton
-    fitting = [skeleton for skeleton in shipped_maps().values() if skeleton.joints <= names]
-    best = [one for one in fitting if not any(one.joints < other.joints for other in fitting)]
+    fitting = [skeleton for skeleton in shipped_maps().values() if skeleton.fits(motion)]
+    best = [one for one in fitting if not any(_less_specific(one, other) for other in fitting)]
     if not best:
         raise FileError(path, *_unknown(motion.joint_names))
     if len(best) > 1:
         found = ", ".join(skeleton.name for skeleton in best)
         raise AmbiguousFileError(path, f"several skeletons fit: {found}.", "State `skeleton:` in data/sources.yaml.")
     return best[0]
+
+
+def _less_specific(one: SkeletonMap, other: SkeletonMap) -> bool:
+    """`other` asks for all that `one` asks for, and more."""
+    return (one.joints, len(one.rest)) != (other.joints, len(other.rest)) and (
+        one.joints <= other.joints and len(one.rest) <= len(other.rest)
+    )
 
 
 def _stated(stated: str) -> SkeletonMap:

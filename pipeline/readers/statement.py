@@ -21,3 +21,7 @@ class Statement:
     """The ASF file of an AMC: its path, from the AMC's folder if relative."""
     body_model: str | None = None
     """Path of an SMPL body model of your own (`.npz`); a mean human skeleton is used without it."""
+
+
+NOTHING_STATED = Statement()
+"""The file has to tell everything."""

@@ -64,8 +64,7 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
             rows.append(np.array([float(token) for token in tokens]))
         except ValueError as error:
             hint = "Write decimals with a point, not a comma." if "," in line else ""
-            raise FileError(
-                path, f"{error}.".replace("could not convert string to float", "not a number"), hint, number
-            )
+            problem = f"{error}.".replace("could not convert string to float", "not a number")
+            raise FileError(path, problem, hint, number) from error
     values = np.array(rows).reshape(len(rows), columns)
     return np.where(np.isfinite(values), values, np.nan)

@@ -1,0 +1,90 @@
+"""Isaac Lab AMP archives: world poses of the bodies of a humanoid, by name.
+
+`body_positions` (t, b, 3) [m], `body_rotations` (t, b, 4) wxyz, `body_names`, `fps`. The archive names no
+hierarchy: bones are the places of bodies in their parents' frames, and have to be rigid. That they are
+proves the order of the quaternions too.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.errors import FileError
+from pipeline.readers.npz_file import NpzHeader, open_npz
+from pipeline.readers.quaternion_order import check_unit
+from pipeline.readers.raw_motion import RawMotion
+
+PARENTS: dict[str, str | None] = {
+    "pelvis": None,
+    "torso": "pelvis",
+    "head": "torso",
+    "right_upper_arm": "torso",
+    "right_lower_arm": "right_upper_arm",
+    "right_hand": "right_lower_arm",
+    "left_upper_arm": "torso",
+    "left_lower_arm": "left_upper_arm",
+    "left_hand": "left_lower_arm",
+    "right_thigh": "pelvis",
+    "right_shin": "right_thigh",
+    "right_foot": "right_shin",
+    "left_thigh": "pelvis",
+    "left_shin": "left_thigh",
+    "left_foot": "left_shin",
+}
+
+MAX_BONE_CHANGE = 0.01
+"""How far a body may move in its parent's frame [m] (95th percentile) and still be a bone."""
+
+
+def is_isaac_amp(header: NpzHeader) -> bool:
+    """An archive of Isaac Lab's AMP motions."""
+    return header.has("body_positions", "body_rotations", "body_names")
+
+
+def read_isaac_amp(path: Path) -> RawMotion:
+    """An AMP motion of Isaac Lab. Raises FileError."""
+    header = open_npz(path)
+    stored = header.texts("body_names")
+    missing = [name for name in PARENTS if name not in stored]
+    if missing:
+        raise FileError(path, f"bodies are missing: {', '.join(missing)}; there are: {', '.join(stored)}.")
+    pos = header.numbers("body_positions", None, len(stored), 3)
+    quat = header.numbers("body_rotations", len(pos), len(stored), 4)
+    if not len(pos):
+        raise FileError(path, "the file has no frames.")
+    order = [stored.index(name) for name in PARENTS]
+    pos, quat = pos[:, order], quat[:, order]
+    check_unit(path, quat, "a body's quaternion")
+    names = tuple(PARENTS)
+    parents = tuple(-1 if parent is None else names.index(parent) for parent in PARENTS.values())
+    return RawMotion(
+        format="isaac_amp",
+        joint_names=names,
+        parents=parents,
+        rest_offset=_bones(path, names, parents, pos, rotation.normalize(quat)),
+        joint_pos_w=pos,
+        joint_quat_w=rotation.normalize(quat),
+        fps=header.number("fps") if header.has("fps") else None,
+        files=(path,),
+        unit="m",
+    )
+
+
+def _bones(
+    path: Path, names: tuple[str, ...], parents: tuple[int, ...], pos: np.ndarray, quat: np.ndarray
+) -> np.ndarray:
+    """Place of each body in its parent's frame [m] (b, 3), the median over time. Raises FileError."""
+    offsets = np.zeros((len(parents), 3))
+    for body, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
+        offsets[body] = np.nanmedian(local, axis=0)
+        change = float(np.nanpercentile(np.linalg.norm(local - offsets[body], axis=1), 95))
+        if change > MAX_BONE_CHANGE:
+            problem = f"'{names[body]}' moves by {change:.3f} m in the frame of '{names[parent]}', which is no bone."
+            raise FileError(path, problem, "Are the quaternions wxyz?")
+    return offsets

@@ -1,0 +1,100 @@
+"""Robot trajectories as CSV: root xyz, root quaternion xyzw, then the joints [rad].
+
+With a header (as `booster-lab retarget` writes) or without (as booster_assets publishes). The rate is
+stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import FileError
+from pipeline.readers.robot_motion import RobotMotion
+from pipeline.readers.text_file import MAX_FRAMES, read_lines
+
+ROOT = 7
+
+
+def read_robot_csv(path: Path) -> RobotMotion:
+    """A robot's motion. Raises FileError with the line."""
+    lines = [(number, line) for number, line in enumerate(read_lines(path), start=1) if line.strip()]
+    comments = [line for _, line in lines if line.lstrip().startswith("#")]
+    rows = [(number, _cells(line)) for number, line in lines if not line.lstrip().startswith("#")]
+    header = rows.pop(0)[1] if rows and not _is_number(rows[0][1][0]) else None
+    if not rows:
+        raise FileError(path, "the file has no frames.")
+    if len(rows) > MAX_FRAMES:
+        raise FileError(path, f"{len(rows)} frames are more than the {MAX_FRAMES} allowed.")
+    width = len(header or rows[0][1])
+    if width <= ROOT:
+        raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=1)
+    values = np.array([_numbers(path, number, cells, width) for number, cells in rows])
+    fps = _commented_fps(comments)
+    if header is not None and "time_s" in header:
+        time_s = values[:, header.index("time_s")]
+        fps = fps or _rate(path, time_s)
+        values = np.delete(values, header.index("time_s"), axis=1)
+        header = [name for name in header if name != "time_s"]
+    order = _quaternion_columns(path, header)
+    return RobotMotion(
+        format="robot_csv",
+        path=path,
+        root_pos_w=values[:, :3],
+        root_quat_w=values[:, order],
+        joint_pos=values[:, ROOT:],
+        joint_names=tuple(header[ROOT:]) if header is not None else None,
+        fps=fps,
+    )
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.split(",")]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(path: Path, line: int, cells: list[str], width: int) -> list[float]:
+    if len(cells) != width:
+        raise FileError(path, f"the row has {len(cells)} numbers, wanted {width}.", line=line)
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError as error:
+        problem = f"{error}.".replace("could not convert string to float", "not a number")
+        raise FileError(path, problem, line=line) from error
+    return [value if np.isfinite(value) else float("nan") for value in values]
+
+
+def _commented_fps(comments: list[str]) -> float | None:
+    for comment in comments:
+        found = re.fullmatch(r"\s*#\s*fps\s*[:=]\s*([0-9.eE+-]+)\s*", comment)
+        if found and _is_number(found.group(1)):
+            return float(found.group(1))
+    return None
+
+
+def _rate(path: Path, time_s: np.ndarray) -> float:
+    step_s = np.diff(time_s)
+    if not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s):
+        raise FileError(path, "the times in 'time_s' are not evenly spaced.")
+    return float(1.0 / np.mean(step_s))
+
+
+def _quaternion_columns(path: Path, header: list[str] | None) -> list[int]:
+    """Columns of the root's quaternion in the order wxyz: by name, xyzw without names."""
+    if header is None:
+        return [6, 3, 4, 5]
+    letters = [name[-1:].lower() for name in header[:ROOT]]
+    if letters[:3] != ["x", "y", "z"] or sorted(letters[3:]) != ["w", "x", "y", "z"]:
+        got = ", ".join(header[:ROOT])[:120]
+        do = "Name them root_x, root_y, root_z, quat_x, quat_y, quat_z, quat_w."
+        raise FileError(path, f"the first seven columns are {got}.", do, line=1)
+    return [3 + letters[3:].index(letter) for letter in "wxyz"]
