@@ -75,7 +75,7 @@ def test_the_four_corners_are_the_bottom_of_the_foot(t1: Robot):
 def test_excluded_pairs_of_links_never_touch(tmp_path: Path):
     folder = write_small_robot(tmp_path / "small")
     thigh = "l_leg,l_thigh,capsule,both,grey,0,{y},-0.15,0,0.2,0,{radius},"
-    replace(folder / "shapes.csv", thigh.format(y="0", radius="0.04"), thigh.format(y="-0.25", radius="0.1"))
+    replace(folder / "shapes.csv", thigh.format(y="0", radius="0.04"), thigh.format(y="-0.3", radius="0.15"))
     assert render.main([str(folder)]) == 0
     robot = load_robot(folder)
     assert in_default_pose(robot, mujoco_model(robot)).ncon == 0
