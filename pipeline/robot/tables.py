@@ -92,13 +92,12 @@ class JointRow(Row):
     """[N m s/rad]"""
     default_pos: float
     """Position in the default pose [rad]."""
+    positive: ClassVar[tuple[str, ...]] = ("urdf_speed", "motor_speed", "torque", "armature", "kp", "kd")
 
     @property
     def speed(self) -> float:
         """Speed that a motion may use [rad/s]: the smaller of the two limits."""
         return min(self.urdf_speed, self.motor_speed)
-
-    positive: ClassVar[tuple[str, ...]] = ("urdf_speed", "motor_speed", "torque", "armature", "kp", "kd")
 
 
 @dataclass(frozen=True, kw_only=True)
