@@ -93,15 +93,19 @@ def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
 
 _SENTENCES: dict[str, Callable[[float, float], str]] = {
     "forward": lambda low, high: (
-        f"walks forward at {low:.1f} to {high:.1f} m/s" if low >= 0 else f"walks back at {-high:.1f} to {-low:.1f} m/s"
+        f"walks forward at {low:.1f} to {high:.1f} m/s"
+        if low >= 0
+        else f"walks back at {abs(high):.1f} to {-low:.1f} m/s"
     ),
     "lateral": lambda low, high: (
-        f"walks left at {low:.1f} to {high:.1f} m/s" if low >= 0 else f"walks right at {-high:.1f} to {-low:.1f} m/s"
+        f"walks left at {low:.1f} to {high:.1f} m/s"
+        if low >= 0
+        else f"walks right at {abs(high):.1f} to {-low:.1f} m/s"
     ),
     "yaw": lambda low, high: (
         f"turns left at {low:.1f} to {high:.1f} rad/s"
         if low >= 0
-        else f"turns right at {-high:.1f} to {-low:.1f} rad/s"
+        else f"turns right at {abs(high):.1f} to {-low:.1f} rad/s"
     ),
 }
 
@@ -122,6 +126,6 @@ def _missing(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
                 if spans and abs(spans[-1][1] - low) < 1e-6:
                     spans[-1][1] = high
                 else:
-                    spans.append([low, high])
+                    spans.append([low + 0.0, high + 0.0])
             sentences += [f"No clip {_SENTENCES[axis](low, high)}." for low, high in spans]
     return tuple(sentences)

@@ -65,18 +65,13 @@ def _judge(
         return [_Stretch(start=offset, stop=offset + count, assessment=found)]
     reasons += [verdict.reason(fps, offset / fps, (offset + count) / fps) for verdict in found.broken]
     bad = found.bad
-    if cuts_left == 0 or not bad.any() or _blames_all(found):
+    if cuts_left == 0 or not bad.any():
         return []
     kept: list[_Stretch] = []
     for start, stop in _remaining(bad, fps, settings.cut):
         part = assess(motion.cut(start, stop, settings), settings)
         kept += _judge(part, offset + start, settings, reasons, cuts_left - 1)
     return kept
-
-
-def _blames_all(found: Assessment) -> bool:
-    """A criterion is broken that no frames are to blame for, and no other one can be cut away."""
-    return all(verdict.bad is None or not verdict.bad.any() for verdict in found.broken)
 
 
 def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple[int, int]]:

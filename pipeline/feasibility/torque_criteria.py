@@ -21,9 +21,12 @@ def torques(motion: Motion, settings: TorqueSettings) -> tuple[Verdict, ...]:
 def _best_contacts(motion: Motion, settings: TorqueSettings) -> ContactSolution:
     clip, sole = motion.clip, motion.sole
     series = states(clip.root_pos_w, clip.root_quat_w, clip.joint_pos, clip.fps, settings.cutoff_hz)
-    touching = sole.corner_pos_w[..., 2] < settings.touch_height
-    touching[1:] |= touching[:-1].copy()  # an acceleration over three frames sees a contact of any of them
-    touching[:-1] |= touching[1:].copy()
+    bearing = sole.corner_pos_w[..., 2] < settings.touch_height
+    if motion.labelled:
+        bearing &= motion.contacts[:, :, None]
+    touching = bearing.copy()  # an acceleration over three frames sees a contact of any of them
+    touching[1:] |= bearing[:-1]
+    touching[:-1] |= bearing[1:]
     return solve_contacts(
         motion.robot,
         motion_forces(motion.robot, series),

@@ -32,11 +32,11 @@ GRAVITY = 9.81
 LEVER = 0.1
 """Length [m] that makes a moment comparable to a force: about the half length of a sole."""
 
-TORQUE_WEIGHT = 0.02
+TORQUE_WEIGHT = 0.01
 """e above: 1 % of the limits' torque costs as much as a root residual of .02 % of the weight."""
 
-EXCESS_WEIGHT = 1.0
-TIE_WEIGHT = 1e-3
+EXCESS_WEIGHT = 0.1
+TIE_WEIGHT = 1e-4
 """e in the second problem, which only decides between forces that are equally good."""
 
 NEWTON_STEPS = 8
@@ -123,7 +123,7 @@ def _solve(matrix: np.ndarray, needed: np.ndarray) -> np.ndarray:
 def _cost(matrix: np.ndarray, needed: np.ndarray, strength: np.ndarray) -> float:
     left = needed - matrix @ strength
     excess = np.maximum(np.abs(left[6:]) - 1.0, 0.0)
-    return float(left[:6] @ left[:6] + excess @ excess)
+    return float(left[:6] @ left[:6] + EXCESS_WEIGHT**2 * (excess @ excess))
 
 
 def _force_maps(
