@@ -1,6 +1,18 @@
 """Readers: motion files of every known format in, clips on the canonical skeleton out."""
 
+from pipeline.readers.listing import list_motion_files
 from pipeline.readers.read_motion import ReadMotion, read_motion
-from pipeline.readers.statement import Statement
+from pipeline.readers.source import FileStatement, Source, read_sources, sources_of_environment
+from pipeline.readers.statement import NOTHING_STATED, Statement
 
-__all__ = ["ReadMotion", "Statement", "read_motion"]
+__all__ = [
+    "NOTHING_STATED",
+    "FileStatement",
+    "ReadMotion",
+    "Source",
+    "Statement",
+    "list_motion_files",
+    "read_motion",
+    "read_sources",
+    "sources_of_environment",
+]

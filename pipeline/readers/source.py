@@ -1,0 +1,172 @@
+"""Where motions come from: folders with a licence, a credit and what is stated of their files."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import fnmatch
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import FileError, SettingsError
+from pipeline.files import settings
+from pipeline.readers.statement import NOTHING_STATED, Statement
+
+UNKNOWN_LICENCE = "unknown"
+
+LICENCE_FILES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "LICENCE.md")
+"""Files whose first line names the licence of the folder they are in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileStatement(Statement):
+    """What is stated of some files of a source; goes before what is stated of the whole."""
+
+    files: str
+    """Pattern of paths below the source's folder, such as `takes/*.amc`."""
+    licence: str | None = None
+    """Licence of these files where it is not the source's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A folder of motion files."""
+
+    name: str
+    """First part of its clips' names."""
+    folder: Path
+    licence: str | None = None
+    """Licence of its files, as an SPDX identifier where there is one; None where the folder has to tell."""
+    credit: str = ""
+    """Whom to thank, and where it is from."""
+    statement: Statement = NOTHING_STATED
+    """What its files do not say themselves."""
+    files: tuple[FileStatement, ...] = ()
+    """Statements of some of the files; a later one goes before an earlier one."""
+
+    def statement_of(self, path: Path) -> Statement:
+        """What is stated of one file."""
+        stated = dataclasses.asdict(self.statement)
+        for one in self._matching(path):
+            found = {field.name: getattr(one, field.name) for field in dataclasses.fields(Statement)}
+            stated.update({name: value for name, value in found.items() if value is not None})
+        return Statement(**stated)
+
+    def licence_of(self, path: Path) -> str:
+        """Licence of one file: stated; else of its sidecar, the folder's `index.csv`, a licence file; else `unknown`."""
+        stated = [one.licence for one in self._matching(path) if one.licence is not None]
+        if stated or self.licence is not None:
+            return stated[-1] if stated else str(self.licence)
+        return _sidecar(path) or _index(self.folder, path) or _licence_file(self.folder, path) or UNKNOWN_LICENCE
+
+    def about(self, path: Path) -> dict[str, str | float | None]:
+        """Everything that this source says of one file, flat, for digests and provenance."""
+        return {**settings.plain(self.statement_of(path)), "licence": self.licence_of(path), "credit": self.credit}
+
+    def _matching(self, path: Path) -> list[FileStatement]:
+        within = path.relative_to(self.folder).as_posix()
+        return [one for one in self.files if fnmatch.fnmatchcase(within, one.files)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """One source as data/sources.yaml writes it."""
+
+    name: str
+    folder: str
+    licence: str
+    credit: str = ""
+    statement: Statement = NOTHING_STATED
+    files: tuple[FileStatement, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sources:
+    """The whole of data/sources.yaml."""
+
+    sources: tuple[_Entry, ...]
+
+
+def read_sources(path: Path) -> tuple[Source, ...]:
+    """The sources in a `sources.yaml`; folders and own files are relative to it. Raises SettingsError."""
+    sources = []
+    for entry in settings.read(path, _Sources).sources:
+        folder = (path.parent / Path(entry.folder).expanduser()).resolve()
+        if not folder.is_dir():
+            raise SettingsError(path, f"the folder '{entry.folder}' of source '{entry.name}' does not exist.")
+        if not entry.name or set(entry.name) & set("/\\@+~:"):
+            raise SettingsError(path, f"the source name '{entry.name}' is empty or holds one of / \\ @ + ~ :.")
+        if any(source.name == entry.name for source in sources):
+            raise SettingsError(path, f"two sources are named '{entry.name}'.")
+        source = Source(
+            name=entry.name,
+            folder=folder,
+            licence=entry.licence,
+            credit=entry.credit,
+            statement=_with_paths(entry.statement, path.parent),
+            files=tuple(_with_paths(one, path.parent) for one in entry.files),
+        )
+        sources.append(source)
+    return tuple(sources)
+
+
+def _with_paths(statement: Statement, folder: Path):
+    """The statement with paths of the user's own files made absolute."""
+    changed = {}
+    for name in ("body_model", "skeleton"):
+        value = getattr(statement, name)
+        if value is not None and Path(value).suffix in (".npz", ".yaml", ".yml"):
+            changed[name] = str((folder / Path(value).expanduser()).resolve())
+    return dataclasses.replace(statement, **changed)
+
+
+def sources_of_environment(value: str) -> tuple[Source, ...]:
+    """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there."""
+    sources: list[Source] = []
+    for text in filter(None, (part.strip() for part in value.split(":"))):
+        folder = Path(text).expanduser().resolve()
+        if not folder.is_dir():
+            raise FileError(text, "BOOSTER_LAB_MOTIONS names it, but it is not a folder.", "Correct the variable.")
+        if any(source.folder == folder for source in sources):
+            continue
+        taken = {source.name for source in sources}
+        base = "".join("_" if letter in "/\\@+~:" else letter for letter in folder.name) or "motions"
+        names = [base, *(f"{base}-{number}" for number in range(2, len(sources) + 3))]
+        sources.append(Source(name=next(name for name in names if name not in taken), folder=folder))
+    return tuple(sources)
+
+
+def _sidecar(path: Path) -> str | None:
+    """The `licence` in the YAML file beside a motion."""
+    sidecar = path.with_suffix(".yaml")
+    if not sidecar.is_file():
+        return None
+    try:
+        value = settings.read_yaml(sidecar)
+    except SettingsError:
+        return None
+    licence = value.get("licence") if isinstance(value, dict) else None
+    return licence if isinstance(licence, str) and licence else None
+
+
+def _index(folder: Path, path: Path) -> str | None:
+    """The licence that `index.csv` (columns `file`, `licence`) gives a file."""
+    index = folder / "index.csv"
+    if not index.is_file():
+        return None
+    within = path.relative_to(folder).as_posix()
+    with index.open(newline="", encoding="utf-8", errors="replace") as stream:
+        for row in csv.DictReader(stream):
+            if row.get("file") == within:
+                return row.get("licence") or None
+    return None
+
+
+def _licence_file(folder: Path, path: Path) -> str | None:
+    """The first line of the nearest licence file, from the motion's folder up to the source's."""
+    for parent in [parent for parent in path.parents if parent.is_relative_to(folder)]:
+        for name in LICENCE_FILES:
+            if (parent / name).is_file():
+                lines = (parent / name).read_text(encoding="utf-8", errors="replace")[:10_000].split("\n")
+                return next((line.strip()[:100] for line in lines if line.strip()), None)
+    return None
