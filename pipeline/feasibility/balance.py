@@ -17,7 +17,7 @@ import pandas as pd
 
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_cells import cell_of
-from pipeline.feasibility.settings import BalanceSettings
+from pipeline.feasibility.settings import FeasibilitySettings
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
 """Columns that are looked at; `parent` too where it is there."""
@@ -27,26 +27,27 @@ class BalanceError(PipelineError):
     """A table that weights can't be made of."""
 
 
-def balance(rows: pd.DataFrame, settings: BalanceSettings) -> pd.DataFrame:
+def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
     """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips) and `cell`.
 
     One row a clip. The result doesn't depend on the rows' order, which it keeps. Raises BalanceError where a
     column is missing, a clip is there twice or a number is not finite.
     """
-    _check(rows)
     if rows.empty:
         return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str))
+    _check(rows)
+    limits = settings.balance
     ordered = rows.sort_values("clip", kind="stable")
-    cell = cell_of(ordered, settings.commands)
+    cell = cell_of(ordered, limits.commands)
     parent = parents(ordered)
     seconds = ordered["seconds"].astype(float)
     cell_seconds = seconds.groupby(cell).transform("sum")
     family_seconds = seconds.groupby([cell, parent]).transform("sum")
     families = parent.groupby(cell).transform("nunique")
-    coverage = cell_seconds**-settings.cell_power
+    coverage = cell_seconds**-limits.cell_power
     diversity = cell_seconds / (families * family_seconds)
-    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].astype(float) / settings.smooth_jerk) ** 2)
-    second = _bounded(coverage * diversity * smoothness, seconds, settings.max_ratio)
+    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].astype(float) / limits.smooth_jerk) ** 2)
+    second = _bounded(coverage * diversity * smoothness, seconds, limits.max_ratio)
     weight = second * seconds
     weight = weight / weight.mean()
     return rows.assign(weight=weight.reindex(rows.index), cell=cell.reindex(rows.index))

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.feasibility.balance import effective_seconds
 from pipeline.feasibility.command_cells import STANDING, axis_index, cell_edges, cell_of
-from pipeline.feasibility.settings import BalanceSettings, CommandSettings
+from pipeline.feasibility.settings import BalanceSettings, CommandSettings, FeasibilitySettings
+
+NEEDED = ("seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
+"""Columns that are looked at; `weight` too where it is there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,20 +22,22 @@ class Coverage:
 
     cells: pd.DataFrame
     """A row a cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
-    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips`, and `weighted_seconds`
-    where the rows have weights."""
+    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` and, where
+    the rows have weights, `weight` and `effective_seconds`: what the seconds count for as they are weighted."""
     missing: tuple[str, ...]
     """A sentence for each stretch of an axis that has too little."""
 
 
-def coverage(rows: pd.DataFrame, settings: BalanceSettings) -> Coverage:
+def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
     """Coverage of the paper's command ranges by clips with their mean velocities.
 
     An axis has the clips whose other velocities lie in the middle of the range: within one cell's width of 0.
     Clips outside the ranges count for no cell.
     """
-    commands = settings.commands
-    standing = cell_of(rows, commands) == STANDING if len(rows) else pd.Series(dtype=bool)
+    commands = settings.balance.commands
+    if rows.empty:
+        rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
+    standing = cell_of(rows, commands) == STANDING
     tables = [_row(STANDING, 0.0, 0.0, rows[standing])]
     straight = {
         "forward": (_near(rows, "lateral_m_s", commands.lateral) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
@@ -42,7 +48,7 @@ def coverage(rows: pd.DataFrame, settings: BalanceSettings) -> Coverage:
         tables += _axis_rows(axis, rows[straight[axis] & ~standing], column, limits)
     tables += _plane_rows(rows[_near(rows, "lateral_m_s", commands.lateral) & ~standing], commands)
     cells = pd.DataFrame(tables)
-    return Coverage(cells=cells, missing=_missing(cells, settings))
+    return Coverage(cells=cells, missing=_missing(cells, settings.balance))
 
 
 def _axes(commands: CommandSettings) -> tuple[tuple[str, str, tuple[float, float, float]], ...]:
@@ -88,6 +94,7 @@ def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
     }
     if "weight" in rows:
         entry["weight"] = float(rows["weight"].sum())
+        entry["effective_seconds"] = effective_seconds(rows["seconds"], rows["weight"])
     return entry
 
 
