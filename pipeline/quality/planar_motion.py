@@ -1,0 +1,105 @@
+"""How a body travels over the ground, frame by frame: forward, to the left, turning.
+
+    clip -> missing samples bridged -> continuous stretches -> facing, heading-frame velocity, yaw rate
+
+A stretch ends where the root makes a step that no person and no robot makes; signals are smoothed within a
+stretch and never across its end.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+
+TELEPORT_M_S = 15.0
+"""Speed of the root that is no motion but a break in the recording [m/s]: the fastest sprint is at 12.4 m/s."""
+TELEPORT_STEP = 0.05
+"""Shorter steps of the root [m] are no break at any rate: a marker's jitter at 1000 Hz is fast too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanarMotion:
+    """Signals of one clip at its own rate. Where `valid` is false they are bridged and mean nothing."""
+
+    forward: Float[np.ndarray, " t"]
+    """Velocity of the root along the facing [m/s]."""
+    lateral: Float[np.ndarray, " t"]
+    """Velocity of the root to the left of the facing [m/s]."""
+    yaw: Float[np.ndarray, " t"]
+    """Facing about the world's z, unwrapped [rad]."""
+    yaw_rate: Float[np.ndarray, " t"]
+    """[rad/s], left is positive."""
+    valid: Bool[np.ndarray, " t"]
+    """The root and the facing were recorded here, and the stretch is long enough for a velocity."""
+
+    @property
+    def speed(self) -> Float[np.ndarray, " t"]:
+        """Horizontal speed of the root [m/s]."""
+        return np.hypot(self.forward, self.lateral)
+
+
+def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: float) -> PlanarMotion:
+    """The clip's planar motion.
+
+    Args:
+        velocity_s: width of the moving mean on the root's velocity [s]
+        facing_s: width of the moving mean on the facing [s]; of a person it is the normal of the line between the
+            hips, of a robot the heading of its root
+    """
+    root_w, facing_w = _root_and_facing(clip)
+    recorded = np.isfinite(root_w).all(axis=1) & np.isfinite(facing_w).all(axis=1)
+    count = clip.frame_count
+    zero = np.zeros(count)
+    if not recorded.any():
+        return PlanarMotion(forward=zero, lateral=zero, yaw=zero, yaw_rate=zero, valid=np.zeros(count, dtype=bool))
+    velocity_w, yaw, yaw_rate = np.zeros((count, 2)), np.zeros(count), np.zeros(count)
+    valid = np.zeros(count, dtype=bool)
+    for start, stop in _stretches(root_w, recorded, clip.fps):
+        if stop - start < max(2, round(velocity_s * clip.fps)):
+            continue
+        part = slice(start, stop)
+        valid[part] = True
+        velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], clip.fps), velocity_s, clip.fps)
+        smooth = _mean(facing_w[part], facing_s, clip.fps)
+        yaw[part] = np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0]))
+        yaw_rate[part] = time_series.derivative(yaw[part], clip.fps)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return PlanarMotion(
+        forward=cos * velocity_w[:, 0] + sin * velocity_w[:, 1],
+        lateral=cos * velocity_w[:, 1] - sin * velocity_w[:, 0],
+        yaw=yaw,
+        yaw_rate=yaw_rate,
+        valid=valid,
+    )
+
+
+def _root_and_facing(clip: HumanClip | RobotClip) -> tuple[np.ndarray, np.ndarray]:
+    """Root position (t, 3) and horizontal facing of unit length (t, 2), NaN where not recorded."""
+    if isinstance(clip, RobotClip):
+        yaw = rotation.yaw_of(clip.root_quat_w)
+        return clip.root_pos_w, np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    left = clip.pos("left_hip") - clip.pos("right_hip")
+    return clip.pos("pelvis"), rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+
+
+def _stretches(root_w: np.ndarray, recorded: np.ndarray, fps: float) -> list[tuple[int, int]]:
+    """Frame ranges that are recorded throughout and without a teleport."""
+    step = np.linalg.norm(np.diff(np.where(recorded[:, None], root_w, 0.0), axis=0), axis=1)
+    breaks = np.flatnonzero((step > TELEPORT_STEP) & (step * fps > TELEPORT_M_S)) + 1
+    pieces = []
+    for start, stop in time_series.runs(recorded):
+        edges = [start, *breaks[(breaks > start) & (breaks < stop)].tolist(), stop]
+        pieces += list(itertools.pairwise(edges))
+    return pieces
+
+
+def _mean(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
+    """Moving mean over the odd number of frames nearest to `width_s`."""
+    return time_series.moving_mean(values, 2 * round((width_s * fps - 1.0) / 2.0) + 1)

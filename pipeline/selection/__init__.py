@@ -1,0 +1,27 @@
+"""KP1: clips in windows of one skill by measured motion, and which of them are taken.
+
+    clip -> planar motion -> distance of each frame from each skill -> cheapest segmentation -> windows
+    all windows -> what data/curation.yaml asks for -> taken or not, and why
+
+`process` is the stage for one clip, `choose` looks at the windows of all clips together.
+"""
+
+from pipeline.selection.choose import choose
+from pipeline.selection.curation import Curation, WindowSettings
+from pipeline.selection.process import STAGE_VERSION, process
+from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
+from pipeline.selection.windows import Window, find_windows
+
+__all__ = [
+    "LABELS",
+    "SKILLS",
+    "STAGE_VERSION",
+    "TRANSITION",
+    "Curation",
+    "SkillBounds",
+    "Window",
+    "WindowSettings",
+    "choose",
+    "find_windows",
+    "process",
+]

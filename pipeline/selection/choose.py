@@ -1,0 +1,101 @@
+"""Which windows of all clips are taken, by what the curation asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+from itertools import zip_longest
+from typing import Any
+
+import pandas as pd
+
+from pipeline.errors import PipelineError
+from pipeline.selection.curation import Curation
+from pipeline.selection.skills import LABELS
+
+COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
+"""What a row must tell. `off_skill_m_s` (purity) and `notes` (codes, comma-separated) are used where present."""
+
+
+class CurationError(PipelineError):
+    """A curation that asks for a skill that there is not."""
+
+
+def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
+    """The rows, one a window, with `taken` (bool) and `why` (a sentence).
+
+    What the curation excludes goes first. Of what is left each skill's seconds are filled in turns: source by
+    source, in a source file by file, in a file the longest window first and of equals the purest; a window that does
+    not fit any more is left out and shorter ones may follow. The order of the rows does not matter.
+
+    Raises CurationError for unknown skills in the curation.
+    """
+    _check(curation)
+    result = rows.copy()
+    if rows.empty:
+        return result.reindex(columns=[*dict.fromkeys([*COLUMNS, *rows.columns]), "taken", "why"])
+    why = {row["clip"]: "; ".join(_objections(row, curation)) for row in rows.to_dict("records")}
+    taken: set[str] = set()
+    candidates = rows[[not why[clip] for clip in rows["clip"]]]
+    for skill in sorted(set(candidates["skill"])):
+        most_s = curation.most_seconds.get(skill, float("inf"))
+        used_s = 0.0
+        for row in _in_turns(candidates[candidates["skill"] == skill]):
+            if used_s + row["seconds"] <= most_s + 1e-9:
+                used_s += row["seconds"]
+                taken.add(row["clip"])
+                why[row["clip"]] = "taken"
+            else:
+                why[row["clip"]] = f"the {most_s:g} s of {skill} are filled by other windows ({used_s:.1f} s so far)"
+    result["taken"] = [clip in taken for clip in rows["clip"]]
+    result["why"] = [why[clip] for clip in rows["clip"]]
+    return result
+
+
+def _check(curation: Curation) -> None:
+    unknown = sorted({*curation.skills, *curation.most_seconds} - set(LABELS))
+    if unknown:
+        raise CurationError(f"the curation names the skills {', '.join(unknown)}; there are: {', '.join(LABELS)}")
+
+
+def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
+    """Why a window is not wanted, whatever the others are."""
+    if row["skill"] not in curation.skills:
+        yield f"skill '{row['skill']}' is not among the skills wanted"
+    if row["seconds"] < curation.shortest_s:
+        yield f"{row['seconds']:.2f} s is shorter than {curation.shortest_s:g} s"
+    licence = row["licence"] if isinstance(row["licence"], str) else ""
+    if not any(fnmatchcase(licence.lower(), pattern.lower()) for pattern in curation.licences):
+        yield f"licence '{licence}' is not among those allowed ({', '.join(curation.licences) or 'none'})"
+    source_clip = row["clip"].rpartition("@")[0] or row["clip"]
+    for pattern in curation.excluded_clips:
+        if fnmatchcase(row["clip"], pattern) or fnmatchcase(source_clip, pattern):
+            yield f"the clip is excluded by '{pattern}'"
+    notes = row.get("notes")
+    codes = notes.split(",") if isinstance(notes, str) else []
+    for code in sorted(set(codes) & set(curation.excluded_notes)):
+        yield f"the file has the note '{code}'"
+
+
+def _in_turns(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Rows source by source in turns, in a source file by file in turns, in a file the best first."""
+    sources: dict[str, dict[str, list[dict[str, Any]]]] = {}
+    for row in sorted(rows.to_dict("records"), key=_rank):
+        sources.setdefault(str(row["source"]), {}).setdefault(str(row["file"]), []).append(row)
+    yield from _alternate([list(_alternate([files[name] for name in sorted(files)])) for files in _sorted(sources)])
+
+
+def _sorted(groups: dict[str, Any]) -> list[Any]:
+    return [groups[name] for name in sorted(groups)]
+
+
+def _rank(row: dict[str, Any]) -> tuple[float, float, str]:
+    """Longest first (to a tenth of a second), then the purest, then by name."""
+    off = row.get("off_skill_m_s")
+    return (-round(row["seconds"], 1), float(off) if off is not None and off == off else 0.0, row["clip"])
+
+
+def _alternate(groups: list[list[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
+    """The first of each group, then the second of each, and so on."""
+    for turn in zip_longest(*groups):
+        yield from (row for row in turn if row is not None)

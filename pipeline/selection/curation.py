@@ -1,0 +1,51 @@
+"""What data/curation.yaml says: how windows are cut, and which of them the database wants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.selection.skills import SkillBounds
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowSettings:
+    """How a clip is cut into windows."""
+
+    velocity_s: float
+    """Width of the moving mean on the root's velocity [s]."""
+    facing_s: float
+    """Width of the moving mean on the facing [s]."""
+    label_hz: float
+    """Rate at which frames are labelled, so that a clip's own rate does not matter [Hz]."""
+    shortest_s: float
+    """Shortest window of a skill [s]."""
+    shortest_transition_s: float
+    """Shortest transition; what is shorter is given to the windows beside it [s]."""
+    bridge_s: float
+    """Gaps of the recording up to this long are given to the windows beside them, longer ones are transitions [s]."""
+    transition_cost: float
+    """What a frame costs as transition: so far outside a skill's region may its frames lie on average [m/s]."""
+    cut_price: float
+    """Price of one more cut [m]: distance from a region times the time that it lasts."""
+    bounds: SkillBounds
+    """The regions of the skills."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curation:
+    """Which windows the database wants."""
+
+    skills: tuple[str, ...]
+    """Skills wanted, of the ten and `transition`."""
+    most_seconds: dict[str, float]
+    """Skill -> most seconds that are taken of it; a skill that is not named has no bound."""
+    shortest_s: float
+    """Windows shorter than this are not taken [s]."""
+    licences: tuple[str, ...]
+    """Patterns (`*`, `?`, case does not matter) of licences that may be used."""
+    excluded_clips: tuple[str, ...]
+    """Patterns of names of clips or windows that are left out."""
+    excluded_notes: tuple[str, ...]
+    """Codes of notes (catalogue, readers) whose files are left out."""
+    windows: WindowSettings
+    """How a clip is cut into windows."""

@@ -1,0 +1,96 @@
+"""The ten skills as regions of planar motion, and how far a frame lies outside each.
+
+A skill is a region in the space of forward velocity, velocity to the left and yaw rate, each smoothed over a
+fraction of a step. The distance of a frame from a region is 0 inside and grows with the speed that would have
+to change to get in, so that a frame just over a bound costs little and a foreign one costs much.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+SKILLS: tuple[str, ...] = (
+    "stand",
+    "turn_left",
+    "turn_right",
+    "side_left",
+    "side_right",
+    "back",
+    "walk_slow",
+    "walk",
+    "walk_fast_jog",
+    "run",
+)
+"""What a window can show."""
+
+TRANSITION = "transition"
+"""What lies between two skills and is neither."""
+
+LABELS: tuple[str, ...] = (*SKILLS, TRANSITION)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SkillBounds:
+    """Where each skill's region ends. Speeds are the person's (or robot's) own, not scaled."""
+
+    stand_speed: float
+    """Below this speed a body stands or turns [m/s]."""
+    stand_yaw_rate_deg_s: float
+    """Standing turns slower than this."""
+    turn_speed: float
+    """A turn on the spot travels slower than this [m/s]."""
+    turn_yaw_rate_deg_s: float
+    """... and turns faster than this."""
+    side_ratio: float
+    """Going sideways or back is faster than across it by this factor."""
+    ahead_ratio: float
+    """Going ahead is faster than across it by this factor; a diagonal walk is none."""
+    walk_slow_speed: float
+    """Forward speed at which slow walking becomes walking [m/s]."""
+    walk_speed: float
+    """Forward speed at which walking becomes fast walking or jogging [m/s]."""
+    jog_speed: float
+    """Forward speed at which jogging becomes running [m/s]."""
+    turn_radius: float
+    """What turns rad/s into m/s, so that distances can be added [m]."""
+
+
+def distances(
+    forward: Float[np.ndarray, " t"],
+    lateral: Float[np.ndarray, " t"],
+    yaw_rate: Float[np.ndarray, " t"],
+    bounds: SkillBounds,
+) -> Float[np.ndarray, "t 10"]:
+    """Distance [m/s] of every frame from the region of every skill, in the order of `SKILLS`.
+
+    Where the regions of turning or standing overlap another one they win: a frame in them has to leave them
+    before it is a walk.
+    """
+    speed, turning = np.hypot(forward, lateral), np.abs(yaw_rate)
+    radius = bounds.turn_radius
+    stand = _over(speed, bounds.stand_speed) + radius * _over(turning, np.deg2rad(bounds.stand_yaw_rate_deg_s))
+    turn_rate = np.deg2rad(bounds.turn_yaw_rate_deg_s)
+    slow = _over(speed, bounds.turn_speed)
+    turns = [slow + radius * _over(turn_rate, sign * yaw_rate) for sign in (1.0, -1.0)]
+    leave_stand = np.maximum(bounds.stand_speed - speed, 0.0)
+    inside_turn = np.minimum(_over(bounds.turn_speed, speed), radius * _over(turning, turn_rate))
+    travel = np.maximum(leave_stand, inside_turn)
+    ratio = bounds.side_ratio
+    sides = [travel + _over(ratio * np.abs(forward), sign * lateral) for sign in (1.0, -1.0)]
+    across = ratio * np.abs(lateral)
+    back = travel + _over(across, -forward)
+    edges = [0.0, bounds.walk_slow_speed, bounds.walk_speed, bounds.jog_speed, np.inf]
+    ahead = [
+        travel + _over(bounds.ahead_ratio * np.abs(lateral), forward) + _over(low, forward) + _over(forward, high)
+        for low, high in itertools.pairwise(edges)
+    ]
+    return np.stack([stand, *turns, *sides, back, *ahead], axis=1)
+
+
+def _over(value: np.ndarray | float, limit: np.ndarray | float) -> np.ndarray:
+    """How far `value` is above `limit`, 0 below."""
+    return np.maximum(np.subtract(value, limit), 0.0)

@@ -1,0 +1,107 @@
+"""Windows of one skill: the whole clip, cut where the motion changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import time_series
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.planar_motion import PlanarMotion, planar_motion
+from pipeline.selection.curation import WindowSettings
+from pipeline.selection.segmentation import segment
+from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, distances
+
+NEVER = 1e3
+"""Cost [m/s] of a label that a frame must not get."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """Frames [start, stop) of a clip that show one skill, with means over the frames that were recorded."""
+
+    skill: str
+    start: int
+    stop: int
+    forward_m_s: float
+    lateral_m_s: float
+    """To the left."""
+    yaw_rate_rad_s: float
+    """To the left."""
+    off_skill_m_s: float
+    """Mean distance of the frames from the skill's region; 0 for a transition."""
+    recorded_share: float
+    """Share of the frames whose motion is known."""
+
+
+def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tuple[Window, ...]:
+    """The clip's windows: in order, without a gap, none of a skill shorter than the settings allow.
+
+    Only a clip that is shorter as a whole, or what is left beside a long gap of the recording, becomes a shorter
+    transition. Missing frames and teleports don't stop it: short ones are bridged, long ones are transitions.
+    """
+    motion = planar_motion(clip, settings.velocity_s, settings.facing_s)
+    cost = _costs(motion, clip.fps, settings)
+    shortest = np.array([settings.shortest_s] * len(SKILLS) + [settings.shortest_transition_s])
+    frames = np.maximum(np.round(shortest * settings.label_hz).astype(int), 1)
+    if len(cost) < frames[0]:
+        stretches = [(0, len(cost), len(SKILLS))]
+    else:
+        stretches = segment(cost / settings.label_hz, frames, settings.cut_price)
+    edges = [min(round(start * clip.fps / settings.label_hz), clip.frame_count) for start, _, _ in stretches]
+    edges.append(clip.frame_count)
+    labels = [LABELS[label] for _, _, label in stretches]
+    return tuple(
+        _measured(motion, label, start, stop, settings)
+        for label, start, stop in zip(labels, edges[:-1], edges[1:], strict=True)
+        if stop > start
+    )
+
+
+def _costs(motion: PlanarMotion, fps: float, settings: WindowSettings) -> Float[np.ndarray, "n 11"]:
+    """Cost [m/s] of each label at the labelling rate; in a long gap of the recording only a transition is cheap."""
+    times_s = time_series.resample_times(len(motion.valid), fps, settings.label_hz)
+    signals = [
+        time_series.resample_linear(each, fps, times_s) for each in (motion.forward, motion.lateral, motion.yaw_rate)
+    ]
+    away = distances(*signals, settings.bounds)
+    cost = np.concatenate([away, np.full((len(away), 1), settings.transition_cost)], axis=1)
+    unknown = ~time_series.resample_nearest(motion.valid, fps, times_s)
+    cost[unknown] = 0.0
+    gap = np.zeros(len(cost), dtype=bool)
+    for start, stop in time_series.runs(unknown):
+        gap[start:stop] = stop - start > settings.bridge_s * settings.label_hz
+    cost[gap, : len(SKILLS)] = NEVER
+    return cost
+
+
+def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings: WindowSettings) -> Window:
+    known = np.flatnonzero(motion.valid[start:stop]) + start
+    if len(known) == 0:
+        return Window(
+            skill=TRANSITION,
+            start=start,
+            stop=stop,
+            forward_m_s=0.0,
+            lateral_m_s=0.0,
+            yaw_rate_rad_s=0.0,
+            off_skill_m_s=0.0,
+            recorded_share=0.0,
+        )
+    forward, lateral, yaw_rate = motion.forward[known], motion.lateral[known], motion.yaw_rate[known]
+    off = 0.0
+    if label != TRANSITION:
+        off = float(distances(forward, lateral, yaw_rate, settings.bounds)[:, SKILLS.index(label)].mean())
+    return Window(
+        skill=label,
+        start=start,
+        stop=stop,
+        forward_m_s=float(forward.mean()),
+        lateral_m_s=float(lateral.mean()),
+        yaw_rate_rad_s=float(yaw_rate.mean()),
+        off_skill_m_s=off,
+        recorded_share=len(known) / (stop - start),
+    )
