@@ -16,6 +16,9 @@ from pipeline.retarget.foot_plan import YAW, Sole
 DISCS = 5
 """Discs a sole."""
 
+SPACING_ROUNDS = 4
+"""Rounds of moving footholds apart; a foothold has two neighbours, so one round is not enough."""
+
 CORNER = 1.1
 """Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
 
@@ -49,18 +52,40 @@ def space_footholds(
     heading: Float[np.ndarray, " t"],
     sole: Sole,
     gap: float,
+    spread: int,
 ) -> None:
-    """Move whole footholds in place so that feet which stand at the same time have `gap` between them."""
-    both = contacts.all(axis=1)
+    """Move whole footholds in place so that feet which stand at the same time have `gap` between them.
+
+    Two stances less than `spread` frames apart count as at the same time: no swing is quick enough to pass.
+    """
     lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
-    for _ in range(3):
-        lacking = np.where(both, overlap(*locked, heading, sole, gap), 0.0)
+    for _ in range(SPACING_ROUNDS):
+        held = [_held(foot, contacts[:, side], spread) for side, foot in enumerate(locked)]
+        stands = held[0][1] & held[1][1]
+        lacking = np.where(stands, overlap(held[0][0], held[1][0], heading, sole, gap), 0.0)
         if not lacking.any():
             return
         for side, sign in ((0, 1.0), (1, -1.0)):
             for start, stop in time_series.runs(contacts[:, side]):
-                worst = start + int(np.argmax(lacking[start:stop]))
+                near = slice(max(start - spread, 0), stop + spread)
+                worst = near.start + int(np.argmax(lacking[near]))
                 locked[side][start:stop, :2] += 0.5 * sign * lacking[worst] * lateral_w[worst]
+
+
+def _held(
+    foot: Float[np.ndarray, "t 5"], contact: Bool[np.ndarray, " t"], spread: int
+) -> tuple[Float[np.ndarray, "t 5"], Bool[np.ndarray, " t"]]:
+    """The foot's poses with each stance held `spread` frames longer at both ends, and where it is a stance then."""
+    held, stands = foot.copy(), contact.copy()
+    for start, stop in time_series.runs(~contact):
+        middle = (start + stop) // 2
+        if stop < len(foot):
+            first = max(middle, stop - spread)
+            held[first:stop], stands[first:stop] = foot[stop], True
+        if start > 0:
+            last = min(middle, start + spread)
+            held[start:last], stands[start:last] = foot[start - 1], True
+    return held, stands
 
 
 def space_swings(

@@ -58,7 +58,7 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
-    targets = cleared(targets, poses, robot, settings.clearance, settings.fps)
+    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
     return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
 
 

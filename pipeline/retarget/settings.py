@@ -37,6 +37,8 @@ class FootSettings:
     """Least height of the sole in the middle of a swing [m]."""
     spacing: float
     """Least gap between the two soles seen from above [m]."""
+    wary: float
+    """Gap on top of `spacing` below which a swinging foot is held as firmly as a standing one [m]."""
     spacing_s: float
     """Time over which a swinging foot gives way to the other one [s]."""
 
@@ -49,6 +51,8 @@ class ClearanceSettings:
     """Of the stance error that is added to the target."""
     highest_correction: float
     """[m] Each coordinate of it."""
+    foot_gap: float
+    """Gap between the soles of the first pass below which a swinging foot is sent further out [m]."""
     arm_distance: float
     """Least distance of forearm and hand from the line hip to knee [m]."""
     spread_s: float

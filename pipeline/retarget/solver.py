@@ -145,7 +145,7 @@ class _Feed:
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"]):
         names = solver.robot.joint_names
         self._solver = solver
-        self._contacts = targets.contacts.tolist()
+        self._firm, self._contacts = targets.firm.tolist(), targets.contacts.tolist()
         self._pelvis = list(targets.pelvis_pos_w)
         self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
         waist = names[solver.body.waist]
@@ -163,12 +163,12 @@ class _Feed:
         solver._waist.set_joints(self._waist[frame])
         solver._posture.set_joints(self._posture[frame])
         for side in range(2):
-            stands = self._contacts[frame][side]
+            firm, stands = self._firm[frame][side], self._contacts[frame][side]
             position, orientation = solver._foot_position[side], solver._foot_orientation[side]
             position.target_world = self._foot_pos[side][frame]
             solver._foot_height[side].target_world = self._foot_pos[side][frame]
             orientation.R_world_frame = self._foot_rot[side][frame]
-            position.configure(FEET[side], "soft", weights.stance_position if stands else weights.swing_position)
+            position.configure(FEET[side], "soft", weights.stance_position if firm else weights.swing_position)
             orientation.configure(
                 FEET[side], "soft", weights.stance_orientation if stands else weights.swing_orientation
             )

@@ -24,6 +24,8 @@ class Targets:
 
     contacts: Bool[np.ndarray, "t 2"]
     """Stance, (left, right)."""
+    firm: Bool[np.ndarray, "t 2"]
+    """Where a foot is held as firmly as in a stance: stances, and swings close by the other foot."""
     foot_pos_w: Float[np.ndarray, "t 2 3"]
     """Ankles (left, right) [m]."""
     foot_quat_w: Float[np.ndarray, "t 2 4"]
@@ -55,6 +57,7 @@ def plan_targets(
     centre_w = ratio * (hips_w.mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
     return Targets(
         contacts=contacts,
+        firm=contacts | _close(feet, heading, body.sole, settings)[:, None],
         foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
         foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
@@ -96,10 +99,11 @@ def _plan_feet(
         ankle_to_toe = ratio * float(person.ankle_to_toe[side])
         raws.append(raw)
         locked.append(foot_plan.lock_stances(raw, contacts[:, side], scaled_toe_w, toe_yaw, ankle_to_toe, sole, feet))
-    foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing)
+    spread = feet.spacing_s * clip.fps
+    foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing, round(spread))
     slope = max(1, round(feet.slope_s * clip.fps))
     plans = [foot_plan.spread(raws[side], locked[side], contacts[:, side], slope) for side in range(2)]
-    foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, feet.spacing_s * clip.fps)
+    foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, spread)
     left, right = (foot_plan.keep_above_ground(plans[side], contacts[:, side], sole, feet) for side in range(2))
     return left, right
 
@@ -121,6 +125,17 @@ def _scaled_foot(
     raw[:, YAW] = heading
     raw[:, PITCH] = proportions.foot_pitch(ankle, toe) - person.flat_pitch[side]
     return raw
+
+
+def _close(
+    feet: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    settings: RetargetSettings,
+) -> Bool[np.ndarray, " t"]:
+    """Frames in which the feet are less than the wary distance apart."""
+    gap = settings.feet.spacing + settings.feet.wary
+    return foot_spacing.overlap(*feet, heading, sole, gap) > 0.0
 
 
 def _foot_quat(foot: Float[np.ndarray, "t 5"]) -> Float[np.ndarray, "t 4"]:
