@@ -22,7 +22,11 @@ def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
         kind: one of `KINDS`
         size: as in `figure.Shape`
         segments: corners of a circle; the vertices lie on the true surface
+
+    Raises UnknownNameError for another kind.
     """
+    if kind not in KINDS:
+        raise UnknownNameError("primitive", kind, KINDS)
     if kind == "box":
         return _box(size)
     if kind in ("sphere", "ellipsoid"):
@@ -31,13 +35,11 @@ def shape_mesh(kind: str, size: tuple[float, ...], segments: int) -> Mesh:
     radius, half = size[:2]
     if kind == "cylinder":
         return _turned([(0.0, -half), *_wall(radius, half), (0.0, half)], segments)
-    if kind == "capsule":
-        arc = _arc(segments)
-        middle = len(arc) // 2
-        lower = [(radius * r, radius * z - half) for r, z in arc[: middle + 1]]
-        upper = [(radius * r, radius * z + half) for r, z in arc[middle:]]
-        return _turned([*lower[:-1], *_wall(radius, half), *upper[1:]], segments)
-    raise UnknownNameError("primitive", kind, KINDS)
+    arc = _arc(segments)
+    middle = len(arc) // 2
+    lower = [(radius * r, radius * z - half) for r, z in arc[:middle]]
+    upper = [(radius * r, radius * z + half) for r, z in arc[middle + 1 :]]
+    return _turned([*lower, *_wall(radius, half), *upper], segments)
 
 
 def _arc(segments: int) -> list[tuple[float, float]]:

@@ -1,0 +1,134 @@
+"""The browser viewer: the human and the robot side by side, with a clock and controls.
+
+`Viewer.step` does all the work of one tick, so that a test can drive it without a browser.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot import Robot
+from pipeline.viewing.figure import Figure
+from pipeline.viewing.human_figure import human_figure
+from pipeline.viewing.playback import SPEEDS, Playback
+from pipeline.viewing.robot_figure import robot_figure
+from pipeline.viewing.scene import SceneFigure
+
+TICK_S = 1.0 / 30.0
+"""Time between two pictures [s]."""
+
+APART = 1.3
+"""Distance of the two figures [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """One clip as a human and a robot did it; they share the time of their first frame."""
+
+    name: str
+    human: HumanClip | None = None
+    robot_clip: RobotClip | None = None
+    robot: Robot | None = None
+    """The robot that `robot_clip` is for."""
+    text: str = ""
+    """What is known of it, in Markdown."""
+
+    def figures(self) -> list[Figure]:
+        figures = [human_figure(self.human)] if self.human is not None else []
+        if self.robot_clip is not None and self.robot is not None:
+            figures.append(robot_figure(self.robot_clip, self.robot))
+        return figures
+
+
+class Viewer:
+    """A server with one scene. `names` are offered; `load` gives the clip of a name when it is chosen.
+
+    The server is reached from this machine alone unless `host` says otherwise; when `port` is taken, the next free
+    one is used (`url`).
+    """
+
+    def __init__(self, names: Sequence[str], load: Callable[[str], Shown], port: int, host: str = "127.0.0.1"):
+        self._load = load
+        self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.figures: list[SceneFigure] = []
+        self.playback = Playback(duration_s=0.0)
+        gui = self.server.gui
+        self.clip = gui.add_dropdown("clip", options=tuple(names), initial_value=names[0], visible=len(names) > 1)
+        self.play = gui.add_button("pause")
+        self.slider = gui.add_slider("time [s]", min=0.0, max=1.0, step=0.01, initial_value=0.0)
+        self.speed = gui.add_dropdown("speed", options=tuple(f"{speed:g}" for speed in SPEEDS), initial_value="1")
+        self.follow = gui.add_checkbox("stay in place", initial_value=True)
+        self.text = gui.add_markdown("")
+        self.play.on_click(lambda _: self.toggle())
+        self._chosen = ""
+        self._slider_set_to = 0.0
+        self._choose(names[0])
+
+    @property
+    def url(self) -> str:
+        host = self.server.get_host()
+        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
+
+    def toggle(self) -> None:
+        """Pause or play."""
+        self.playback.playing = not self.playback.playing
+        self.play.label = "pause" if self.playback.playing else "play"
+
+    def step(self, passed_s: float) -> None:
+        """One tick: take what the controls say, let `passed_s` of real time pass, move the figures."""
+        if self.clip.value != self._chosen:
+            self._choose(self.clip.value)
+        self.playback.speed = float(self.speed.value)
+        if abs(self.slider.value - self._slider_set_to) > 1e-6:
+            self.playback.seek(self.slider.value)
+        else:
+            self.playback.advance(passed_s)
+        self._show()
+
+    def run(self) -> None:
+        """Play until interrupted."""
+        last = time.monotonic()
+        while True:
+            time.sleep(TICK_S)
+            now = time.monotonic()
+            self.step(now - last)
+            last = now
+
+    def stop(self) -> None:
+        """End the server; its port is free again."""
+        self.server.stop()
+
+    def _choose(self, name: str) -> None:
+        shown = self._load(name)
+        figures = shown.figures()
+        with self.server.atomic():
+            for old in self.figures:
+                old.remove()
+            middle = (len(figures) - 1) / 2
+            places = [np.array([0.0, APART * (middle - index), 0.0]) for index in range(len(figures))]
+            self.figures = [
+                SceneFigure(self.server.scene, figure, place) for figure, place in zip(figures, places, strict=True)
+            ]
+        duration_s = max((figure.duration_s for figure in figures), default=0.0)
+        self.playback = Playback(duration_s=duration_s, playing=self.playback.playing)
+        self.slider.max = max(round(duration_s, 2), 0.01)
+        self.text.content = f"**{name}**\n\n{shown.text}"
+        self.server.initial_camera.position = (2.1, -2.5, 1.2)
+        self.server.initial_camera.look_at = (0.0, 0.0, 0.7)
+        self._chosen = name
+        self._show()
+
+    def _show(self) -> None:
+        with self.server.atomic():
+            for figure in self.figures:
+                figure.show(self.playback.time_s, self.follow.value)
+        self._slider_set_to = min(round(self.playback.time_s, 2), self.slider.max)
+        self.slider.value = self._slider_set_to
