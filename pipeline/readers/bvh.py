@@ -52,6 +52,8 @@ class _Header:
     def take(self, words: list[str], line: int) -> None:
         """One line of the hierarchy."""
         key = words[0].upper()
+        if self.pending is not None and key != "{":
+            raise self.fail(f"'{words[0][:40]}' where a '{{' was expected.", line)
         if key == "{":
             self._open(line)
         elif key == "}":
@@ -129,10 +131,11 @@ def read_bvh(path: Path) -> RawMotion:
         raise FileError(
             path, f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed.", "Split it."
         )
-    values = read_rows(path, lines[first:], first + 1, columns)
-    if len(values) != frames:
-        problem = f"the header declares {frames} frames, the file holds {len(values)}."
+    rows = sum(1 for line in lines[first:] if line.strip())
+    if rows != frames:
+        problem = f"the header declares {frames} frames, the file holds {rows}."
         raise FileError(path, problem, "It was cut off or edited; export it again.", first + 1)
+    values = read_rows(path, lines[first:], first + 1, columns)
     local_pos, local_quat = _local_transforms(joints, values)
     parents = tuple(joint.parent for joint in joints)
     pos, quat = forward_kinematics(parents, local_pos, local_quat)

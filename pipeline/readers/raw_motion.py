@@ -11,6 +11,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 
+MIN_FRAMES = 2
+"""A file with fewer frames holds a pose, not a motion."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RawMotion:

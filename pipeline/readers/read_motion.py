@@ -13,7 +13,7 @@ from pipeline.errors import FileError
 from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.deepmimic import read_deepmimic
-from pipeline.readers.frame_rate import frame_rate
+from pipeline.readers.frame_rate import declared_rate, frame_rate
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
 from pipeline.readers.npz_file import open_npz
@@ -65,7 +65,7 @@ def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
         clip=canonical.clip,
         format=motion.format,
         skeleton=canonical.skeleton,
-        declared_fps=motion.fps,
+        declared_fps=declared_rate(motion.fps),
         unit=canonical.unit,
         metres_per_unit=canonical.metres_per_unit,
         up_axis=canonical.up_axis,
@@ -88,7 +88,7 @@ def _robot(motion: RobotMotion, name: str, statement: Statement) -> ReadMotion:
         clip=clip,
         format=motion.format,
         skeleton=clip.robot,
-        declared_fps=motion.fps,
+        declared_fps=declared_rate(motion.fps),
         unit="m",
         metres_per_unit=1.0,
         up_axis="z",

@@ -14,6 +14,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.quaternion_order import check_unit
+from pipeline.readers.raw_motion import MIN_FRAMES
 from pipeline.robot import Kinematics, Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
@@ -57,8 +58,8 @@ def robots() -> tuple[Robot, ...]:
 def to_robot_clip(motion: RobotMotion, name: str, fps: float) -> RobotClip:
     """The clip, joints in the robot's order. Raises FileError, AmbiguousFileError for joints without names."""
     path = motion.path
-    if not len(motion.joint_pos):
-        raise FileError(path, "the file has no frames.")
+    if len(motion.joint_pos) < MIN_FRAMES:
+        raise FileError(path, f"the file has {len(motion.joint_pos)} frame(s), which is no motion.")
     robot, columns = _robot_of(motion)
     check_unit(path, motion.root_quat_w, "the root's quaternion")
     _check_upright(path, motion.root_quat_w)

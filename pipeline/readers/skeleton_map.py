@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES
-from pipeline.errors import AmbiguousFileError, FileError, SettingsError, UnknownNameError
+from pipeline.errors import AmbiguousFileError, FileError, SettingsError
 from pipeline.files import settings
 from pipeline.readers.raw_motion import RawMotion
 
@@ -155,7 +155,7 @@ def find_map(motion: RawMotion, stated: str | None = None) -> SkeletonMap:
     """
     path, names = motion.files[0], set(motion.joint_names)
     if stated is not None:
-        skeleton = _stated(stated)
+        skeleton = _stated(path, stated)
         if not skeleton.joints <= names:
             missing = ", ".join(sorted(skeleton.joints - names))
             raise FileError(path, f"the stated skeleton '{stated}' needs joints that the file lacks: {missing}.")
@@ -177,11 +177,11 @@ def _less_specific(one: SkeletonMap, other: SkeletonMap) -> bool:
     )
 
 
-def _stated(stated: str) -> SkeletonMap:
+def _stated(path: Path, stated: str) -> SkeletonMap:
     if stated.endswith((".yaml", ".yml")):
         return read_map(Path(stated))
     if stated not in shipped_maps():
-        raise UnknownNameError("skeleton", stated, tuple(shipped_maps()))
+        raise FileError(path, f"unknown stated skeleton '{stated}'; there are: {', '.join(shipped_maps())}.")
     return shipped_maps()[stated]
 
 

@@ -53,7 +53,7 @@ class Source:
         return Statement(**stated)
 
     def licence_of(self, path: Path) -> str:
-        """Licence of one file: stated; else of its sidecar, the folder's `index.csv`, a licence file; else `unknown`."""
+        """Licence of one file: stated; or as its sidecar, `index.csv` or a licence file says; or `unknown`."""
         stated = [one.licence for one in self._matching(path) if one.licence is not None]
         if stated or self.licence is not None:
             return stated[-1] if stated else str(self.licence)
