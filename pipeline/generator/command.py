@@ -49,22 +49,22 @@ class Recipe:
     @property
     def frame_count(self) -> int:
         total_s = sum(level.hold_s for level in self.levels) + self.ramp_s * (len(self.levels) - 1)
-        return int(round(total_s * self.fps)) + 1
+        return round(total_s * self.fps) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Commands:
     """Commanded motion at `GRID_HZ`. World: x forward at the start, y left; the clip begins at time 0 in the origin."""
 
-    times: Float[np.ndarray, "n"]
+    times: Float[np.ndarray, " n"]
     """[s]"""
-    forward: Float[np.ndarray, "n"]
+    forward: Float[np.ndarray, " n"]
     """[m/s]"""
-    lateral: Float[np.ndarray, "n"]
+    lateral: Float[np.ndarray, " n"]
     """[m/s]"""
-    yaw_rate: Float[np.ndarray, "n"]
+    yaw_rate: Float[np.ndarray, " n"]
     """[rad/s]"""
-    heading: Float[np.ndarray, "n"]
+    heading: Float[np.ndarray, " n"]
     """Integral of the yaw rate [rad]."""
     path_w: Float[np.ndarray, "n 2"]
     """Integral of the speeds along the heading [m]."""
@@ -89,8 +89,8 @@ def smoothstep(s: np.ndarray) -> np.ndarray:
 
 def plan_commands(recipe: Recipe) -> Commands:
     """The commanded speeds of a recipe over time and the path they lead along, lead-in and lead-out included."""
-    ends = int(round(LEAD_S * GRID_HZ))
-    inside = int(round((recipe.frame_count - 1) * GRID_HZ / recipe.fps))
+    ends = round(LEAD_S * GRID_HZ)
+    inside = round((recipe.frame_count - 1) * GRID_HZ / recipe.fps)
     times = np.arange(-ends, inside + ends + 1) / GRID_HZ
     command = np.tile(np.array(recipe.levels[0].command), (len(times), 1))
     start_s = 0.0

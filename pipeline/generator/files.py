@@ -14,9 +14,9 @@ README = """# Motions that ship with the project
 Made by `python -m pipeline.generator data/motions`, byte for byte the same every time; do not edit them by hand. No
 recording of a person went into them. Licence: CC0-1.0, use them for anything. docs/motions.md tells how they are made.
 
-Beside each `<clip>.bvh` lies `<clip>.yaml`: what the clip is, and under `expect` what must happen to it in the pipeline:
-its fate (`accepted`, `partly`, `rejected`), the reasons for what is lost, what is repaired, and the seconds of each skill.
-The clips `defect_*` were sound and then spoilt; `defects` in their sidecar says how and where.
+Beside each `<clip>.bvh` lies `<clip>.yaml`: what the clip is, and under `expect` what must happen to it in the
+pipeline: its fate (`accepted`, `partly`, `rejected`), the reasons for what is lost, what is repaired, and the seconds
+of each skill. The clips `defect_*` were sound and then spoilt; `defects` in their sidecar says how and where.
 
 | clip | seconds | fate | what |
 |---|---|---|---|

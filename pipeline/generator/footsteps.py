@@ -44,11 +44,11 @@ class Stance:
 class Stride:
     """The rhythm of the steps at `GRID_HZ`."""
 
-    phase: Float[np.ndarray, "n"]
+    phase: Float[np.ndarray, " n"]
     """Strides so far: the left foot lands at whole numbers, the right one in between. Stays while standing."""
-    duty: Float[np.ndarray, "n"]
+    duty: Float[np.ndarray, " n"]
     """Part of the stride that a foot is down."""
-    activity: Float[np.ndarray, "n"]
+    activity: Float[np.ndarray, " n"]
     """0 standing, 1 stepping."""
     stances: tuple[tuple[Stance, ...], tuple[Stance, ...]]
     """Of the left foot and of the right one, in order."""
@@ -175,5 +175,5 @@ def _stance(
         landing_pitch=float(gait.landing_pitch(recipe.gait, np.array(commands.at(commands.forward, known_s)))),
         leaving_pitch=float(gait.leaving_pitch(recipe.gait, np.array(commands.at(commands.forward, leave_s)))),
         landing_s=0.25 * length_s,
-        leaving_s=0.55 * leaving_length_s,
+        leaving_s=(0.7 if recipe.gait == gait.RUN else 0.55) * leaving_length_s,
     )

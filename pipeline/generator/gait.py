@@ -33,7 +33,7 @@ def step_rate(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.
     the two, so step rate = sqrt(speed / ratio); directions combine by a 6-norm, a smooth maximum.
     """
     if gait == RUN:
-        return 2.45 + 0.12 * forward
+        return 2.50 + 0.12 * forward
     parts = [
         np.sqrt(np.abs(forward) / WALK_RATIO),
         np.sqrt(np.abs(lateral) / SIDE_RATIO),
@@ -76,24 +76,24 @@ def bob(forward: np.ndarray) -> np.ndarray:
     return 0.5 * (0.0111 + 0.0233 * np.abs(forward))
 
 
-def sway(gait: str, forward: np.ndarray, lateral: np.ndarray) -> np.ndarray:
+def sway(gait: str, forward: np.ndarray, lateral: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
     """Amplitude of the pelvis to the standing foot's side [m], half the excursion.
 
-    Walking: excursion 7.0 cm at .7 m/s, 3.9 cm at 1.6 m/s (Orendurff et al. 2004); the shuffle to the
-    side and the run have less.
+    Excursion 7.0 cm at .7 m/s, 3.9 cm at 1.6 m/s (Orendurff et al. 2004); written as a power of the stride rate, so
+    that quick steps to the side or in place sway little too. A run has less.
     """
     if gait == RUN:
         return np.full_like(forward, 0.008)
-    return (0.012 + 0.042 * np.exp(-np.abs(forward) / 1.05)) * (1.0 - 0.7 * np.tanh(3.0 * np.abs(lateral)))
+    return 0.0178 * (step_rate(gait, forward, lateral, yaw_rate) / 2.0) ** -1.7
 
 
 def body_ahead(gait: str, forward: np.ndarray) -> np.ndarray:
     """Pelvis ahead of the middle of the standing foot at midstance [m].
 
     Feet land less far ahead of the hips than they leave behind them, the more so the faster: at an easy run about .3 m
-    ahead and .5 m behind (Novacheck 1998). Standing, the weight lies over the arch.
+    ahead and .4 m behind (Novacheck 1998). Standing, the weight lies over the arch.
     """
-    return -0.02 + (0.038 if gait == RUN else 0.022) * forward
+    return np.full_like(forward, 0.04) if gait == RUN else -0.02 + 0.022 * forward
 
 
 def trunk_lean(gait: str, forward: np.ndarray) -> np.ndarray:
@@ -136,7 +136,7 @@ def landing_pitch(gait: str, forward: np.ndarray) -> np.ndarray:
     leaves a robot's ankle room; backwards the ball lands first. Running: nearly flat.
     """
     if gait == RUN:
-        return np.full_like(forward, -0.04)
+        return np.full_like(forward, -0.12)
     return np.where(forward >= 0.0, -0.21 * np.tanh(forward / 0.9), -0.25 * np.tanh(forward / 0.6))
 
 
@@ -147,5 +147,5 @@ def leaving_pitch(gait: str, forward: np.ndarray) -> np.ndarray:
     first, the heel last.
     """
     if gait == RUN:
-        return 0.62 + 0.06 * (forward - 2.0)
+        return 0.50 + 0.09 * (forward - 2.0)
     return np.where(forward >= 0.0, 0.10 + 0.62 * np.tanh(forward / 0.9), 0.10 + 0.2 * np.tanh(forward / 0.6))

@@ -64,7 +64,7 @@ def make_motion(recipe: Recipe) -> tuple[Motion, np.ndarray]:
     return motion, np.stack([foot.contact[frames] for foot in both_feet], axis=-1)
 
 
-def hanging(side: int) -> Float[np.ndarray, "4"]:
+def hanging(side: int) -> Float[np.ndarray, " 4"]:
     """Rotation of an arm joint, straight out at rest, from a hanging arm's canonical frame."""
     return rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), -np.pi / 2 if side == 0 else np.pi / 2)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
 
 
 def hermite(s: np.ndarray, duration_s: float, start: list[np.ndarray], stop: list[np.ndarray]) -> np.ndarray:

@@ -10,7 +10,7 @@ from pipeline.generator import skeleton
 
 
 def solve_leg(
-    hip_w: Float[np.ndarray, "n 3"], ankle_w: Float[np.ndarray, "n 3"], yaw: Float[np.ndarray, "n"]
+    hip_w: Float[np.ndarray, "n 3"], ankle_w: Float[np.ndarray, "n 3"], yaw: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n 4"]]:
     """World orientations wxyz of thigh and shank; the knee's axis is the foot's left made square to the leg.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,7 @@ class Pelvis:
 def move_pelvis(recipe: Recipe, commands: Commands, stride: Stride, feet: tuple[Foot, Foot]) -> Pelvis:
     """The pelvis of the whole motion. Raises ValueError where a foot is out of a leg's reach."""
     quat_w = _orientation(recipe, commands, stride)
-    side = gait.sway(recipe.gait, commands.forward, commands.lateral) * stride.activity
+    side = gait.sway(recipe.gait, commands.forward, commands.lateral, commands.yaw_rate) * stride.activity
     side = side * stride.wave(from_midstance=True) + _idle(recipe, commands.times, 0) * (1.0 - stride.activity)
     along = _idle(recipe, commands.times, 1) * (1.0 - stride.activity) + gait.body_ahead(recipe.gait, commands.forward)
     cosine, sine = np.cos(commands.heading), np.sin(commands.heading)
@@ -66,7 +67,7 @@ def _orientation(recipe: Recipe, commands: Commands, stride: Stride) -> Float[np
     return rotation.multiply(quat, rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), lean))
 
 
-def hip_offset(side: int) -> Float[np.ndarray, "3"]:
+def hip_offset(side: int) -> Float[np.ndarray, " 3"]:
     """Hip joint of foot 0 (left) or 1 (right) in the pelvis frame [m]."""
     return skeleton.offset("LeftUpLeg" if side == 0 else "RightUpLeg")
 
@@ -109,7 +110,7 @@ def _running_height(commands: Commands, stride: Stride, limit: np.ndarray) -> np
     edges = sorted((stance.start_s, stance.stop_s) for stances in stride.stances for stance in stances)
     shape = _bounces(commands.times, edges, np.zeros(len(edges) + 1))
     base = _level(limit - shape)
-    middles = [edges[0][0]] + [0.5 * (a[1] + b[0]) for a, b in zip(edges[:-1], edges[1:], strict=True)] + [edges[-1][1]]
+    middles = [edges[0][0]] + [0.5 * (a[1] + b[0]) for a, b in itertools.pairwise(edges)] + [edges[-1][1]]
     levels = np.interp(middles, commands.times, base)
     return _bounces(commands.times, edges, levels)
 
@@ -118,7 +119,7 @@ def _bounces(times: np.ndarray, stances: list[tuple[float, float]], levels: np.n
     """Height (n,) over stances (start, stop) [s] in order; `levels` (one more) are those of touch-down and
     take-off before, between and after them [m]."""
     height = np.full(len(times), levels[0])
-    flights = [0.1] + [b[0] - a[1] for a, b in zip(stances[:-1], stances[1:], strict=True)] + [0.1]
+    flights = [0.1] + [b[0] - a[1] for a, b in itertools.pairwise(stances)] + [0.1]
     for index, (start_s, stop_s) in enumerate(stances):
         speeds = -0.5 * gait.GRAVITY * flights[index], 0.5 * gait.GRAVITY * flights[index + 1]
         inside = (times >= start_s) & (times <= stop_s)

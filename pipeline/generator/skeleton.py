@@ -108,6 +108,6 @@ JOINTS: tuple[Joint, ...] = (
 JOINT_OF_BODY: dict[str, str] = {joint.body: joint.name for joint in JOINTS if joint.body is not None}
 
 
-def offset(name: str) -> Float[np.ndarray, "3"]:
+def offset(name: str) -> Float[np.ndarray, " 3"]:
     """Rest offset of a joint from its parent [m]."""
     return np.array(next(joint.offset for joint in JOINTS if joint.name == name))

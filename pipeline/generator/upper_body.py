@@ -1,4 +1,4 @@
-"""Trunk, head and arms: the chest turns against the pelvis, each arm swings with the other leg, the head looks ahead."""
+"""Trunk, head and arms: the chest turns against the pelvis, each arm swings with the other leg, the head is steady."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from pipeline.generator.footsteps import Stride
 X, Y, Z = np.eye(3)
 
 CHEST_TURN = 0.8
-"""Turn of the chest against the pelvis' turn [-]: the thorax turns 3 to 5 degrees the other way (Stokes et al. 1989)."""
-ABDUCTION = np.deg2rad(13.0)
+"""Turn of the chest against the pelvis' turn [-]: the thorax turns the other way by 3 to 5 degrees
+(Stokes et al. 1989)."""
+ABDUCTION = np.deg2rad(14.0)
 """Upper arms away from the body [rad]; people: 5 to 10, a little more keeps a robot's arms free."""
 
 
@@ -54,7 +55,7 @@ def move_arm(
     flexion = middle + rest + scale * gait.arm_swing(recipe.gait, commands.forward) * swing
     mean_bend = gait.elbow_flexion(recipe.gait, commands.forward)
     bend = mean_bend + 0.35 * gait.arm_swing(recipe.gait, commands.forward) * swing
-    inward = np.deg2rad(20.0 if running else 8.0)
+    inward = np.deg2rad(10.0 if running else 6.0)
     upper = rotation.multiply(chest_w, rotation.from_axis_angle(X, sign * ABDUCTION))
     upper = rotation.multiply(upper, rotation.from_axis_angle(Y, -flexion))
     upper = rotation.multiply(upper, rotation.from_axis_angle(Z, -sign * inward))
