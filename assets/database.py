@@ -80,7 +80,7 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
     from pipeline.expert import ExpertEntry
 
     for entry in feasible.entries:
-        clip = PROJECT.store.get_clip(entry.blob)
+        clip = PROJECT.store.get_clip(entry.blob, entry.clip)
         assert isinstance(clip, RobotClip)
         yield ExpertEntry(
             clip=clip,

@@ -18,8 +18,8 @@ class Plan:
 
     name: str
     """Last part of the asset key."""
-    package: str
-    """The package of `pipeline/` that does the work."""
+    packages: tuple[str, ...]
+    """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
     """Files of `data/` that parametrise it."""
     robot: str | None = None
@@ -30,7 +30,7 @@ class Plan:
         return dg.AssetKey([self.name]) if self.robot in (None, DEFAULT_ROBOT) else dg.AssetKey([self.robot, self.name])
 
     def code_version(self) -> str:
-        return code_version(self.package)
+        return code_version(*self.packages)
 
     def fingerprint(self, project: Project) -> str:
         """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
@@ -47,9 +47,9 @@ def digest_of_robot(project: Project, robot: str) -> str:
 
 
 SHARED = (
-    Plan(name="motion_catalog", package="catalog", settings_files=("catalog.yaml", "sources.yaml")),
-    Plan(name="selected_motions", package="selection", settings_files=("curation.yaml",)),
-    Plan(name="repaired_motions", package="repair", settings_files=("repair.yaml",)),
+    Plan(name="motion_catalog", packages=("catalog", "readers"), settings_files=("catalog.yaml", "sources.yaml")),
+    Plan(name="selected_motions", packages=("selection",), settings_files=("curation.yaml",)),
+    Plan(name="repaired_motions", packages=("repair",), settings_files=("repair.yaml",)),
 )
 """The stages that are the same for every robot."""
 
@@ -57,11 +57,11 @@ SHARED = (
 def robot_plans(robot: str) -> tuple[Plan, ...]:
     """The stages of one robot."""
     return (
-        Plan(name="robot_model", package="robot", robot=robot),
-        Plan(name="retargeted_motions", package="retarget", settings_files=("retarget.yaml",), robot=robot),
-        Plan(name="augmented_motions", package="augment", settings_files=("augment.yaml",), robot=robot),
-        Plan(name="feasible_motions", package="feasibility", settings_files=("feasibility.yaml",), robot=robot),
-        Plan(name="expert_db", package="expert", robot=robot),
+        Plan(name="robot_model", packages=("robot",), robot=robot),
+        Plan(name="retargeted_motions", packages=("retarget",), settings_files=("retarget.yaml",), robot=robot),
+        Plan(name="augmented_motions", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
+        Plan(name="feasible_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
+        Plan(name="expert_db", packages=("expert",), robot=robot),
     )
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import dagster as dg
 
 from assets.project import Project
-from pipeline.files import digest, settings
+from pipeline.files import digest
 from pipeline.readers import Source, list_motion_files
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
@@ -19,7 +19,7 @@ raw_motions = dg.AssetSpec(
 
 
 def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
-    """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
+    """Every motion file: `(clip name, path, digest of all its clip is read from, (source,))`."""
     files = []
     for source in project.sources():
         paths = list_motion_files(source)
@@ -27,24 +27,14 @@ def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
         for path, stem in zip(paths, stems, strict=True):
             within = path.relative_to(source.folder).as_posix()
             name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
-            files.append((name, path, _content(path, source), (source, within)))
+            files.append((name, path, _content(path, source), (source,)))
     return files
 
 
 def _content(path: Path, source: Source) -> str:
-    """Digest of a file, of the skeletons beside it that it may need, and of what its source states."""
+    """Digest of a file, of the skeletons beside it that it may need, and of what its source says of it."""
     skeletons = sorted(path.parent.glob("*.asf")) if path.suffix.lower() == ".amc" else []
-    stated = {name: value for name, value in settings.plain(source).items() if name != "folder"}
-    return digest.of_json([[digest.of_file(each) for each in (path, *skeletons)], _text(stated)])
-
-
-def _text(value: object) -> object:
-    """JSON types; paths as text."""
-    if isinstance(value, dict):
-        return {key: _text(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_text(entry) for entry in value]
-    return str(value) if isinstance(value, Path) else value
+    return digest.of_json([[digest.of_file(each) for each in (path, *skeletons)], source.about(path)])
 
 
 def observe(instance: dg.DagsterInstance, project: Project) -> str:

@@ -65,7 +65,7 @@ def run_stage(
     jobs = [
         _Job(
             clip=entry.clip,
-            key=stage.key(entry.blob, entry.numbers),
+            key=stage.key(entry.clip, entry.blob, entry.numbers),
             work=(_work_on_clip, stage.function, store, entry),
             numbers=entry.numbers,
             record=entry.record,
@@ -145,7 +145,7 @@ def _call(worker: Callable[..., dict[str, Any]], *arguments: Any) -> dict[str, A
 
 
 def _work_on_clip(function: Callable[..., Outcome], store: Store, entry: Entry) -> dict[str, Any]:
-    clip = store.get_clip(entry.blob)
+    clip = store.get_clip(entry.blob, entry.clip)
     seconds_in = entry.numbers.get("seconds", clip.duration_s)
     return _answer(lambda: function(clip, entry.numbers), store, entry.clip, seconds_in)
 

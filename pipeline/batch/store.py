@@ -26,11 +26,12 @@ class Store:
         return BlobStore(root=self.root / "blobs")
 
     def put_clip(self, clip: Clip) -> str:
-        """Store a clip; the digest of its blob."""
+        """Store a clip's motion; the digest of its blob."""
         return self.blobs.put(codec.encode(clip))
 
-    def get_clip(self, blob: str) -> Clip:
-        return codec.decode(self.blobs.get(blob))
+    def get_clip(self, blob: str, name: str) -> Clip:
+        """The clip of a blob under a name."""
+        return codec.decode(self.blobs.get(blob), name)
 
     def recall(self, key: str) -> dict[str, Any] | None:
         """The remembered answer to a question, if all the blobs it names are still there."""

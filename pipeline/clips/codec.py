@@ -1,6 +1,7 @@
-"""Clips as Parquet bytes and back. Same clip, same bytes.
+"""Clips as Parquet bytes and back. Same motion, same bytes, whatever the clip is called.
 
-One row a frame, one fixed-size-list column of float64 an array; name, rate and kind in the schema's metadata.
+One row a frame, one fixed-size-list column of float64 an array; rate and kind in the schema's metadata. The name
+is not in it: windows of one clip share its bytes, and whoever names a clip keeps the name beside the blob.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 
-FORMAT = "booster-lab clip 1"
+FORMAT = "booster-lab clip 2"
 
 
 class CodecError(PipelineError):
@@ -24,8 +25,8 @@ class CodecError(PipelineError):
 
 
 def encode(clip: HumanClip | RobotClip) -> bytes:
-    """Parquet bytes of a clip; equal clips give equal bytes."""
-    head: dict = {"format": FORMAT, "name": clip.name, "fps": clip.fps}
+    """Parquet bytes of a clip without its name; equal motions give equal bytes."""
+    head: dict = {"format": FORMAT, "fps": clip.fps}
     if isinstance(clip, HumanClip):
         head |= {"kind": "human", "bodies": list(BODIES)}
         arrays = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}
@@ -41,8 +42,8 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def decode(data: bytes) -> HumanClip | RobotClip:
-    """The clip that `encode` was given. Raises CodecError for anything else."""
+def decode(data: bytes, name: str) -> HumanClip | RobotClip:
+    """The clip that `encode` was given, under a name. Raises CodecError for bytes that are no clip."""
     try:
         table = pq.read_table(pa.BufferReader(data))
         head = json.loads((table.schema.metadata or {})[b"booster_lab"])
@@ -56,7 +57,7 @@ def decode(data: bytes) -> HumanClip | RobotClip:
         for name in table.column_names
     }
     contacts = arrays.pop("contacts", None)
-    common: dict[str, Any] = {"name": head["name"], "fps": head["fps"], **arrays}
+    common: dict[str, Any] = {"name": name, "fps": head["fps"], **arrays}
     common["contacts"] = None if contacts is None else contacts > 0.5
     if head["kind"] == "human":
         return HumanClip(**common)
