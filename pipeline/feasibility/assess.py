@@ -19,6 +19,8 @@ class Assessment:
 
     motion: Motion
     verdicts: tuple[Verdict, ...]
+    dynamic: bool
+    """Contact forces explain the motion, so that its torques are held against the limits strictly."""
 
     @property
     def holds(self) -> bool:
@@ -37,19 +39,21 @@ class Assessment:
                 bad |= verdict.bad
         return bad
 
-    def numbers(self) -> dict[str, float]:
-        """A number a criterion, and the velocity of the robot in the terms of a command."""
-        return {**{verdict.code: verdict.value for verdict in self.verdicts}, **vars(self.motion.velocity)}
+    def numbers(self) -> dict[str, float | bool]:
+        """A number a criterion, whether forces explain the motion, and the robot's velocity as a command has it."""
+        found = {verdict.code: verdict.value for verdict in self.verdicts}
+        return {**found, "dynamic": self.dynamic, **vars(self.motion.velocity)}
 
 
 def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
     """Verdicts of all criteria, in a fixed order."""
+    dynamics = torque_criteria.dynamics(motion, settings.torque)
     joints, feet, root = settings.joints, settings.feet, settings.root
     verdicts = (
         joint_criteria.joint_limits(motion, joints),
         joint_criteria.joint_speeds(motion, joints),
         joint_criteria.joint_acceleration(motion, joints, settings.torque.cutoff_hz),
-        *torque_criteria.torques(motion, settings.torque),
+        *dynamics.verdicts,
         *foot_criteria.foot_slip(motion, feet),
         *foot_criteria.penetration(motion, feet),
         foot_criteria.floating(motion, feet),
@@ -61,4 +65,4 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
         *root_criteria.root_speeds(motion, root),
         root_criteria.root_jerk(motion, root),
     )
-    return Assessment(motion=motion, verdicts=verdicts)
+    return Assessment(motion=motion, verdicts=verdicts, dynamic=dynamics.consistent)

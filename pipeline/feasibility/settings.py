@@ -28,6 +28,16 @@ class JointSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Residual:
+    """What no admissible contact force supplies."""
+
+    force: float
+    """Force over the weight."""
+    lever: float
+    """Horizontal moment over the weight [m]: how far outside the soles the centre of pressure would have to lie."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TorqueSettings:
     """The torque a motion needs with the best admissible contact forces."""
 
@@ -43,12 +53,14 @@ class TorqueSettings:
     """Largest share of a joint's frames over its limit."""
     over_run_s: float
     """Longest time a joint may be over its limit without a break [s]."""
-    force_residual: float
-    """Largest mean of the force that no contact supplies, over the weight."""
-    lever_residual: float
-    """Largest mean of the moment that no contact supplies, over the weight [m]."""
+    consistent: Residual
+    """A motion whose residual is below this in nine of ten frames is taken for dynamically consistent."""
+    dynamic_residual: Residual
+    """Largest mean residual over a window of a consistent motion."""
+    reference_residual: Residual
+    """Largest mean residual over a window of another: of a reference that can only be followed roughly."""
     residual_window_s: float
-    """Length of the stretches over which both means are taken [s]."""
+    """Length of the window [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,39 +2,89 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.settings import TorqueSettings
+from pipeline.feasibility.settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
 from pipeline.simulation.inverse_dynamics import motion_forces, states
 
+STRICT_EXCESS = 0.1
+"""Cost of torque past a limit where the motion is consistent: less than the root's, so that all need shows."""
 
-def torques(motion: Motion, settings: TorqueSettings) -> tuple[Verdict, ...]:
-    """Torque over the limits (share of a joint's frames, longest stretch) and the force and moment left unexplained."""
-    solution = _best_contacts(motion, settings)
-    return (*_over_limit(motion, solution, settings), *_residuals(motion, solution, settings))
+REFERENCE_EXCESS = 10.0
+"""Cost of torque past a limit where it is not: more, so that limits are kept and the root shows what is missing."""
+
+CONSISTENT_PERCENTILE = 90.0
+"""Of the residual over frames: one fault in a consistent motion does not make it a reference."""
 
 
-def _best_contacts(motion: Motion, settings: TorqueSettings) -> ContactSolution:
-    clip, sole = motion.clip, motion.sole
-    series = states(clip.root_pos_w, clip.root_quat_w, clip.joint_pos, clip.fps, settings.cutoff_hz)
-    bearing = sole.corner_pos_w[..., 2] < settings.touch_height
-    if motion.labelled:
-        bearing &= motion.contacts[:, :, None]
-    touching = bearing.copy()  # an acceleration over three frames sees a contact of any of them
-    touching[1:] |= bearing[:-1]
-    touching[:-1] |= bearing[1:]
-    return solve_contacts(
-        motion.robot,
-        motion_forces(motion.robot, series),
-        clip.root_pos_w,
-        sole.corner_pos_w,
-        touching,
-        friction=settings.friction,
-    )
+@dataclass(frozen=True, kw_only=True)
+class Dynamics:
+    """What inverse dynamics says of a motion."""
+
+    verdicts: tuple[Verdict, ...]
+    consistent: bool
+    """Contact forces explain nearly all of it: it was made by physics, or could have been."""
+
+
+def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
+    """Torque over the limits (share of a joint's frames, longest stretch) and what contact forces leave unexplained.
+
+    A motion that contact forces explain is taken at its word: every torque it needs counts. One that they don't is a
+    reference, followed only roughly: there the forces are sought that keep the torques within their limits, and what is
+    missing at the root is held against a looser limit.
+    """
+    contacts = _Contacts(motion, settings)
+    strict = contacts.solve(STRICT_EXCESS)
+    percentiles = np.percentile(_residual(motion, strict), CONSISTENT_PERCENTILE, axis=0)
+    bounds = settings.consistent
+    consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
+    solution = strict if consistent else contacts.solve(REFERENCE_EXCESS)
+    limits = settings.dynamic_residual if consistent else settings.reference_residual
+    verdicts = (*_over_limit(motion, solution, settings), *_residuals(motion, solution, limits, settings))
+    return Dynamics(verdicts=verdicts, consistent=consistent)
+
+
+class _Contacts:
+    """The forces a motion needs and the corners that may supply them."""
+
+    def __init__(self, motion: Motion, settings: TorqueSettings):
+        self._motion, self._friction = motion, settings.friction
+        clip = motion.clip
+        series = states(clip.root_pos_w, clip.root_quat_w, clip.joint_pos, clip.fps, settings.cutoff_hz)
+        self._forces = motion_forces(motion.robot, series)
+        bearing = motion.sole.corner_pos_w[..., 2] < settings.touch_height
+        if motion.labelled:
+            bearing &= motion.contacts[:, :, None]
+        self._touching = bearing.copy()  # an acceleration over three frames sees a contact of any of them
+        self._touching[1:] |= bearing[:-1]
+        self._touching[:-1] |= bearing[1:]
+
+    def solve(self, excess_weight: float) -> ContactSolution:
+        motion = self._motion
+        return solve_contacts(
+            motion.robot,
+            self._forces,
+            motion.clip.root_pos_w,
+            motion.sole.corner_pos_w,
+            self._touching,
+            friction=self._friction,
+            excess_weight=excess_weight,
+        )
+
+
+def _residual(motion: Motion, solution: ContactSolution) -> Float[np.ndarray, "t 2"]:
+    """Force over weight and lever [m] of each frame."""
+    weight = motion.robot.total_mass * GRAVITY
+    force = np.linalg.norm(solution.residual_w[:, :3], axis=1)
+    moment = np.linalg.norm(solution.residual_w[:, 3:5], axis=1)
+    return np.stack([force, moment], axis=1) / weight
 
 
 def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSettings) -> tuple[Verdict, Verdict]:
@@ -72,33 +122,30 @@ def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSetti
     )
 
 
-def _residuals(motion: Motion, solution: ContactSolution, settings: TorqueSettings) -> tuple[Verdict, Verdict]:
-    weight = motion.robot.total_mass * GRAVITY
-    left = np.stack(
-        [np.linalg.norm(solution.residual_w[:, :3], axis=1), np.linalg.norm(solution.residual_w[:, 3:5], axis=1)],
-        axis=1,
-    )
+def _residuals(
+    motion: Motion, solution: ContactSolution, limits: Residual, settings: TorqueSettings
+) -> tuple[Verdict, Verdict]:
     width = 2 * round(settings.residual_window_s * motion.clip.fps / 2) + 1
-    share = time_series.moving_mean(left / weight, width)
+    share = time_series.moving_mean(_residual(motion, solution), width)
     force, lever = share.max(axis=0)
     at = share.argmax(axis=0) / motion.clip.fps
     return (
         Verdict(
             code="force_residual",
             value=float(force),
-            limit=settings.force_residual,
+            limit=limits.force,
             unit="of the weight",
             text=f"around {at[0]:.2f} s no force of the ground on the soles explains the motion: "
             f"{100 * force:.0f} % of the weight is missing",
-            bad=share[:, 0] > settings.force_residual,
+            bad=share[:, 0] > limits.force,
         ),
         Verdict(
             code="lever_residual",
             value=float(lever),
-            limit=settings.lever_residual,
+            limit=limits.lever,
             unit="m",
             text=f"around {at[1]:.2f} s the robot is out of balance: the centre of pressure would have to lie "
             f"{100 * lever:.0f} cm outside the soles",
-            bad=share[:, 1] > settings.lever_residual,
+            bad=share[:, 1] > limits.lever,
         ),
     )

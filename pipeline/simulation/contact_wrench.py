@@ -35,7 +35,6 @@ LEVER = 0.1
 TORQUE_WEIGHT = 0.01
 """e above: 1 % of the limits' torque costs as much as a root residual of .02 % of the weight."""
 
-EXCESS_WEIGHT = 0.1
 TIE_WEIGHT = 1e-4
 """e in the second problem, which only decides between forces that are equally good."""
 
@@ -64,6 +63,7 @@ def solve_contacts(
     touching: Bool[np.ndarray, "t 2 4"],
     *,
     friction: float,
+    excess_weight: float,
     torque_limit: Float[np.ndarray, " j"] | None = None,
 ) -> ContactSolution:
     """Contact forces at the corners that are `touching`, with the coefficient of friction `friction`.
@@ -89,7 +89,7 @@ def solve_contacts(
     for frame in np.flatnonzero(allowed.any(axis=1)):
         open_corners = allowed[frame]
         matrix = columns[frame][:, open_corners].reshape(len(needed[frame]), -1)
-        strength[frame, open_corners] = _solve(matrix, needed[frame]).reshape(-1, len(edges))
+        strength[frame, open_corners] = _solve(matrix, needed[frame], excess_weight).reshape(-1, len(edges))
     force_w = strength @ edges
     supplied = np.einsum("tkcx,tcx->tk", maps, force_w)
     torque = forces.joint_torque.copy()
@@ -97,12 +97,12 @@ def solve_contacts(
     return ContactSolution(force_w=force_w, joint_torque=torque, residual_w=wrench_w - supplied[:, :6])
 
 
-def _solve(matrix: np.ndarray, needed: np.ndarray) -> np.ndarray:
+def _solve(matrix: np.ndarray, needed: np.ndarray, excess_weight: float) -> np.ndarray:
     """Strengths of the pyramid edges for one frame; the first six rows are the root's, the others joints over limit."""
     weights = np.full(len(needed), TORQUE_WEIGHT)
     weights[:6] = 1.0
     strength = nnls(matrix * weights[:, None], needed * weights)[0]
-    best, best_cost = strength, _cost(matrix, needed, strength)
+    best, best_cost = strength, _cost(matrix, needed, strength, excess_weight)
     past: np.ndarray | None = None
     for _ in range(NEWTON_STEPS):
         left = needed - matrix @ strength
@@ -110,20 +110,20 @@ def _solve(matrix: np.ndarray, needed: np.ndarray) -> np.ndarray:
         if not now.any() or (past is not None and np.array_equal(now, past)):
             break
         past = now
-        weights[6:] = np.where(now, EXCESS_WEIGHT, TIE_WEIGHT)
+        weights[6:] = np.where(now, excess_weight, TIE_WEIGHT)
         aim = needed.copy()
         aim[6:] -= np.where(now, np.sign(left[6:]), 0.0)
         strength = nnls(matrix * weights[:, None], aim * weights)[0]
-        cost = _cost(matrix, needed, strength)
+        cost = _cost(matrix, needed, strength, excess_weight)
         if cost < best_cost:
             best, best_cost = strength, cost
     return best
 
 
-def _cost(matrix: np.ndarray, needed: np.ndarray, strength: np.ndarray) -> float:
+def _cost(matrix: np.ndarray, needed: np.ndarray, strength: np.ndarray, excess_weight: float) -> float:
     left = needed - matrix @ strength
     excess = np.maximum(np.abs(left[6:]) - 1.0, 0.0)
-    return float(left[:6] @ left[:6] + EXCESS_WEIGHT**2 * (excess @ excess))
+    return float(left[:6] @ left[:6] + excess_weight**2 * (excess @ excess))
 
 
 def _force_maps(
