@@ -1,0 +1,94 @@
+"""What the detectors say: a defect, and all of them as masks of lost samples and cuts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool
+
+from pipeline.clips.human_clip import BODIES
+from pipeline.clips.outcome import Reason
+
+
+@dataclass(frozen=True, kw_only=True)
+class Defect:
+    """Frames [start, stop) in which some bodies are not to be trusted; start == stop is a cut before `start`."""
+
+    code: str
+    text: str
+    """What was found, as the middle of a sentence: "the pelvis jumps by 0.40 m"."""
+    start: int
+    stop: int
+    bodies: tuple[int, ...]
+    pos: bool = True
+    """The bodies' positions are lost."""
+    rot: bool = True
+    """The bodies' orientations are lost."""
+    value: float | None = None
+    limit: float | None = None
+    unit: str = ""
+
+    @property
+    def is_cut(self) -> bool:
+        return self.start == self.stop
+
+    def reason(self, fps: float, effect: str, done: str) -> Reason:
+        """The defect as a reason, times in the source clip."""
+        if self.is_cut:
+            where = f"before frame {self.start}"
+        elif self.stop - self.start == 1:
+            where = f"frame {self.start}"
+        else:
+            where = f"frames {self.start}-{self.stop - 1}"
+        return Reason(
+            code=self.code,
+            text=f"{where}: {self.text}; {done}.",
+            effect=effect,
+            start_s=self.start / fps,
+            stop_s=self.stop / fps,
+            value=self.value,
+            limit=self.limit,
+            unit=self.unit,
+        )
+
+
+@dataclass
+class Findings:
+    """Defects of a clip while the detectors work; masks over T frames and the 19 bodies."""
+
+    frame_count: int
+    defects: list[Defect] = field(default_factory=list)
+    lost_pos: Bool[np.ndarray, "t 19"] = field(init=False)
+    lost_rot: Bool[np.ndarray, "t 19"] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.lost_pos = np.zeros((self.frame_count, len(BODIES)), dtype=bool)
+        self.lost_rot = np.zeros((self.frame_count, len(BODIES)), dtype=bool)
+
+    def add(self, defects: list[Defect]) -> None:
+        """Take what a detector found."""
+        for defect in defects:
+            self.defects.append(defect)
+            bodies = list(defect.bodies)
+            if defect.pos:
+                self.lost_pos[defect.start : defect.stop, bodies] = True
+            if defect.rot:
+                self.lost_rot[defect.start : defect.stop, bodies] = True
+
+    @property
+    def cuts(self) -> list[int]:
+        """Frames before which the motion breaks, sorted."""
+        return sorted({defect.start for defect in self.defects if defect.is_cut})
+
+    @property
+    def lost(self) -> Bool[np.ndarray, "t 19"]:
+        return self.lost_pos | self.lost_rot
+
+
+def names(bodies: tuple[int, ...] | list[int]) -> str:
+    """Bodies for a person: up to three names, then a count."""
+    if len(bodies) == len(BODIES):
+        return "all joints"
+    listed = ", ".join(BODIES[index] for index in list(bodies)[:3])
+    return listed if len(bodies) <= 3 else f"{listed} and {len(bodies) - 3} more"

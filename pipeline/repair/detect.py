@@ -1,0 +1,46 @@
+"""All detectors in order, each on a clip in which what was found before is bridged."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from pipeline.clips.human_clip import HumanClip
+from pipeline.repair.bones import find_broken_bones
+from pipeline.repair.defect import Defect, Findings
+from pipeline.repair.fill import fill
+from pipeline.repair.frozen import find_frozen
+from pipeline.repair.jumps import find_jumps
+from pipeline.repair.missing import find_missing
+from pipeline.repair.settings import DetectionSettings
+from pipeline.repair.swapped import find_swapped, swap_back
+
+
+def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
+    """The clip with exchanged sides put right, and everything else that is wrong with it."""
+    findings = Findings(frame_count=clip.frame_count)
+    findings.add(find_missing(clip, settings))
+    bridged = _bridged(clip, findings)
+    swapped = find_swapped(bridged.body_pos_w, clip.fps)
+    if swapped:
+        findings.add(swapped)
+        pos_w, quat_w = swap_back(clip, swapped)
+        clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+        bridged = _bridged(clip, findings)
+    findings.add(_new(find_frozen(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings), findings))
+    bridged = _bridged(clip, findings)
+    findings.add(_new(find_broken_bones(bridged.body_pos_w, settings), findings))
+    bridged = _bridged(clip, findings)
+    findings.add(find_jumps(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings))
+    return clip, findings
+
+
+def _bridged(clip: HumanClip, findings: Findings) -> HumanClip:
+    """The clip with its lost samples filled, however long the gaps: for looking at what is left."""
+    pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, findings.lost_pos, findings.lost_rot, clip.fps)
+    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+
+
+def _new(defects: list[Defect], findings: Findings) -> list[Defect]:
+    """Defects with samples that were not lost already: a bridged gap at the clip's end is not frozen."""
+    lost = findings.lost
+    return [one for one in defects if not lost[one.start : one.stop][:, list(one.bodies)].all()]

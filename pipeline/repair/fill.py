@@ -1,0 +1,102 @@
+"""Gaps in a clip filled from their surroundings, parents first, limbs kept at their lengths."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.repair.limbs import keep_lengths
+from pipeline.repair.tree import PARENT, Orientations, Positions, descendants, parent_pose, to_local
+
+CONTEXT_S = 0.055
+"""Time on either side that a gap is bridged from [s]."""
+DEGREE = 5
+"""Of the polynomial: place, speed and acceleration of both sides."""
+
+
+def fill(
+    pos_w: Positions,
+    quat_w: Orientations,
+    lost_pos: Bool[np.ndarray, "t 19"],
+    lost_rot: Bool[np.ndarray, "t 19"],
+    fps: float,
+) -> tuple[Positions, Orientations]:
+    """The clip without its lost samples; the others do not change.
+
+    A polynomial of degree 5 through the frames around a gap, in the world. Where only a body's orientation
+    was lost, the bodies below it went astray with it: they keep their poses in their parents' frames.
+    Gaps at the ends hold the nearest sample. A body that is lost throughout stays as it is.
+    """
+    astray = _astray(lost_pos, lost_rot)
+    offset, turn = to_local(np.nan_to_num(pos_w), _unit(quat_w))
+    new_pos, new_quat = np.where(lost_pos[..., None], np.nan_to_num(pos_w), pos_w), _unit(quat_w)
+    for index in range(len(PARENT)):
+        moved = astray[:, index]
+        if moved.any():
+            parent_pos, parent_quat = (values[moved, index] for values in parent_pose(new_pos, new_quat))
+            new_pos[moved, index] = parent_pos + rotation.rotate(parent_quat, offset[moved, index])
+            new_quat[moved, index] = rotation.multiply(parent_quat, turn[moved, index])
+        new_pos[:, index] = bridge(new_pos[:, index], lost_pos[:, index], fps)
+        if lost_rot[:, index].any():
+            good = ~lost_rot[:, index]
+            signed = new_quat[:, index].copy()
+            signed[good] = rotation.make_continuous(signed[good])
+            new_quat[:, index] = rotation.normalize(bridge(signed, lost_rot[:, index], fps))
+    return new_pos, new_quat
+
+
+def fill_limbs(pos_w: Positions, lost_pos: Bool[np.ndarray, "t 19"], lengths: Float[np.ndarray, " 19"]) -> Positions:
+    """Positions with the limb bones of the frames in which something was lost brought to `lengths` [m]."""
+    frames = lost_pos.any(axis=1)
+    result = pos_w.copy()
+    if frames.any():
+        result[frames] = keep_lengths(pos_w[frames], np.broadcast_to(lengths, (int(frames.sum()), len(PARENT))))
+    return result
+
+
+def bridge(values: Float[np.ndarray, "t n"], lost: Bool[np.ndarray, " t"], fps: float) -> Float[np.ndarray, "t n"]:
+    """`values` with the frames marked `lost` made from the good ones around each run."""
+    result = values.copy()
+    good = np.flatnonzero(~lost)
+    if not lost.any() or not len(good):
+        return result
+    count = max(3, round(CONTEXT_S * fps))
+    for start, stop in time_series.runs(lost):
+        before = good[good < start][-count:]
+        after = good[good >= stop][:count]
+        result[start:stop] = _through(values, before, after, np.arange(start, stop))
+    return result
+
+
+def _through(values: np.ndarray, before: np.ndarray, after: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Values (m, n) at `frames`, by a polynomial through the frames `before` and `after` the gap."""
+    if not len(before) or not len(after):
+        return np.repeat(values[[after[0] if len(after) else before[-1]]], len(frames), axis=0)
+    known = np.concatenate([before, after])
+    centre, half = (before[-1] + after[0]) / 2.0, (after[0] - before[-1]) / 2.0
+    degree = min(DEGREE, len(known) - 1)
+    basis = np.polynomial.chebyshev.chebvander((known - centre) / half, degree)
+    weight = 1.0 / np.maximum(np.abs(known - centre) / half, 1.0)[:, None]
+    solution = np.linalg.lstsq(basis * weight, values[known] * weight, rcond=None)[0]
+    made = np.polynomial.chebyshev.chebvander((frames - centre) / half, degree) @ solution
+    miss = values[[before[-1], after[0]]] - np.polynomial.chebyshev.chebvander([-1.0, 1.0], degree) @ solution
+    share = ((frames - centre) / half + 1.0)[:, None] / 2.0
+    return made + miss[:1] * (1.0 - share) + miss[1:] * share
+
+
+def _astray(lost_pos: np.ndarray, lost_rot: np.ndarray) -> Bool[np.ndarray, "t 19"]:
+    """Bodies that hang below a body of which only the orientation was lost, unless lost themselves."""
+    astray = np.zeros_like(lost_pos)
+    for index in range(len(PARENT)):
+        turned = lost_rot[:, index] & ~lost_pos[:, index]
+        if turned.any():
+            astray[:, list(descendants(index))] |= turned[:, None]
+    return astray
+
+
+def _unit(quat_w: Orientations) -> Orientations:
+    """Unit quaternions; the identity where there is none."""
+    norm = np.linalg.norm(quat_w, axis=-1, keepdims=True)
+    sound = np.isfinite(norm) & (norm > 0.0)
+    return np.where(sound, quat_w / np.where(sound, norm, 1.0), rotation.IDENTITY)

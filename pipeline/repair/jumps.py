@@ -1,0 +1,210 @@
+"""Jumps: a body that is somewhere else from one frame to the next, and does or does not come back.
+
+What a body does is compared with what it did just before and after: the step into a frame against the
+median of five steps, and against the mean of its two neighbours. Both are the size of the jump for a jump, and
+small for motion, however fast: constant acceleration gives zero. The smaller of the two counts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import BODIES
+from pipeline.repair.defect import Defect, names
+from pipeline.repair.settings import DetectionSettings
+from pipeline.repair.tree import Orientations, Positions, to_local
+
+REFERENCE_HZ = 60.0
+"""The limits hold at this rate and above; below, unsteadiness grows with the square of the frame time."""
+USUAL_PERCENTILE = 95.0
+COMEBACK_SPEED = 1.5
+"""A joint has come back if the way across took no more than this many times its usual top speed."""
+EVERYBODY = tuple(range(len(BODIES)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unsteadiness:
+    """How far each body's step into each frame differs from its neighbours; (t, 19), 0 for frame 0."""
+
+    place: Float[np.ndarray, "t 19"]
+    """Of the place in the parent's frame (pelvis: in the world) [m]."""
+    turn: Float[np.ndarray, "t 19"]
+    """Of the orientation in the parent's frame (pelvis: in the world) [rad]."""
+    world: Float[np.ndarray, "t 19"]
+    """Of the position in the world [m]."""
+    world_turn: Float[np.ndarray, "t 19"]
+    """Of the orientation in the world [rad]."""
+
+
+def unsteadiness(pos_w: Positions, quat_w: Orientations) -> Unsteadiness:
+    """The measure of this module for all bodies."""
+    offset, turn = to_local(pos_w, quat_w)
+    return Unsteadiness(
+        place=_against_neighbours(np.diff(offset, axis=0)),
+        turn=_against_neighbours(_turn_steps(turn)),
+        world=_against_neighbours(np.diff(pos_w, axis=0)),
+        world_turn=_against_neighbours(_turn_steps(quat_w)),
+    )
+
+
+def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
+
+    A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
+    without a way back is a cut.
+    """
+    if len(pos_w) < 6:
+        return []
+    measured = unsteadiness(pos_w, quat_w)
+    slow_rate = max(1.0, (REFERENCE_HZ / fps) ** 2)
+    place_limit = _limits(measured.place, settings.position_jump * slow_rate, settings.jump_spread)
+    place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * slow_rate, settings.jump_spread)[0]
+    turn_limit = _limits(measured.turn, settings.angle_jump * slow_rate, settings.jump_spread)
+    place, turn = measured.place > place_limit, measured.turn > turn_limit
+    seen = (measured.world > settings.position_jump / 2) | (measured.world_turn > settings.angle_jump / 2)
+    place[:, 1:] &= seen[:, 1:]
+    turn[:, 1:] &= seen[:, 1:]
+    defects = _root_defects(pos_w, quat_w, place[:, 0], turn[:, 0], fps, settings)
+    taken = np.zeros(len(pos_w), dtype=bool)
+    for defect in defects:
+        taken[max(defect.start - 1, 0) : defect.stop + 2] = True
+    offset, local_turn = to_local(pos_w, quat_w)
+    for index in EVERYBODY[1:]:
+        both = (place[:, index] | turn[:, index]) & ~taken
+        if both.any():
+            defects += _joint_defects(index, both, place[:, index], offset, local_turn, fps, settings)
+    return defects
+
+
+def _turn_steps(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
+    return rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:-1]), quat[1:]))
+
+
+def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> Float[np.ndarray, "t 19"]:
+    """Size of what sets each step apart from the steps around it; one more row than `steps`."""
+    count = len(steps)
+    padded = np.pad(steps, ((2, 2), (0, 0), (0, 0)), mode="reflect")
+    median = np.median(np.stack([padded[shift : shift + count] for shift in range(5)]), axis=0)
+    neighbours = (padded[1 : count + 1] + padded[3 : count + 3]) / 2.0
+    size = np.minimum(np.linalg.norm(steps - median, axis=-1), np.linalg.norm(steps - neighbours, axis=-1))
+    return np.concatenate([np.zeros((1, steps.shape[1])), size])
+
+
+def _limits(size: Float[np.ndarray, "t n"], floor: float, spread: float) -> Float[np.ndarray, " n"]:
+    return np.maximum(floor, spread * np.percentile(size, USUAL_PERCENTILE, axis=0))
+
+
+def _root_defects(
+    pos_w: Positions,
+    quat_w: Orientations,
+    place: Bool[np.ndarray, " t"],
+    turn: Bool[np.ndarray, " t"],
+    fps: float,
+    settings: DetectionSettings,
+) -> list[Defect]:
+    edges = np.flatnonzero(place | turn)
+    step = np.concatenate([[0.0], np.linalg.norm(np.diff(pos_w[:, 0], axis=0), axis=1)])
+    angle = np.concatenate([[0.0], rotation.angle_between(quat_w[:-1, 0], quat_w[1:, 0])])
+    top = COMEBACK_SPEED * np.percentile(step, 90), COMEBACK_SPEED * np.percentile(angle, 90)
+
+    def text(edge: int) -> str:
+        return f"the pelvis jumps by {step[edge]:.2f} m and {np.rad2deg(angle[edge]):.0f} deg"
+
+    def came_back(start: int, stop: int) -> bool:
+        way = np.linalg.norm(pos_w[stop, 0] - pos_w[start - 1, 0])
+        turned = rotation.angle_between(quat_w[start - 1, 0], quat_w[stop, 0])
+        frames = stop - start + 1
+        return bool(way <= top[0] * frames + 0.02 and turned <= top[1] * frames + 0.05)
+
+    defects = []
+    for start, stop in _stretches(edges, len(pos_w), came_back, fps, settings):
+        code = "dropout" if stop > start else ("teleport" if place[start] else "heading_jump")
+        edge = start if start > 0 else stop
+        if start != stop and (start == 0 or stop == len(pos_w)):
+            code = "opening_pose" if start == 0 else "closing_pose"
+        defects.append(
+            Defect(
+                code=code,
+                text=text(edge),
+                start=start,
+                stop=stop,
+                bodies=EVERYBODY,
+                value=float(step[edge] if place[edge] else angle[edge]),
+                limit=settings.root_jump if place[edge] else settings.angle_jump,
+                unit="m" if place[edge] else "rad",
+            )
+        )
+    return defects
+
+
+def _joint_defects(
+    index: int,
+    edges: Bool[np.ndarray, " t"],
+    place: Bool[np.ndarray, " t"],
+    offset: Positions,
+    turn: Orientations,
+    fps: float,
+    settings: DetectionSettings,
+) -> list[Defect]:
+    angle = np.concatenate([[0.0], rotation.angle_between(turn[:-1, index], turn[1:, index])])
+    way = np.concatenate([[0.0], np.linalg.norm(np.diff(offset[:, index], axis=0), axis=1)])
+    top = COMEBACK_SPEED * np.percentile(angle, 95), COMEBACK_SPEED * np.percentile(way, 95)
+
+    def came_back(start: int, stop: int) -> bool:
+        frames = stop - start + 1
+        turned = rotation.angle_between(turn[start - 1, index], turn[stop, index])
+        moved = np.linalg.norm(offset[stop, index] - offset[start - 1, index])
+        return bool(turned <= top[0] * frames + 0.1 and moved <= top[1] * frames + 0.01)
+
+    defects = []
+    for start, stop in _stretches(np.flatnonzero(edges), len(edges), came_back, fps, settings):
+        edge = start if start > 0 else stop
+        code = "joint_jump" if start == stop else ("spike" if stop - start <= 2 else "dropout")
+        if start != stop and (start == 0 or stop == len(edges)):
+            code = "opening_pose" if start == 0 else "closing_pose"
+        lost_pos = bool(place[max(start, 1) : stop + 1].any())
+        text = f"{names([index])} jumps by {np.rad2deg(angle[edge]):.0f} deg and {way[edge]:.3f} m"
+        defects.append(
+            Defect(
+                code=code,
+                text=text,
+                start=start,
+                stop=stop,
+                bodies=EVERYBODY if code.endswith("_pose") else (index,),
+                pos=lost_pos or code.endswith("_pose"),
+                value=float(angle[edge]),
+                limit=settings.angle_jump,
+                unit="rad",
+            )
+        )
+    return defects
+
+
+def _stretches(
+    edges: np.ndarray, frame_count: int, came_back, fps: float, settings: DetectionSettings
+) -> list[tuple[int, int]]:
+    """Lost stretches [start, stop) and cuts (start == stop) that a body's jumps, sorted, amount to."""
+    longest, ends = settings.longest_spike_s * fps, max(settings.opening_s * fps, 3)
+    result, left = [], [int(edge) for edge in edges]
+    if left and left[0] <= ends:
+        last = max(edge for edge in left if edge <= ends)
+        result.append((0, last))
+        left = [edge for edge in left if edge > ends]
+    tail = [edge for edge in left if edge >= frame_count - ends]
+    if tail:
+        result.append((tail[0], frame_count))
+        left = left[: -len(tail)]
+    while left:
+        start = left.pop(0)
+        near = [edge for edge in left if edge - start <= longest]
+        back = next((edge for edge in near if came_back(start, edge)), None)
+        if back is None:
+            result.append((start, start))
+        else:
+            result.append((start, back))
+            left = [edge for edge in left if edge > back]
+    return result

@@ -1,0 +1,139 @@
+"""KP2 on one window of a clip: defects found, filled or cut; placed, smoothed, contacts labelled and checked."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import ClipError
+from pipeline.repair import reasons
+from pipeline.repair.contacts import both_feet, label_contacts, stance_slip
+from pipeline.repair.defect import Findings
+from pipeline.repair.detect import detect
+from pipeline.repair.fill import fill, fill_limbs
+from pipeline.repair.floor import Floor, find_floor
+from pipeline.repair.pieces import Division, divide
+from pipeline.repair.placement import place
+from pipeline.repair.robot_motion import process_robot
+from pipeline.repair.settings import RepairSettings
+from pipeline.repair.smoothing import smoothed
+from pipeline.repair.tree import bone_lengths
+from pipeline.robot import Robot
+
+STAGE_VERSION = "1"
+
+CONTEXT_S = 1.0
+"""Motion around a window that smoothing and contacts look at [s]."""
+
+Numbers = Mapping[str, float | int | str | bool | None]
+
+
+def process(
+    clip: HumanClip | RobotClip, numbers: Numbers, *, settings: RepairSettings, robot: Robot | None = None
+) -> Outcome:
+    """The window [`start_frame`, `stop_frame`) of `clip`, repaired, as one piece or several.
+
+    `clip` is the whole source clip, so that defects, floor and filters have their surroundings; without the two
+    numbers it is the window itself. Times in reasons are those of the source clip. Raises ClipError for a
+    window that is not in the clip.
+    """
+    start, stop = window_of(clip.name, clip.frame_count, numbers)
+    if isinstance(clip, RobotClip):
+        return process_robot(clip, start, stop, settings=settings, robot=robot)
+    mended, findings = detect(clip, settings.detection)
+    division = divide(mended.body_pos_w, findings, clip.fps, settings)
+    repaired = _filled(mended, findings)
+    sound = ~findings.lost.any(axis=1) & ~division.dropped
+    floor = find_floor(repaired, settings.floor, sound)
+    told = reasons.of_defects(findings, division, start, stop, clip.fps, settings)
+    told += reasons.of_floor(floor, settings.floor)
+    pieces, more = _pieces(repaired, start, stop, str(numbers.get("skill") or ""), division, floor, settings)
+    inside = slice(start, stop)
+    return Outcome(
+        pieces=pieces,
+        reasons=tuple(told + more),
+        numbers={
+            "floor_m": floor.height,
+            "floor_drift_m": floor.drift,
+            "filled_frames": int(division.filled[inside].sum()),
+            "cut_frames": stop - start - sum(piece.clip.frame_count for piece in pieces),
+            "defects": len(told),
+        },
+    )
+
+
+def window_of(name: str, frame_count: int, numbers: Numbers) -> tuple[int, int]:
+    """The window's frames [start, stop). Raises ClipError where they are not in the clip."""
+    start, stop = int(numbers.get("start_frame") or 0), int(numbers.get("stop_frame") or frame_count)
+    if not 0 <= start < stop <= frame_count:
+        raise ClipError(name, "window", f"the window is [{start}, {stop}), the clip has {frame_count} frames")
+    return start, stop
+
+
+def _filled(clip: HumanClip, findings: Findings) -> HumanClip:
+    """The clip with every lost sample filled and its limbs at their lengths there."""
+    lost_pos, lost_rot = findings.lost_pos, findings.lost_rot
+    pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, lost_pos, lost_rot, clip.fps)
+    good = ~findings.lost.any(axis=1)
+    if good.any():
+        pos_w = fill_limbs(pos_w, lost_pos, np.median(bone_lengths(clip.body_pos_w[good]), axis=0))
+    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+
+
+def _pieces(
+    clip: HumanClip, start: int, stop: int, skill: str, division: Division, floor: Floor, settings: RepairSettings
+) -> tuple[tuple[Piece, ...], list[Reason]]:
+    """The window's stretches that go on, and why others do not."""
+    context = round(CONTEXT_S * clip.fps)
+    inside = [(max(low, start), min(high, stop)) for low, high in division.stretches if low < stop and high > start]
+    around = [
+        (max(low, start - context), min(high, stop + context))
+        for low, high in division.stretches
+        if low < stop and high > start
+    ]
+    told, taken = [], []
+    for (first, last), (low, high) in zip(inside, around, strict=True):
+        if (last - first) / clip.fps < settings.min_seconds:
+            told.append(reasons.too_short(first, last, clip.fps, settings.min_seconds))
+            continue
+        labelled = smoothed(clip.cut(low, high, clip.name), skill, settings.smooth)
+        feet = both_feet(labelled, floor.height)
+        contacts = label_contacts(feet, clip.fps, settings.contact)
+        part = slice(first - low, last - low)
+        slip = stance_slip(tuple(foot.cut(part) for foot in feet), contacts[part])
+        refused = reasons.of_contacts(contacts[part], slip, first, last, clip.fps, settings.contact)
+        told += refused
+        if not any(reason.effect == "rejected" for reason in refused):
+            piece = dataclasses.replace(labelled, contacts=contacts).cut(part.start, part.stop, clip.name)
+            taken.append((first, piece, slip))
+    several = len(taken) > 1
+    pieces = []
+    for number, (first, piece, slip) in enumerate(taken, start=1):
+        named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
+        pieces.append(_placed(named, first, slip, division, floor, settings))
+    return tuple(pieces), told
+
+
+def _placed(
+    clip: HumanClip, first: int, slip: float, division: Division, floor: Floor, settings: RepairSettings
+) -> Piece:
+    placement = place(clip, floor.height, settings.heading_s)
+    placed = placement.applied(clip)
+    assert placed.contacts is not None
+    numbers = {
+        "seconds": clip.duration_s,
+        "start_frame": first,
+        "stop_frame": first + clip.frame_count,
+        **dataclasses.asdict(placement),
+        "filled_frames": int(division.filled[first : first + clip.frame_count].sum()),
+        "stance_slip_m_s": slip,
+        "contact_share_left": float(placed.contacts[:, 0].mean()),
+        "contact_share_right": float(placed.contacts[:, 1].mean()),
+        "flight_share": float((~placed.contacts.any(axis=1)).mean()),
+    }
+    return Piece(clip=placed, numbers=numbers)

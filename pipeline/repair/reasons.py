@@ -1,0 +1,145 @@
+"""What was found and done, in words and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Bool
+
+from pipeline import time_series
+from pipeline.clips.outcome import Reason
+from pipeline.repair.defect import Defect, Findings
+from pipeline.repair.floor import Floor
+from pipeline.repair.pieces import Division
+from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSettings
+
+MOST_OF_A_KIND = 20
+"""More defects of one kind than this are told as one reason."""
+
+
+def of_defects(
+    findings: Findings, division: Division, start: int, stop: int, fps: float, settings: RepairSettings
+) -> list[Reason]:
+    """A reason for each defect that touches the window [start, stop)."""
+    touching = [one for one in findings.defects if one.start < stop and max(one.stop, one.start + 1) > start]
+    merged = list(_merged(touching))
+    told = []
+    for code in dict.fromkeys(one.code for one in merged):
+        alike = [one for one in merged if one.code == code]
+        if len(alike) > MOST_OF_A_KIND:
+            told.append(_summary(alike, division, fps))
+        else:
+            told += [_reason(one, division, fps, settings) for one in alike]
+    return told
+
+
+def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
+    """Whether the ground under the clip stays where it is."""
+    if abs(floor.drift) <= settings.drift_limit:
+        return []
+    text = f"the feet stand {floor.drift:+.3f} m higher in the clip's last third than in its first"
+    return [
+        Reason(code="floor_drift", text=text, effect="noted", value=floor.drift, limit=settings.drift_limit, unit="m")
+    ]
+
+
+def of_contacts(
+    contacts: Bool[np.ndarray, "t 2"], slip: float, first: int, last: int, fps: float, settings: ContactSettings
+) -> list[Reason]:
+    """Whether the feet of a piece slide, or never stand."""
+    told = []
+    where = {"start_s": first / fps, "stop_s": last / fps}
+    if slip > settings.slip_limit_m_s:
+        text = (
+            f"frames {first}-{last - 1}: standing feet slide at {slip:.3f} m/s on average, "
+            f"allowed are {settings.slip_limit_m_s:g} m/s"
+        )
+        told.append(
+            Reason(
+                code="foot_skate",
+                text=text,
+                effect="rejected",
+                value=slip,
+                limit=settings.slip_limit_m_s,
+                unit="m/s",
+                **where,
+            )
+        )
+    flights = time_series.runs(~contacts.any(axis=1))
+    longest = max((stop - start for start, stop in flights), default=0) / fps
+    if longest > settings.longest_flight_s:
+        text = (
+            f"frames {first}-{last - 1}: no foot is on the ground for {longest:.2f} s, "
+            f"allowed are {settings.longest_flight_s:g} s"
+        )
+        told.append(
+            Reason(
+                code="no_contact",
+                text=text,
+                effect="rejected",
+                value=longest,
+                limit=settings.longest_flight_s,
+                unit="s",
+                **where,
+            )
+        )
+    return told
+
+
+def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
+    """A stretch that is left over between defects."""
+    seconds = (last - first) / fps
+    return Reason(
+        code="too_short",
+        text=f"frames {first}-{last - 1}: {seconds:.2f} s are left, at least {min_seconds:g} s are needed",
+        effect="rejected",
+        start_s=first / fps,
+        stop_s=last / fps,
+        value=seconds,
+        limit=min_seconds,
+        unit="s",
+    )
+
+
+def _merged(defects: list[Defect]) -> Iterable[Defect]:
+    """Defects of one kind at the same frames as one."""
+    groups: dict[tuple[str, int, int], list[Defect]] = {}
+    for one in defects:
+        groups.setdefault((one.code, one.start, one.stop), []).append(one)
+    for group in sorted(groups.values(), key=lambda group: (group[0].start, group[0].stop)):
+        worst = max(group, key=lambda one: one.value or 0.0)
+        more = len({body for one in group for body in one.bodies} - set(worst.bodies))
+        text = worst.text + (f" (and {more} more joints)" if more else "")
+        yield Defect(**{**vars(worst), "text": text})
+
+
+def _reason(one: Defect, division: Division, fps: float, settings: RepairSettings) -> Reason:
+    if one.code == "swapped_sides":
+        return one.reason(fps, "repaired", "put right")
+    if one.is_cut:
+        return one.reason(fps, "repaired", "the clip is cut there")
+    if division.dropped[one.start : one.stop].all():
+        return one.reason(fps, "rejected", "these frames are cut")
+    seconds = (one.stop - one.start) / fps
+    if seconds > settings.fill.short_gap_s + 1e-9:
+        return one.reason(fps, "repaired", f"filled over {seconds:.2f} s, an estimate")
+    return one.reason(fps, "repaired", "filled")
+
+
+def _summary(alike: list[Defect], division: Division, fps: float) -> Reason:
+    frames = sorted({frame for one in alike for frame in range(one.start, max(one.stop, one.start + 1))})
+    cut = int(division.dropped[frames].sum())
+    first, last = alike[0], alike[-1]
+    text = (
+        f"{len(alike)} times between frames {frames[0]} and {frames[-1]}, first: {first.text}; "
+        f"{len(frames) - cut} frames filled, {cut} cut"
+    )
+    return Reason(
+        code=first.code,
+        text=text,
+        effect="rejected" if cut == len(frames) else "repaired",
+        start_s=first.start / fps,
+        stop_s=last.stop / fps,
+        value=float(len(alike)),
+    )

@@ -1,0 +1,144 @@
+"""KP2 for trajectories that are a robot's already: finite, no jumps, limits, placed like all others."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import ClipError
+from pipeline.repair import reasons
+from pipeline.repair.placement import mean_heading
+from pipeline.repair.settings import RepairSettings, RobotSettings
+from pipeline.robot import Robot
+
+QUAT_NORM_CHANGE = 0.01
+
+
+def process_robot(
+    clip: RobotClip, start: int, stop: int, *, settings: RepairSettings, robot: Robot | None = None
+) -> Outcome:
+    """The window of a robot's trajectory without frames that no robot can show.
+
+    Frames that are not finite, or whose joints move faster than a jump, are cut. Joint limits passed by a
+    little are clamped where the robot is given; more than that is the feasibility stage's matter.
+    """
+    speed_limit = _speed_limit(clip, robot, settings.robot)
+    bad, told = _bad_frames(clip, speed_limit, settings.robot)
+    clamped, clamps = _clamped(clip, robot, settings.robot)
+    told += clamps
+    pieces = []
+    whole = [(low + start, high + start) for low, high in time_series.runs(~bad[start:stop])]
+    kept = [(low, high) for low, high in whole if (high - low) / clip.fps >= settings.min_seconds]
+    told += [
+        reasons.too_short(low, high, clip.fps, settings.min_seconds) for low, high in whole if (low, high) not in kept
+    ]
+    for number, (low, high) in enumerate(kept, start=1):
+        name = f"{clip.name}+{number}" if len(kept) > 1 else clip.name
+        pieces.append(_placed(clamped.cut(low, high, name), low, settings))
+    cut = stop - start - sum(piece.clip.frame_count for piece in pieces)
+    return Outcome(pieces=tuple(pieces), reasons=tuple(told), numbers={"filled_frames": 0, "cut_frames": cut})
+
+
+def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> Float[np.ndarray, " j"]:
+    """Joint speed above which a step is a jump [rad/s] (j,). Raises ClipError for joints the robot lacks."""
+    if robot is None:
+        return np.full(len(clip.joint_names), settings.speed_limit_share * settings.default_speed_limit)
+    if clip.joint_names != robot.joint_names:
+        problem = f"its joints are {', '.join(clip.joint_names)}; the robot '{robot.name}' has others"
+        raise ClipError(clip.name, "joints", problem)
+    return settings.speed_limit_share * robot.motor_speed_limit
+
+
+def _bad_frames(
+    clip: RobotClip, speed_limit: np.ndarray, settings: RobotSettings
+) -> tuple[Bool[np.ndarray, " t"], list[Reason]]:
+    """Frames to cut, and why."""
+    norm = np.linalg.norm(clip.root_quat_w, axis=1)
+    finite = np.isfinite(clip.root_pos_w).all(axis=1) & np.isfinite(clip.joint_pos).all(axis=1) & np.isfinite(norm)
+    told = [_reason("missing", low, high, clip.fps, "not a number") for low, high in time_series.runs(~finite)]
+    unit = np.abs(np.where(finite, norm, 1.0) - 1.0) <= QUAT_NORM_CHANGE
+    told += [
+        _reason("no_rotation", low, high, clip.fps, "root quaternion not unit") for low, high in time_series.runs(~unit)
+    ]
+    speed = np.abs(np.diff(np.where(finite[:, None], clip.joint_pos, 0.0), axis=0)) * clip.fps
+    speed[~(finite[1:] & finite[:-1])] = 0.0
+    too_fast = np.concatenate([[False], (speed > speed_limit).any(axis=1)])
+    too_fast[:-1] |= too_fast[1:]
+    for low, high in time_series.runs(too_fast):
+        span = speed[low : high - 1]
+        joint = int(np.argmax((span / speed_limit).max(axis=0)))
+        text = f"joint '{clip.joint_names[joint]}' moves at {span[:, joint].max():.1f} rad/s"
+        told.append(_reason("joint_jump", low, high, clip.fps, text, float(span[:, joint].max()), speed_limit[joint]))
+    return ~finite | ~unit | too_fast, told
+
+
+def _reason(
+    code: str, low: int, high: int, fps: float, text: str, value: float | None = None, limit: float | None = None
+) -> Reason:
+    allowed = f", allowed are {limit:.1f} rad/s" if limit is not None else ""
+    return Reason(
+        code=code,
+        text=f"frames {low}-{high - 1}: {text}{allowed}; these frames are cut",
+        effect="rejected",
+        start_s=low / fps,
+        stop_s=high / fps,
+        value=value,
+        limit=None if limit is None else float(limit),
+        unit="rad/s" if limit is not None else "",
+    )
+
+
+def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> tuple[RobotClip, list[Reason]]:
+    """The clip with joints that pass their limits by a little put on them."""
+    if robot is None:
+        return clip, []
+    over = np.maximum(clip.joint_pos - robot.joint_upper, robot.joint_lower - clip.joint_pos)
+    little = (over > 0.0) & (over <= settings.clamp)
+    if not little.any():
+        return clip, []
+    joint_pos = np.where(little, np.clip(clip.joint_pos, robot.joint_lower, robot.joint_upper), clip.joint_pos)
+    told = []
+    for joint in np.flatnonzero(little.any(axis=0)):
+        most = float(over[little[:, joint], joint].max())
+        text = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad in {little[:, joint].mean():.0%} "
+        told.append(
+            Reason(
+                code="joint_limit",
+                text=text + "of the frames; put on the limit",
+                effect="repaired",
+                value=most,
+                limit=settings.clamp,
+                unit="rad",
+            )
+        )
+    return dataclasses.replace(clip, joint_pos=joint_pos), told
+
+
+def _placed(clip: RobotClip, first: int, settings: RepairSettings) -> Piece:
+    """The piece heading +x from the origin; its height stays, the soles' height is the feasibility stage's."""
+    quat_w = rotation.make_continuous(rotation.normalize(clip.root_quat_w))
+    heading = mean_heading(quat_w[: max(1, round(settings.heading_s * clip.fps))])
+    back = rotation.about_z(-heading)
+    origin = np.array([*clip.root_pos_w[0, :2], 0.0])
+    placed = dataclasses.replace(
+        clip,
+        root_pos_w=rotation.rotate(back, clip.root_pos_w - origin),
+        root_quat_w=rotation.make_continuous(rotation.multiply(back, quat_w)),
+    )
+    numbers = {
+        "seconds": clip.duration_s,
+        "start_frame": first,
+        "stop_frame": first + clip.frame_count,
+        "heading_rad": heading,
+        "origin_x_m": float(origin[0]),
+        "origin_y_m": float(origin[1]),
+        "floor_m": 0.0,
+        "filled_frames": 0,
+        "stance_slip_m_s": None,
+    }
+    return Piece(clip=placed, numbers=numbers)

@@ -1,0 +1,116 @@
+"""What KP2 takes for damaged, how far it repairs, and what it rejects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionSettings:
+    """Limits of what a body does from one frame to the next."""
+
+    bone_change: float
+    """Largest change of a limb bone's length against the clip's median, as a share of it."""
+    loose_bone_change: float
+    """The same for bodies whose bone spans several joints of the source (spine, collar bone)."""
+    quat_norm_change: float
+    """Largest deviation of a quaternion's norm from 1."""
+    position_jump: float
+    """Smallest jump of a body's place in its parent's frame that counts [m]."""
+    root_jump: float
+    """Smallest jump of the pelvis in the world that counts [m]."""
+    angle_jump: float
+    """Smallest jump of a body's orientation in its parent's frame that counts [rad]."""
+    jump_spread: float
+    """A jump also has to exceed this many times the 95th percentile of the clip's own unsteadiness."""
+    longest_spike_s: float
+    """A joint that jumps away and comes back within this time was lost between; longer is two cuts."""
+    opening_s: float
+    """Frames before a jump this soon after the start (or this late) are a bind pose and not motion."""
+    still_step: float
+    """A body that moves less than this from frame to frame is frozen [m] or [rad]; far below any noise."""
+    still_frames: int
+    """Smallest number of equal frames of a single joint that count as frozen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FillSettings:
+    """How long a gap may be."""
+
+    short_gap_s: float
+    """Up to this a gap is filled by a polynomial through its surroundings."""
+    longest_gap_s: float
+    """Up to this a gap is filled from similar moments of the same clip, and flagged; longer is cut."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloorSettings:
+    """Where the ground is."""
+
+    ball_height: float
+    """Height of the ball of the foot's joint over the ground in stance [m]: what z = 0 means."""
+    band: float
+    """Width of the band of heights that is searched for the most stance frames [m]."""
+    slow_m_s: float
+    """A toe slower than this may stand."""
+    drift_limit: float
+    """Change of the stance height over the clip that is noted [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothSettings:
+    """Zero-phase low pass."""
+
+    cutoff_hz: float
+    """For all skills but the fast ones."""
+    fast_cutoff_hz: float
+    """For the fast skills."""
+    fast_skills: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactSettings:
+    """When a foot is on the ground, and when it slides."""
+
+    height: float
+    """Ball or heel lower than this over its own stance height [m]."""
+    speed_floor_m_s: float
+    """Slower than this is always slow, however clean the clip."""
+    speed_on_m_s: float
+    """A point slower than this begins a contact, in the noisiest clip."""
+    speed_off_m_s: float
+    """A point faster than this ends it."""
+    shortest_s: float
+    """Contacts and gaps shorter than this are smoothed over."""
+    slip_limit_m_s: float
+    """Largest mean speed of the planted point of a standing foot."""
+    longest_flight_s: float
+    """Both feet off the ground for longer than this is no gait of a person."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotSettings:
+    """Trajectories that are a robot's already."""
+
+    speed_limit_share: float
+    """Joint steps above this share of the motor's speed limit are jumps."""
+    default_speed_limit: float
+    """Speed limit where no robot is given [rad/s]."""
+    clamp: float
+    """Joint limits passed by no more than this are clamped [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepairSettings:
+    """`data/repair.yaml`."""
+
+    detection: DetectionSettings
+    fill: FillSettings
+    floor: FloorSettings
+    smooth: SmoothSettings
+    contact: ContactSettings
+    robot: RobotSettings
+    min_seconds: float
+    """Shorter pieces are dropped."""
+    heading_s: float
+    """The piece's heading is the mean facing of its first seconds."""

@@ -1,0 +1,64 @@
+"""The canonical skeleton as arrays, and a clip's bodies seen from their parents."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import BODIES, PARENTS, body
+
+PARENT: tuple[int, ...] = tuple(body(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
+"""Index of each body's parent, -1 for the pelvis; a parent comes before its children."""
+
+CHILDREN: tuple[tuple[int, ...], ...] = tuple(
+    tuple(child for child, parent in enumerate(PARENT) if parent == index) for index in range(len(BODIES))
+)
+
+LIMBS: tuple[tuple[int, int, int], ...] = tuple(
+    (body(f"{side}_{upper}"), body(f"{side}_{middle}"), body(f"{side}_{lower}"))
+    for side in ("left", "right")
+    for upper, middle, lower in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist"))
+)
+"""Upper, middle and lower joint of each limb."""
+
+LIMB_ENDS: tuple[int, ...] = tuple(
+    body(f"{side}_{name}") for side in ("left", "right") for name in ("knee", "ankle", "toe", "elbow", "wrist")
+)
+"""Bodies whose bone to the parent is one bone in every skeleton: its length is constant."""
+
+FEET_BODIES: tuple[int, ...] = tuple(body(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "toe"))
+
+Positions = Float[np.ndarray, "t 19 3"]
+Orientations = Float[np.ndarray, "t 19 4"]
+
+
+def descendants(index: int) -> tuple[int, ...]:
+    """Bodies below a body, nearest first."""
+    below: list[int] = []
+    for child in CHILDREN[index]:
+        below += [child, *descendants(child)]
+    return tuple(below)
+
+
+def parent_pose(pos_w: Positions, quat_w: Orientations) -> tuple[Positions, Orientations]:
+    """World pose of each body's parent; the world's own for the pelvis."""
+    parents = list(PARENT[1:])
+    pos, quat = np.zeros_like(pos_w), np.zeros_like(quat_w)
+    pos[:, 1:], quat[:, 1:] = pos_w[:, parents], quat_w[:, parents]
+    quat[:, 0] = rotation.IDENTITY
+    return pos, quat
+
+
+def to_local(pos_w: Positions, quat_w: Orientations) -> tuple[Positions, Orientations]:
+    """Offset [m] and orientation of each body in its parent's frame; the pelvis in the world."""
+    parent_pos_w, parent_quat_w = parent_pose(pos_w, quat_w)
+    offset = rotation.rotate_inverse(parent_quat_w, pos_w - parent_pos_w)
+    return offset, rotation.multiply(rotation.conjugate(parent_quat_w), quat_w)
+
+
+def bone_lengths(pos_w: Positions) -> Float[np.ndarray, "t 19"]:
+    """Distance [m] of each body from its parent; 0 for the pelvis."""
+    lengths = np.zeros(pos_w.shape[:2])
+    lengths[:, 1:] = np.linalg.norm(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])], axis=-1)
+    return lengths
