@@ -19,6 +19,8 @@ from pipeline.generator.hermite import hermite
 LONGEST_LEG = 0.99 * (skeleton.THIGH + skeleton.SHANK)
 """Hip to ankle at most [m]: a knee bent by 16 degrees. People land with 5 degrees; a little more keeps knee speeds
 low and suits robots, which do not walk on straight knees. [judgement]"""
+WIDEST_REACH = 0.72 * LONGEST_LEG
+"""Ankle from its hip along the floor at most [m], 46 degrees from the vertical; beyond it nobody walks. [judgement]"""
 HEIGHT_WINDOW_S = 0.75
 """Half the time over which the height is levelled, longer than half a stride [s]."""
 
@@ -78,11 +80,11 @@ def _highest(recipe: Recipe, pos_w: np.ndarray, quat_w: np.ndarray, feet: tuple[
     for side, foot in enumerate(feet):
         hip = rotation.rotate(quat_w, hip_offset(side))
         across = np.linalg.norm(foot.ankle_w[:, :2] - pos_w[:, :2] - hip[:, :2], axis=-1)
-        if across.max() > LONGEST_LEG:
+        if across.max() > WIDEST_REACH:
             frame = int(across.argmax())
             raise ValueError(
-                f"recipe '{recipe.name}': at grid index {frame} a foot is {across.max():.2f} m from its hip, "
-                f"the leg is {LONGEST_LEG:.2f} m long; take shorter or quicker steps."
+                f"recipe '{recipe.name}': at grid index {frame} a foot is {across.max():.2f} m from below its hip, "
+                f"allowed are {WIDEST_REACH:.2f} m; take shorter or quicker steps."
             )
         limits.append(foot.ankle_w[:, 2] + np.sqrt(LONGEST_LEG**2 - across**2) - hip[:, 2])
     return np.minimum(*limits)
