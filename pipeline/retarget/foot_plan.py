@@ -42,9 +42,9 @@ class Sole:
         lever = np.where(pitch > 0.0, self.front, self.rear)
         return lever * np.sin(pitch) + self.depth * np.cos(pitch)
 
-    def ankle_from_ball(self, ball: float, pitch: np.ndarray) -> np.ndarray:
-        """Horizontal way [m] from the sole's point at `ball` to the ankle, along the foot's yaw."""
-        return -ball * np.cos(pitch) + self.depth * np.sin(pitch)
+    def ankle_from_pivot(self, pivot: np.ndarray, pitch: np.ndarray) -> np.ndarray:
+        """Horizontal way [m] from the sole's point at `pivot` before the ankle to the ankle, along the foot's yaw."""
+        return -pivot * np.cos(pitch) + self.depth * np.sin(pitch)
 
 
 def lock_stances(
@@ -56,7 +56,7 @@ def lock_stances(
     sole: Sole,
     settings: FootSettings,
 ) -> Float[np.ndarray, "t 5"]:
-    """`raw` in swings; in each stance the pose that keeps the ball of the foot on one foothold.
+    """`raw` in swings; in each stance the pose that stands on one foothold and rolls over heel and ball.
 
     Args:
         raw: the human's foot, scaled: ankle x, y, z, yaw, pitch; yaw unwrapped
@@ -65,20 +65,28 @@ def lock_stances(
         toe_yaw: yaw of the human foot [rad], any branch
         ankle_to_toe: horizontal way from ankle to toe of the flat human foot, scaled [m]
     """
-    ball = sole.centre + settings.ball_share * (sole.front - sole.centre)
     locked = raw.copy()
     for start, stop in time_series.runs(contact):
         span = slice(start, stop)
         yaw = _mean_angle(toe_yaw[span], near=float(np.median(raw[span, YAW])))
         heading = np.array([np.cos(yaw), np.sin(yaw)])
-        foothold = np.median(toe_w[span], axis=0) + heading * (ball - ankle_to_toe)
-        rise = raw[span, PITCH] - settings.heel_rise_free
-        pitch = settings.heel_rise_share * np.maximum(rise, 0.0)
-        locked[span, :2] = foothold + heading * sole.ankle_from_ball(ball, pitch)[:, None]
+        flat_ankle = np.median(toe_w[span], axis=0) - ankle_to_toe * heading
+        pitch = _stance_pitch(raw[span, PITCH], settings)
+        edge = np.where(pitch > 0.0, sole.front, sole.rear)
+        pivot = sole.centre + settings.ball_share * (edge - sole.centre)
+        locked[span, :2] = flat_ankle + heading * (pivot + sole.ankle_from_pivot(pivot, pitch))[:, None]
         locked[span, Z] = sole.lowest_ankle(pitch)
         locked[span, YAW] = yaw
         locked[span, PITCH] = pitch
     return locked
+
+
+def _stance_pitch(pitch: Float[np.ndarray, " t"], settings: FootSettings) -> Float[np.ndarray, " t"]:
+    """Pitch [rad] of the robot's foot in a stance from the human's: toes up at heel strike, flat, heel rise."""
+    rise = np.maximum(pitch - settings.heel_rise_free, 0.0)
+    strike = np.minimum(pitch + settings.heel_rise_free, 0.0)
+    planned = settings.heel_rise_share * rise + settings.heel_strike_share * strike
+    return np.clip(planned, settings.lowest_pitch, settings.highest_pitch)
 
 
 def spread(

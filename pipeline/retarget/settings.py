@@ -22,11 +22,13 @@ class FootSettings:
     """The foot plan."""
 
     ball_share: float
-    """Where the foot is locked in a stance: 0 the sole's centre, 1 its front edge."""
+    """Where the foot is locked in a stance: 0 the sole's centre, 1 the edge it rolls over (front or rear)."""
     heel_rise_share: float
     """Heel rise of the robot in a stance / heel rise of the human."""
+    heel_strike_share: float
+    """Raised toes of the robot at the start of a stance / the human's."""
     heel_rise_free: float
-    """Pitch of the human foot that does not count as heel rise [rad]."""
+    """Pitch of the human foot, either way, that still counts as flat [rad]."""
     highest_pitch: float
     """Largest pitch of the planned foot, toes down [rad]."""
     lowest_pitch: float

@@ -1,0 +1,51 @@
+"""Labels of stance for clips that bring none."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ClipError
+from pipeline.files import settings as settings_file
+from pipeline.retarget import proportions
+from pipeline.retarget.settings import RetargetSettings
+from pipeline.retarget.stance import contacts_of, without_short_runs
+from tests.factories.human_clips import HIP_HALF, SHANK, THIGH, walker
+from tests.factories.retarget_clips import scaled
+
+
+@pytest.fixture
+def settings(root: Path) -> RetargetSettings:
+    return settings_file.read(root / "data/retarget.yaml", RetargetSettings)
+
+
+def test_a_clips_own_contacts_are_kept(settings):
+    clip = walker(seconds=2.0)
+    assert contacts_of(clip, settings.stance) is clip.contacts
+
+
+def test_labels_of_a_walker_agree_with_its_true_contacts(settings):
+    clip = walker(seconds=5.0)
+    labels = contacts_of(dataclasses.replace(clip, contacts=None), settings.stance)
+    assert np.mean(labels == clip.contacts) > 0.85
+
+
+def test_short_gaps_are_closed_before_short_runs_are_dropped():
+    label = np.array([1, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1, 0, 0, 0], dtype=bool)
+    expected = np.array([1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], dtype=bool)
+    np.testing.assert_array_equal(without_short_runs(label, 2), expected)
+
+
+def test_proportions_are_those_the_walker_was_built_with():
+    clip = walker(seconds=3.0)
+    measured = proportions.measure(clip, clip.contacts)
+    assert measured.leg == pytest.approx(THIGH + SHANK, abs=0.01)
+    assert measured.hip_half_width == pytest.approx(HIP_HALF, abs=1e-6)
+    np.testing.assert_allclose(measured.ankle_height, 0.08, atol=0.005)
+
+
+def test_legs_that_no_person_has_are_refused():
+    clip = scaled(walker(seconds=2.0), 100.0)
+    with pytest.raises(ClipError, match=r"the legs are 89 m long"):
+        proportions.measure(clip, clip.contacts)
