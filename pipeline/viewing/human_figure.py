@@ -49,7 +49,7 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 def human_figure(clip: HumanClip) -> Figure:
     """The figure of a human clip. A bone with a missing end is missing. Raises ClipError when a leg never is there."""
-    scale = _leg_length(clip) / LEG
+    scale = leg_length(clip) / LEG
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:
         from_w, to_w = clip.body_pos_w[:, body(start)], clip.body_pos_w[:, body(stop)]
@@ -98,7 +98,7 @@ def _other_side(name: str) -> str:
     return f"{other}_{rest}" if other else name
 
 
-def _leg_length(clip: HumanClip) -> float:
+def leg_length(clip: HumanClip) -> float:
     """Thigh plus shank [m], median over the frames, mean of both sides."""
     total = 0.0
     for start, stop in (("hip", "knee"), ("knee", "ankle")):

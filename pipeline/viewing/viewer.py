@@ -6,19 +6,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import viser
 
-from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.robot_clip import RobotClip
-from pipeline.robot import Robot
-from pipeline.viewing.figure import Figure
-from pipeline.viewing.human_figure import human_figure
 from pipeline.viewing.playback import SPEEDS, Playback
-from pipeline.viewing.robot_figure import robot_figure
+from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.scene import SceneFigure
 
 TICK_S = 1.0 / 30.0
@@ -28,34 +21,16 @@ APART = 1.3
 """Distance of the two figures [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shown:
-    """One clip as a human and a robot did it; they share the time of their first frame."""
-
-    name: str
-    human: HumanClip | None = None
-    robot_clip: RobotClip | None = None
-    robot: Robot | None = None
-    """The robot that `robot_clip` is for."""
-    text: str = ""
-    """What is known of it, in Markdown."""
-
-    def figures(self) -> list[Figure]:
-        figures = [human_figure(self.human)] if self.human is not None else []
-        if self.robot_clip is not None and self.robot is not None:
-            figures.append(robot_figure(self.robot_clip, self.robot))
-        return figures
-
-
 class Viewer:
-    """A server with one scene. `names` are offered; `load` gives the clip of a name when it is chosen.
+    """A server with one scene that plays a list of clips.
 
     The server is reached from this machine alone unless `host` says otherwise; when `port` is taken, the next free
     one is used (`url`).
     """
 
-    def __init__(self, names: Sequence[str], load: Callable[[str], Shown], port: int, host: str = "127.0.0.1"):
-        self._load = load
+    def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
+        names = playlist.names
+        self._load = playlist.load
         self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.figures: list[SceneFigure] = []

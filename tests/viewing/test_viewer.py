@@ -9,8 +9,9 @@ import pytest
 
 from pipeline.robot import load_robot
 from pipeline.viewing.playback import Playback
+from pipeline.viewing.playlist import Playlist, Shown
 from pipeline.viewing.scene import TILE
-from pipeline.viewing.viewer import Shown, Viewer
+from pipeline.viewing.viewer import Viewer
 from tests.factories.figures import gliding_human, standing_robot
 
 
@@ -30,7 +31,7 @@ def viewer(robot):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    viewer = Viewer(["both", "robot alone"], load, port=port)
+    viewer = Viewer(Playlist(names=("both", "robot alone"), load=load), port=port)
     yield viewer
     viewer.stop()
 
@@ -47,7 +48,8 @@ def test_the_page_is_served_on_this_machine_until_the_viewer_stops(robot):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    viewer = Viewer(["nod"], lambda name: Shown(name=name, robot_clip=standing_robot(robot), robot=robot), port=port)
+    only = Shown(name="nod", robot_clip=standing_robot(robot), robot=robot)
+    viewer = Viewer(Playlist(names=("nod",), load=lambda name: only), port=port)
     assert viewer.url == f"http://localhost:{port}"
     assert _answers(f"http://127.0.0.1:{port}")
     viewer.stop()

@@ -1,0 +1,1 @@
+"""`booster-lab`: what a person types. A file a command; all work is done by the stages."""

@@ -1,0 +1,90 @@
+"""One file or clip through the stages, outside of the graph: read and corrected, repaired, retargeted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.catalog import CatalogSettings, catalogue
+from pipeline.cli.project import Project
+from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
+from pipeline.errors import FileError
+from pipeline.quality.planar_motion import planar_motion
+from pipeline.readers import ReadMotion, Source, Statement, read_motion
+from pipeline.repair import RepairSettings
+from pipeline.repair import process as repair
+from pipeline.retarget import RetargetSettings
+from pipeline.retarget.recording import onto_robot
+from pipeline.robot import Robot
+from pipeline.selection import TRANSITION, Curation
+from pipeline.selection import process as select
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The stages with the settings of one project; each file of settings is read when it is first needed."""
+
+    project: Project
+
+    def read(self, path: Path, stated: Statement) -> tuple[Source, ReadMotion]:
+        """The file as a clip, and the source it belongs to. Raises FileError."""
+        if not path.is_file():
+            raise FileError(path, "it is not a file." if path.exists() else "the file does not exist.")
+        path = path.resolve()
+        source = self.project.source_of(path, stated)
+        within = path.relative_to(source.folder).with_suffix("").as_posix()
+        return source, read_motion(path, f"{source.name}/{within}", source.statement_of(path))
+
+    def catalogued(self, read: ReadMotion) -> Outcome:
+        """The clip of a file with its numbers, defects of the whole file corrected."""
+        return catalogue(read, settings=self._catalog)
+
+    def windows(self, piece: Piece) -> Outcome:
+        """The windows of one skill of a catalogued clip."""
+        return select(piece.clip, piece.numbers, settings=self._curation)
+
+    def repaired(self, piece: Piece) -> Outcome:
+        """A catalogued clip as one window, its frames repaired, filled or cut."""
+        window = {"skill": TRANSITION, "start_frame": 0, "stop_frame": piece.clip.frame_count}
+        return repair(piece.clip, {**piece.numbers, **window}, settings=self._repair)
+
+    def retargeted(self, piece: Piece, numbers: Mapping[str, Any], robot: Robot) -> Outcome:
+        """A repaired piece onto a robot; a recording of this robot passes."""
+        return onto_robot(piece.clip, {**numbers, **piece.numbers}, settings=self._retarget, robot=robot)
+
+    def speeds(self, clip: Clip) -> Float[np.ndarray, " n"]:
+        """Horizontal speed of the root [m/s] in the frames where it is known, smoothed as for the windows."""
+        windows = self._curation.windows
+        motion = planar_motion(clip, windows.velocity_s, windows.facing_s)
+        return motion.speed[motion.valid]
+
+    @cached_property
+    def _catalog(self) -> CatalogSettings:
+        return self.project.settings("catalog.yaml", CatalogSettings)
+
+    @cached_property
+    def _curation(self) -> Curation:
+        return self.project.settings("curation.yaml", Curation)
+
+    @cached_property
+    def _repair(self) -> RepairSettings:
+        return self.project.settings("repair.yaml", RepairSettings)
+
+    @cached_property
+    def _retarget(self) -> RetargetSettings:
+        return self.project.settings("retarget.yaml", RetargetSettings)
+
+
+def reason_line(reason: Reason) -> str:
+    """`repaired  1.20 to 1.50 s  <text>`, without the times for the whole clip."""
+    times = ""
+    if reason.start_s is not None:
+        stop = "" if reason.stop_s is None else f" to {reason.stop_s:.2f}"
+        times = f"{reason.start_s:.2f}{stop} s: "
+    return f"{reason.effect:9}{times}{reason.text}"

@@ -1,0 +1,71 @@
+"""What `booster-lab view` can show: clips of a motion file, of the store's manifests, of the database."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.cli.chain import Chain, reason_line
+from pipeline.cli.database_clip import read_database_clip
+from pipeline.cli.project import Project
+from pipeline.cli.stored_clips import stored_clips
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import FileError
+from pipeline.readers import Statement
+from pipeline.robot import Robot
+from pipeline.viewing.playlist import Playlist, Shown
+
+
+def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) -> Playlist:
+    """What `text` means: a file if there is one of that name, else clips of the store.
+
+    Raises FileError or UnknownNameError with what there is.
+    """
+    path = Path(text)
+    if path.is_dir():
+        raise FileError(path, "it is a folder.", "Name one motion file, or look at all with: booster-lab inspect")
+    if path.suffix.lower() == ".json" and path.is_file():
+        return _of_database(path, robot)
+    if path.is_file() or path.suffix:
+        return _of_file(project, path, robot, stated)
+    return stored_clips(project, text, robot)
+
+
+def _of_file(project: Project, path: Path, robot: Robot, stated: Statement) -> Playlist:
+    """The pieces of a motion file after repair, each retargeted when it is chosen; last the file as it was read."""
+    chain = Chain(project)
+    _, read = chain.read(path, stated)
+    catalogued = chain.catalogued(read)
+    whole = catalogued.pieces[0] if catalogued.pieces else Piece(clip=read.clip)
+    repaired = chain.repaired(whole) if catalogued.pieces else Outcome()
+    reasons = (*catalogued.reasons, *repaired.reasons)
+    pieces = {piece.clip.name: piece for piece in repaired.pieces}
+    as_read = f"{whole.clip.name} (as read)"
+
+    def load(name: str) -> Shown:
+        if name == as_read:
+            return _shown(name, whole.clip, None, robot, reasons)
+        outcome = chain.retargeted(pieces[name], whole.numbers, robot)
+        result = outcome.pieces[0].clip if outcome.pieces else None
+        return _shown(name, pieces[name].clip, result, robot, (*reasons, *outcome.reasons))
+
+    return Playlist(names=(*pieces, as_read), load=load)
+
+
+def _shown(name: str, source: object, result: object, robot: Robot, reasons: tuple[Reason, ...]) -> Shown:
+    recording = source if isinstance(source, RobotClip) else None
+    lines = "\n".join(f"- {reason_line(reason)}" for reason in reasons)
+    return Shown(
+        name=name,
+        human=source if isinstance(source, HumanClip) else None,
+        robot_clip=result if isinstance(result, RobotClip) else recording,
+        robot=robot,
+        text=lines,
+    )
+
+
+def _of_database(path: Path, robot: Robot) -> Playlist:
+    clip, head = read_database_clip(path, robot)
+    facts = "\n".join(f"- {name}: {value}" for name, value in head.items())
+    return Playlist(names=(clip.name,), load=lambda name: Shown(name=name, robot_clip=clip, robot=robot, text=facts))

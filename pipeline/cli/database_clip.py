@@ -1,0 +1,54 @@
+"""A clip JSON of the database, back as a robot clip."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import FileError
+from pipeline.robot import Robot
+
+FACTS = ("Skill", "MotionWeight", "LoopMode", "Licence")
+"""Keys of the file that a person wants to see."""
+
+
+def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, Any]]:
+    """The clip and its facts (`FACTS`). Joints that the database does not hold are in their default position.
+
+    Columns are found by name. Raises FileError for a file that is no clip of a database for `robot`.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        columns = [column["name"] for column in content["Columns"]]
+        frames = np.array(content["Frames"], dtype=float)
+        fps, name, made_for = 1.0 / content["FrameDuration"], content["Clip"], content["Robot"]
+    except (ValueError, KeyError, TypeError, ZeroDivisionError) as error:
+        raise FileError(path, f"not a clip of an expert database ({type(error).__name__}: {error}).") from error
+    if made_for != robot.name:
+        raise FileError(path, f"it is for the robot '{made_for}', not for '{robot.name}'.", f"Add --robot {made_for}.")
+    if frames.ndim != 2 or frames.shape[1] != len(columns) or not len(frames):
+        raise FileError(path, f"its frames have the shape {frames.shape}, wanted (frames, {len(columns)}).")
+    joints = np.tile(robot.default_joint_pos, (len(frames), 1))
+    for index, joint in enumerate(robot.joint_names):
+        if f"{joint}_pos" in columns:
+            joints[:, index] = frames[:, columns.index(f"{joint}_pos")]
+    wanted = [f"root_pos_{axis}" for axis in "xyz"] + [f"root_quat_{part}" for part in "wxyz"]
+    missing = [column for column in wanted if column not in columns]
+    if missing:
+        raise FileError(path, f"the column '{missing[0]}' is missing.")
+    root = frames[:, [columns.index(column) for column in wanted]]
+    clip = RobotClip(
+        name=name,
+        fps=fps,
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        root_pos_w=root[:, :3],
+        root_quat_w=rotation.normalize(root[:, 3:]),
+        joint_pos=joints,
+    )
+    return clip, {key: content[key] for key in FACTS if key in content}

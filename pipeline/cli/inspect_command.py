@@ -1,0 +1,109 @@
+"""`booster-lab inspect IN`: what a motion file is and what is wrong with it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from pipeline.cli.chain import Chain
+from pipeline.cli.inspection import Inspection, inspect_file
+from pipeline.cli.project import find_project
+from pipeline.cli.statement_arguments import add_statement, statement_of
+from pipeline.cli.text_table import name_values, text_table
+from pipeline.errors import FileError, PipelineError
+from pipeline.readers import Source, Statement, list_motion_files
+
+
+def add_to(commands: argparse._SubParsersAction) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "inspect",
+        help="tell what a motion file is and what is wrong with it",
+        description="Tell format, skeleton, unit, axes and rate of a motion file, its speeds, the windows of one skill "
+        "in it, and everything that the project would repair, cut or refuse, with the reason. A folder gives a line a "
+        "file.",
+    )
+    parser.add_argument("input", metavar="IN", type=Path, help="a motion file, or a folder of them")
+    parser.add_argument("--json", action="store_true", help="print a JSON object (of a folder: a list of them)")
+    add_statement(parser)
+    parser.set_defaults(run=run)
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Print it. A file that can't be read is an error; in a folder it is a line."""
+    chain = Chain(find_project())
+    stated = statement_of(parsed)
+    if parsed.input.is_dir():
+        folder(parsed.input, chain, stated, parsed.json)
+        return 0
+    found = inspect_file(chain, parsed.input, stated)
+    print(_json(found.to_dict()) if parsed.json else as_text(found))
+    return 0
+
+
+def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
+    """A line a file of all motion files below a folder. Raises FileError when there are none."""
+    files = list_motion_files(Source(name=path.name, folder=path))
+    if not files:
+        raise FileError(path, "there is no motion file in it.")
+    rows, values = [], []
+    for file in files:
+        within = file.relative_to(path).as_posix()
+        try:
+            found = inspect_file(chain, file, stated)
+        except PipelineError as error:
+            values.append({"file": str(file), "error": str(error)})
+            rows.append([within, None, None, None, None, None, 0.0, str(error).removeprefix(f"{file}: ")])
+            continue
+        values.append(found.to_dict())
+        wrong = [reason["code"] for reason in found.reasons]
+        what = ", ".join(dict.fromkeys(wrong)) or "nothing"
+        sure = (found.format, found.skeleton, found.fps, found.seconds, found.speed_mean, found.usable_seconds)
+        rows.append([within, *sure, what])
+    header = ["file", "format", "skeleton", "rate [Hz]", "in [s]", "speed [m/s]", "usable [s]", "found"]
+    print(_json(values) if as_json else text_table(header, rows))
+
+
+def as_text(found: Inspection) -> str:
+    """Everything about one file, for a person."""
+    declared = "not declared" if found.declared_fps is None else f"{found.declared_fps:.6g} Hz"
+    facts = {
+        "file": found.file,
+        "format": found.format,
+        "skeleton": found.skeleton,
+        "unit": found.unit,
+        "up axis": found.up_axis,
+        "licence": found.licence,
+        "declared rate": declared,
+        "true rate": f"{found.fps:.6g} Hz",
+        "length": f"{found.seconds:.2f} s, {found.frames} frames",
+        "leg length": None if found.leg_length is None else f"{found.leg_length:.3f} m (thigh and shank)",
+        "speed": f"mean {found.speed_mean:.2f} m/s, highest {found.speed_max:.2f} m/s",
+        "usable": f"{found.usable_seconds:.2f} s in {found.usable_pieces} pieces",
+    }
+    blocks = [name_values(facts), "windows of one skill", _windows(found)]
+    blocks += ["found", _reasons(found)] if found.reasons else ["found: nothing wrong"]
+    return "\n\n".join(blocks)
+
+
+def _windows(found: Inspection) -> str:
+    header = ["from [s]", "to [s]", "skill", "forward [m/s]", "left [m/s]", "turning left [rad/s]"]
+    rows = [
+        [w["start_s"], w["stop_s"], w["skill"], w["forward_m_s"], w["lateral_m_s"], w["yaw_rate_rad_s"]]
+        for w in found.windows
+    ]
+    return text_table(header, rows, indent="  ") if rows else "  none"
+
+
+def _reasons(found: Inspection) -> str:
+    rows = [
+        [reason["effect"], reason.get("start_s"), reason.get("stop_s"), reason["code"], reason["text"]]
+        for reason in found.reasons
+    ]
+    return text_table(["effect", "from [s]", "to [s]", "reason", "what"], rows, indent="  ")
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,122 @@
+"""Clips that the graph has made, found by name in the store's manifests."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch import Entry, Manifest, Store
+from pipeline.cli.project import Project
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+from pipeline.robot import Robot
+from pipeline.viewing.human_figure import mirrored
+from pipeline.viewing.playlist import Playlist, Shown
+
+HUMAN_ASSETS = ("motion_catalog", "selected_motions", "repaired_motions")
+ROBOT_ASSETS = ("retargeted_motions", "augmented_motions", "feasible_motions")
+"""Assets in the order of the graph; a clip is shown as the last one that has it left it."""
+
+BARE_ROBOT = "t1"
+"""The robot whose assets have no prefix."""
+
+MOST_NAMES = 2_000
+"""Clips that are offered at once."""
+
+NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "penetration_m", "weight")
+"""Numbers that are shown, where a clip has them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shelf:
+    """All clips of the manifests by name, the latest state of each."""
+
+    store: Store
+    human: dict[str, Entry]
+    robot: dict[str, Entry]
+    said: dict[str, list[dict[str, Any]]]
+    """Clip -> reasons of the stages that took it in."""
+
+    def load(self, name: str, robot: Robot) -> Shown:
+        entry = self.robot.get(name)
+        result = self.store.get_clip(entry.blob) if entry is not None else None
+        human = self._human(name, result)
+        shown = entry or self.human[name]
+        return Shown(
+            name=name,
+            human=human,
+            robot_clip=result if isinstance(result, RobotClip) else None,
+            robot=robot,
+            text=_text(shown.numbers, self.said.get(name, [])),
+        )
+
+    def _human(self, name: str, result: Any) -> HumanClip | None:
+        """The human that a robot clip came from, in the same mirror and at the same playing speed."""
+        base, *variant = name.split("~")
+        entry = self.human.get(base)
+        if entry is None:
+            return None
+        clip = self.store.get_clip(entry.blob)
+        if not isinstance(clip, HumanClip):
+            return None
+        start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
+        if start is not None and stop is not None and stop - start < clip.frame_count:
+            clip = clip.cut(int(start), int(stop), clip.name)
+        if "mirror" in variant:
+            clip = mirrored(clip)
+        scale = next((float(part[1:]) for part in variant if part.startswith("x")), 1.0)
+        return dataclasses.replace(clip, fps=clip.fps * scale)
+
+
+def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
+    """The clip of that name and all that was made from it (`name@…`, `name+…`, `name~…`, `name/…`).
+
+    Raises PipelineError with the names that come near, or with the command that makes clips.
+    """
+    shelf = _shelf(project.store, robot.name)
+    known = sorted({*shelf.human, *shelf.robot})
+    if not known:
+        do = "dagster asset materialize --select expert_db"
+        raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
+    found = [name for name in known if name == text or any(name.startswith(text + mark) for mark in "@+~/")]
+    if not found:
+        near = difflib.get_close_matches(text, known, n=5, cutoff=0.3) or known[:5]
+        raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {', '.join(near)}")
+    first = [name for name in found if name == text] or [name for name in found if name in shelf.robot][:1]
+    names = tuple(dict.fromkeys([*first, *found]))[:MOST_NAMES]
+    return Playlist(names=names, load=lambda name: shelf.load(name, robot))
+
+
+def _shelf(store: Store, robot: str) -> _Shelf:
+    prefix = "" if robot == BARE_ROBOT else f"{robot}/"
+    human: dict[str, Entry] = {}
+    machine: dict[str, Entry] = {}
+    said: dict[str, list[dict[str, Any]]] = {}
+    for asset, shelf in [(name, human) for name in HUMAN_ASSETS] + [(prefix + name, machine) for name in ROBOT_ASSETS]:
+        manifest = _manifest(store, asset)
+        shelf.update({entry.clip: entry for entry in manifest.entries})
+        for row in manifest.judged:
+            said.setdefault(row.clip, []).extend(row.reasons)
+    return _Shelf(store=store, human=human, robot=machine, said=said)
+
+
+def _manifest(store: Store, asset: str) -> Manifest:
+    """The asset's manifest, empty where it was never materialized."""
+    if not Path(store.manifest_path(asset)).is_file():
+        return Manifest(stage=asset, entries=(), judged=())
+    return store.load(asset)
+
+
+def _text(numbers: dict[str, Any], reasons: list[dict[str, Any]]) -> str:
+    rows = [f"| {name} | {_number(numbers[name])} |" for name in NUMBERS if numbers.get(name) is not None]
+    table = "\n".join(["| | |", "|---|---|", *rows]) if rows else ""
+    lines = "\n".join(f"- {reason['effect']}: {reason['text']}" for reason in reasons)
+    return f"{table}\n\n{lines}"
+
+
+def _number(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
