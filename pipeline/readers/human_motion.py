@@ -80,11 +80,12 @@ def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
 
 
 def _continuous(quat: np.ndarray) -> np.ndarray:
-    """Sign-continuous quaternions (t, n, 4); a missing frame does not spread."""
+    """Sign-continuous quaternions (t, n, 4), the first with w >= 0; a missing frame does not spread."""
     valid = np.isfinite(quat).all(axis=(1, 2))
     result = quat.copy()
     result[valid] = rotation.make_continuous(quat[valid])
-    return result
+    first = result[valid][:1, :, :1]
+    return np.where(first < 0.0, -result, result) if len(first) else result
 
 
 def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> None:

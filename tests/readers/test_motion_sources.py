@@ -1,0 +1,128 @@
+"""Sources: folders, licences, statements, and which files are motions."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import FileError, SettingsError
+from pipeline.readers import Source, Statement, list_motion_files, read_motion, read_sources, sources_of_environment
+from tests.factories import motion_files as files
+
+
+def sources_yaml(folder, text):
+    (folder / "motions").mkdir(exist_ok=True)
+    path = folder / "sources.yaml"
+    path.write_text(text)
+    return path
+
+
+ENTRY = "sources:\n  - {name: mine, folder: motions, licence: MIT, credit: me}\n"
+
+
+def test_the_shipped_sources_are_the_projects_own_motions(root: Path):
+    (source,) = read_sources(root / "data" / "sources.yaml")
+    assert (source.name, source.folder, source.licence) == ("booster_lab", root / "data" / "motions", "CC0-1.0")
+    assert source.credit
+
+
+def test_every_shipped_motion_reads_as_the_projects_skeleton(root: Path):
+    (source,) = read_sources(root / "data" / "sources.yaml")
+    paths = list_motion_files(source)
+    assert len(paths) >= 12
+    for path in paths:
+        read = read_motion(path, path.stem, source.statement_of(path))
+        assert (read.skeleton, read.unit, read.up_axis) == ("booster_lab", "cm", "y"), path.name
+
+
+def test_statements_of_files_go_before_those_of_the_source(tmp_path):
+    text = """
+sources:
+  - name: mine
+    folder: motions
+    licence: MIT
+    statement: {unit: cm, fps: 100}
+    files:
+      - {files: "day2/*", fps: 120, licence: CC-BY-4.0}
+      - {files: "*.npz", body_model: models/neutral.npz}
+"""
+    (source,) = read_sources(sources_yaml(tmp_path, text))
+    plain, second, smpl = (source.folder / name for name in ("a.bvh", "day2/b.bvh", "day2/c.npz"))
+    assert source.statement_of(plain) == Statement(unit="cm", fps=100.0)
+    assert source.statement_of(second) == Statement(unit="cm", fps=120.0)
+    assert source.statement_of(smpl).body_model == str(tmp_path / "models" / "neutral.npz")
+    assert [source.licence_of(path) for path in (plain, second)] == ["MIT", "CC-BY-4.0"]
+    assert source.about(second)["licence"] == "CC-BY-4.0"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("folder: motions", "folder: nowhere", "the folder 'nowhere' of source 'mine' does not exist"),
+        ("licence: MIT, ", "", r"'sources\[0\].licence' is missing"),
+        ("name: mine", "name: my/own", "the source name 'my/own'"),
+        ("credit: me", "colour: red", r"unknown key 'sources\[0\].colour'"),
+        ("credit: me", "statement: {unit: 3}", r"'sources\[0\].statement.unit' is 3, wanted str"),
+    ],
+)
+def test_faults_of_the_sources_file_are_named(tmp_path, old, new, match):
+    with pytest.raises(SettingsError, match=match):
+        read_sources(sources_yaml(tmp_path, ENTRY.replace(old, new)))
+
+
+def test_two_sources_of_one_name_are_refused(tmp_path):
+    with pytest.raises(SettingsError, match="two sources are named 'mine'"):
+        read_sources(sources_yaml(tmp_path, ENTRY + "  - {name: mine, folder: motions, licence: MIT}\n"))
+
+
+def test_folders_of_the_environment_are_named_after_themselves(tmp_path):
+    for name in ("a/takes", "b/takes", "c"):
+        (tmp_path / name).mkdir(parents=True)
+    value = f"{tmp_path}/a/takes:{tmp_path}/b/takes::{tmp_path}/c:{tmp_path}/c/"
+    sources = sources_of_environment(value)
+    assert [source.name for source in sources] == ["takes", "takes-2", "c"]
+    assert sources_of_environment("") == ()
+
+
+def test_a_folder_of_the_environment_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(FileError, match="BOOSTER_LAB_MOTIONS names it, but it is not a folder"):
+        sources_of_environment(f"{tmp_path}/none")
+
+
+def test_a_licence_is_that_of_the_sidecar_the_index_or_the_licence_file(tmp_path):
+    for name in ("a.bvh", "b.bvh", "c.bvh", "sub/d.bvh", "e.bvh"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "a.yaml").write_text("licence: CC0-1.0\n")
+    (tmp_path / "e.yaml").write_text("a: [broken")
+    (tmp_path / "index.csv").write_text('file,licence\na.bvh,MIT\nb.bvh,"MIT, mostly"\n')
+    (tmp_path / "sub" / "LICENSE").write_text("\n  BSD-3-Clause\nmore\n")
+    (source,) = sources_of_environment(str(tmp_path))
+    found = [source.licence_of(source.folder / name) for name in ("a.bvh", "b.bvh", "c.bvh", "sub/d.bvh", "e.bvh")]
+    assert found == ["CC0-1.0", "MIT, mostly", "unknown", "BSD-3-Clause", "unknown"]
+
+
+def test_motions_are_listed_in_order_without_what_is_none(tmp_path):
+    for name in ("b.bvh", "a/z.BVH", "a/x.npz", "w.amc", "w.asf", "b.yaml", ".hidden.bvh", ".git/a.bvh", "picture.png"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    files.write_deepmimic(tmp_path / "walk.txt", files.deepmimic(2))
+    (tmp_path / "README.txt").write_text("These are motions.")
+    (tmp_path / "index.csv").write_text("file,licence\n")
+    (tmp_path / "segments.csv").write_text("file,skill\n")
+    (tmp_path / "robot.csv").write_text("0.1,0.2,0.3\n")
+    paths = list_motion_files(Source(name="mine", folder=tmp_path))
+    found = [path.relative_to(tmp_path).as_posix() for path in paths]
+    assert found == ["a/x.npz", "a/z.BVH", "b.bvh", "robot.csv", "w.amc", "walk.txt"]
+
+
+def test_links_that_leave_the_folder_are_refused_and_others_are_not(tmp_path):
+    folder, outside = tmp_path / "motions", tmp_path / "outside"
+    folder.mkdir()
+    outside.mkdir()
+    (folder / "a.bvh").touch()
+    (folder / "b.bvh").symlink_to(folder / "a.bvh")
+    source = Source(name="mine", folder=folder)
+    assert [path.name for path in list_motion_files(source)] == ["a.bvh", "b.bvh"]
+    (folder / "more").symlink_to(outside)
+    with pytest.raises(FileError, match=r"leaves the source's folder. Name the folder it points to"):
+        list_motion_files(source)
