@@ -74,11 +74,15 @@ class Commands:
         """Where any speed is asked for (n,)."""
         return np.abs(self.forward) + np.abs(self.lateral) + np.abs(self.yaw_rate) > 1e-9
 
-    def at(self, values: np.ndarray, time_s: float) -> np.ndarray:
-        """Value (n, ...) of a grid array at a time by linear interpolation; beyond the ends it goes on as there."""
+    def at(self, values: Float[np.ndarray, " n"], time_s: float) -> float:
+        """A grid array at a time by linear interpolation; beyond the ends it goes on as there."""
         position = (time_s - self.times[0]) * GRID_HZ
         low = int(np.clip(np.floor(position), 0, len(values) - 2))
-        return values[low] + (values[low + 1] - values[low]) * (position - low)
+        return float(values[low] + (values[low + 1] - values[low]) * (position - low))
+
+    def held(self, values: Float[np.ndarray, " n"], time_s: float) -> float:
+        """The same; beyond the ends it stays as there."""
+        return self.at(values, float(np.clip(time_s, self.times[0], self.times[-1])))
 
 
 def smoothstep(s: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ def _in_swing(
     start = [part[0] for part in _in_stance(before, np.array([before.stop_s]))]
     stop = [part[0] for part in _in_stance(after, np.array([after.start_s]))]
     values = hermite(s, duration_s, start, stop)
-    forward = float(commands.at(commands.forward, before.stop_s + 0.5 * duration_s))
+    forward = commands.held(commands.forward, before.stop_s + 0.5 * duration_s)
     lift, dip = swing_lift(recipe.gait, forward), swing_dip(recipe.gait, forward)
     shift = swing_lead(recipe.gait) * (_bump(s, 3, 5) - _bump(s, 5, 3))
     values[:, :2] += shift[:, None] * (stop[0][:2] - start[0][:2])
@@ -142,14 +142,7 @@ def _bump(s: np.ndarray, rise: int, fall: int) -> np.ndarray:
     return s**rise * (1.0 - s) ** fall / (top**rise * (1.0 - top) ** fall)
 
 
-def heights_at(foot: Foot) -> tuple[np.ndarray, np.ndarray]:
-    """Height of the sole's rear end and of the toe joint's underside (n,) above the floor [m]."""
-    cosine, sine = np.cos(foot.pitch), np.sin(foot.pitch)
-    heel = foot.ankle_w[:, 2] - sine * HEEL[0] + cosine * HEEL[1]
-    ball = foot.ankle_w[:, 2] - sine * BALL[0] + cosine * BALL[1] - skeleton.BALL_HEIGHT
-    return heel, ball
-
-
 def move_feet(recipe: Recipe, commands: Commands, stride: Stride) -> tuple[Foot, Foot]:
     """Left and right foot."""
-    return tuple(move_foot(recipe, commands, stances) for stances in stride.stances)
+    left, right = stride.stances
+    return move_foot(recipe, commands, left), move_foot(recipe, commands, right)

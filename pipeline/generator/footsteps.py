@@ -16,6 +16,13 @@ TOE_OUT = np.deg2rad(4.0)
 """Feet point outwards when walking [rad]; people: 5 to 7 degrees (Murray 1967)."""
 WIDTH_JITTER = 0.003
 """Spread of the step width from step to step [m]; people: .02 m (Owings and Grabiner 2004)."""
+LANDING_SHARE = 0.25
+"""Part of a stance from touch-down to the flat foot [-]; foot flat at 12 of 62 % of the stride (Perry 2010), here a
+little later for a softer touch."""
+LEAVING_SHARE = {gait.WALK: 0.55, gait.RUN: 0.7}
+"""Part of a stance from the first rise of the heel to lift-off [-]; heel off at 31 of 62 % of a stride (Perry 2010)."""
+EASE_S = 0.6
+"""Time over which sway and swing grow at a start and fade before a stop [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,25 +66,46 @@ class Stride:
         return np.cos(2.0 * np.pi * per_stride * (self.phase - shift))
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Figures:
+    """Figures of gait at `GRID_HZ` for the commanded speeds, each (n,)."""
+
+    rate_hz: np.ndarray
+    """Strides a second."""
+    duty: np.ndarray
+    width: np.ndarray
+    """[m]"""
+    landing_pitch: np.ndarray
+    """[rad]"""
+    leaving_pitch: np.ndarray
+    """[rad]"""
+
+
 def plan_steps(recipe: Recipe, commands: Commands) -> Stride:
     """The footsteps along the commanded path.
 
     Raises ValueError for a recipe that stands while running or goes on before its last stop is over.
     """
-    command = (commands.forward, commands.lateral, commands.yaw_rate)
-    rate_hz = gait.step_rate(recipe.gait, *command) / 2.0
-    duty = gait.duty(recipe.gait, *command)
     if recipe.gait == gait.RUN and not commands.moving.all():
         raise ValueError(f"recipe '{recipe.name}': a run can't stand still.")
-    phase, activity = _phase(recipe, commands, rate_hz, duty)
+    command = (commands.forward, commands.lateral, commands.yaw_rate)
+    figures = _Figures(
+        rate_hz=gait.step_rate(recipe.gait, *command) / 2.0,
+        duty=gait.duty(recipe.gait, *command),
+        width=gait.step_width(recipe.gait, *command),
+        landing_pitch=gait.landing_pitch(recipe.gait, commands.forward),
+        leaving_pitch=gait.leaving_pitch(recipe.gait, commands.forward),
+    )
+    phase, activity = _phase(recipe, commands, figures)
     rng = np.random.default_rng(recipe.seed)
-    stances = tuple(_stances(recipe, commands, phase, rate_hz, duty, foot, rng) for foot in (0, 1))
-    return Stride(phase=phase, duty=duty, activity=activity, stances=stances)
+    left = _stances(recipe, commands, figures, phase, 0.0, rng)
+    right = _stances(recipe, commands, figures, phase, -0.5, rng)
+    return Stride(phase=phase, duty=figures.duty, activity=activity, stances=(left, right))
 
 
-def _phase(recipe: Recipe, commands: Commands, rate_hz: np.ndarray, duty: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _phase(recipe: Recipe, commands: Commands, figures: _Figures) -> tuple[np.ndarray, np.ndarray]:
     """Phase and activity. Stepping begins with the command and ends as both feet stand at the end of the path."""
-    count = len(rate_hz)
+    rate_hz, count = figures.rate_hz, len(commands.times)
     phase, activity = np.full(count, _first_phase(commands)), np.zeros(count)
     reached = 0
     for start, stop in time_series.runs(commands.moving):
@@ -85,13 +113,11 @@ def _phase(recipe: Recipe, commands: Commands, rate_hz: np.ndarray, duty: np.nda
             raise ValueError(f"recipe '{recipe.name}': moves on before its last stop is over, hold it longer.")
         steps = 0.5 * (rate_hz[start + 1 :] + rate_hz[start:-1]) / GRID_HZ
         running = phase[start] + np.concatenate([[0.0], np.cumsum(steps)])
-        reached = (
-            count if stop == count else start + _last_landing(running, rate_hz[start:], duty[start:], stop - start)
-        )
+        reached = count if stop == count else start + _last_landing(running, figures, start, stop)
         phase[start:reached] = running[: reached - start]
         phase[reached:] = np.round(2.0 * running[reached - start]) / 2.0 if reached < count else 0.0
-        rise = np.ones(count) if start == 0 else smoothstep((np.arange(count) - start) / (0.6 * GRID_HZ))
-        fall = np.ones(count) if reached == count else smoothstep((reached - np.arange(count)) / (0.6 * GRID_HZ))
+        rise = np.ones(count) if start == 0 else smoothstep((np.arange(count) - start) / (EASE_S * GRID_HZ))
+        fall = np.ones(count) if reached == count else smoothstep((reached - np.arange(count)) / (EASE_S * GRID_HZ))
         activity += rise * fall
     return phase, activity
 
@@ -102,34 +128,27 @@ def _first_phase(commands: Commands) -> float:
     return 0.5 if len(sideways) and sideways[0] > 0.0 else 0.0
 
 
-def _last_landing(phase: np.ndarray, rate_hz: np.ndarray, duty: np.ndarray, stop: int) -> int:
-    """Index of the touch-down at which both feet stand where the path ends (at index `stop`)."""
+def _last_landing(phase: np.ndarray, figures: _Figures, start: int, stop: int) -> int:
+    """Steps on the grid from `start` to the touch-down at which both feet stand where the path ends (index `stop`)."""
     landings = np.flatnonzero(np.floor(2.0 * phase[1:]) > np.floor(2.0 * phase[:-1])) + 1
-    middles = landings + 0.5 * duty[landings] / rate_hz[landings] * GRID_HZ
-    settled = np.flatnonzero(middles >= stop)
+    length_s = figures.duty[start + landings] / figures.rate_hz[start + landings]
+    settled = np.flatnonzero(start + landings + 0.5 * length_s * GRID_HZ >= stop)
     return int(landings[settled[0] + 1])
 
 
 def _stances(
-    recipe: Recipe,
-    commands: Commands,
-    phase: np.ndarray,
-    rate_hz: np.ndarray,
-    duty: np.ndarray,
-    foot: int,
-    rng: np.random.Generator,
+    recipe: Recipe, commands: Commands, figures: _Figures, phase: np.ndarray, shift: float, rng: np.random.Generator
 ) -> tuple[Stance, ...]:
-    shift, side = (0.0, 1.0) if foot == 0 else (-0.5, -1.0)
+    """Stances of the foot that lands `shift` strides after the left one."""
+    side = 1.0 if shift == 0.0 else -1.0
     stances = []
     for landing in np.arange(np.floor(phase[0]) + shift, phase[-1] + 1.0, 1.0):
-        start_s = _time_of(commands, phase, rate_hz, landing)
+        start_s = _time_of(commands, phase, figures.rate_hz, float(landing))
         if start_s == np.inf:
             break
-        share = float(commands.at(duty, float(np.clip(start_s, commands.times[0], commands.times[-1]))))
-        stop_s = _time_of(commands, phase, rate_hz, landing + share)
-        if stop_s == -np.inf:
-            continue
-        stances.append(_stance(recipe, commands, rate_hz, start_s, stop_s, share, side, rng))
+        stop_s = _time_of(commands, phase, figures.rate_hz, float(landing) + commands.held(figures.duty, start_s))
+        if stop_s > -np.inf:
+            stances.append(_stance(recipe, commands, figures, start_s, stop_s, side, rng))
     return tuple(stances)
 
 
@@ -137,9 +156,9 @@ def _time_of(commands: Commands, phase: np.ndarray, rate_hz: np.ndarray, value: 
     """When the phase first reaches a value [s]; -inf or inf where it stood there before or never gets there."""
     times = commands.times
     if value <= phase[0]:
-        return times[0] + (value - phase[0]) / rate_hz[0] if phase[1] > phase[0] else -np.inf
+        return float(times[0] + (value - phase[0]) / rate_hz[0]) if phase[1] > phase[0] else -np.inf
     if value > phase[-1]:
-        return times[-1] + (value - phase[-1]) / rate_hz[-1] if phase[-1] > phase[-2] else np.inf
+        return float(times[-1] + (value - phase[-1]) / rate_hz[-1]) if phase[-1] > phase[-2] else np.inf
     high = int(np.searchsorted(phase, value, side="left"))
     fraction = (value - phase[high - 1]) / (phase[high] - phase[high - 1])
     return float(times[high - 1] + fraction / GRID_HZ)
@@ -148,32 +167,27 @@ def _time_of(commands: Commands, phase: np.ndarray, rate_hz: np.ndarray, value: 
 def _stance(
     recipe: Recipe,
     commands: Commands,
-    rate_hz: np.ndarray,
+    figures: _Figures,
     start_s: float,
     stop_s: float,
-    share: float,
     side: float,
     rng: np.random.Generator,
 ) -> Stance:
-    known_s = float(np.clip(start_s, commands.times[0], commands.times[-1]))
-    length_s = share / float(commands.at(rate_hz, known_s))
-    middle_s = commands.times[0] if start_s == -np.inf else start_s + 0.5 * length_s
-    leave_s = min(stop_s, commands.times[-1])
-    leaving_length_s = share / float(commands.at(rate_hz, leave_s))
-    command = [
-        np.array(commands.at(values, middle_s)) for values in (commands.forward, commands.lateral, commands.yaw_rate)
-    ]
-    width = float(gait.step_width(recipe.gait, *command)) + float(np.clip(rng.normal(0.0, WIDTH_JITTER), -0.006, 0.006))
-    x, y = commands.at(commands.path_w, middle_s)
-    heading = float(commands.at(commands.heading, middle_s))
+    """One stance. Where a foot waits for a start or after a stop, its length is that of a stance without the wait."""
+    duty = commands.held(figures.duty, start_s)
+    length_s = duty / commands.held(figures.rate_hz, start_s)
+    middle_s = float(commands.times[0]) if start_s == -np.inf else start_s + 0.5 * length_s
+    jitter = float(np.clip(rng.normal(0.0, WIDTH_JITTER), -2.0 * WIDTH_JITTER, 2.0 * WIDTH_JITTER))
+    beside = side * (commands.held(figures.width, middle_s) + jitter) / 2.0
+    heading = commands.at(commands.heading, middle_s)
     return Stance(
         start_s=start_s,
         stop_s=stop_s,
-        x=float(x - np.sin(heading) * side * width / 2.0),
-        y=float(y + np.cos(heading) * side * width / 2.0),
+        x=commands.at(commands.path_w[:, 0], middle_s) - float(np.sin(heading)) * beside,
+        y=commands.at(commands.path_w[:, 1], middle_s) + float(np.cos(heading)) * beside,
         yaw=heading + (side * TOE_OUT if recipe.gait == gait.WALK else 0.0),
-        landing_pitch=float(gait.landing_pitch(recipe.gait, np.array(commands.at(commands.forward, known_s)))),
-        leaving_pitch=float(gait.leaving_pitch(recipe.gait, np.array(commands.at(commands.forward, leave_s)))),
-        landing_s=0.25 * length_s,
-        leaving_s=(0.7 if recipe.gait == gait.RUN else 0.55) * leaving_length_s,
+        landing_pitch=commands.held(figures.landing_pitch, start_s),
+        leaving_pitch=commands.held(figures.leaving_pitch, stop_s),
+        landing_s=LANDING_SHARE * length_s,
+        leaving_s=LEAVING_SHARE[recipe.gait] * duty / commands.held(figures.rate_hz, stop_s),
     )

@@ -1,6 +1,6 @@
 """Figures of human gait as functions of the commanded speed, each with its source.
 
-Speeds are arrays or numbers: forward and lateral [m/s], yaw rate [rad/s]. Where a figure was changed
+Speeds are arrays over time: forward and lateral [m/s], yaw rate [rad/s]. Where a figure was changed
 for the sake of a small robot (shorter slow steps, wider step), the docstring says so.
 """
 
