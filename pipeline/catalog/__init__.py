@@ -1,0 +1,20 @@
+"""The catalogue: every file measured and labelled, defects of the whole file found and corrected.
+
+    ReadMotion -> frames stored once -> rate held against gravity and gait -> numbers -> one clip
+
+`catalogue_file` is the stage for a file, `catalogue` the same for what a reader has read.
+"""
+
+from pipeline.catalog.catalogue import STAGE_VERSION, catalogue, catalogue_file
+from pipeline.catalog.settings import CatalogSettings, TimeBaseSettings
+from pipeline.catalog.time_base import TimeBase, judge
+
+__all__ = [
+    "STAGE_VERSION",
+    "CatalogSettings",
+    "TimeBase",
+    "TimeBaseSettings",
+    "catalogue",
+    "catalogue_file",
+    "judge",
+]

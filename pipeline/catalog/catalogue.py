@@ -1,0 +1,123 @@
+"""The stage: one file's motion, measured and labelled, with the defects of the whole file corrected."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from pipeline.catalog.measure import Numbers, measure
+from pipeline.catalog.repeated_frames import each_once, times_stored
+from pipeline.catalog.settings import CatalogSettings
+from pipeline.catalog.time_base import TimeBase, judge
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.files import digest
+from pipeline.readers import ReadMotion, Source, read_motion
+
+STAGE_VERSION = "1"
+
+
+def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
+    """Read a source's file as the clip `name` and catalogue it. Raises FileError for what cannot be read.
+
+    Args:
+        path: the file
+        name: name of its clip
+        source: the folder it belongs to, with licence and statements
+        within: path of the file in that folder
+    """
+    statement = source.statement_of(path)
+    read = read_motion(path, name, statement)
+    outcome = catalogue(read, settings=settings, rate_is_stated=statement.fps is not None)
+    origin: Numbers = {
+        "source": source.name,
+        "file": within,
+        "file_sha256": digest.of_file(path),
+        "licence": source.licence_of(path),
+        "credit": source.credit,
+    }
+    pieces = tuple(dataclasses.replace(piece, numbers={**origin, **piece.numbers}) for piece in outcome.pieces)
+    return dataclasses.replace(outcome, pieces=pieces, numbers={**origin, **outcome.numbers})
+
+
+def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool = False) -> Outcome:
+    """The clip with a true rate and its numbers; no piece where the reader or the rate rejects it.
+
+    Args:
+        rate_is_stated: a person states the rate; physics may doubt it then, but not change it
+    """
+    clip, reasons = read.clip, list(read.notes)
+    times, first = times_stored(clip, settings.repeated_share)
+    if times > 1:
+        reasons.append(_repeated(clip, times))
+        clip = each_once(clip, times, first)
+    numbers: Numbers = {}
+    if isinstance(clip, HumanClip):
+        time_base = judge(clip, settings.time_base)
+        numbers = _clocks(time_base)
+        if time_base.contradicted:
+            reason = _contradicted(clip, time_base, settings, rate_is_stated)
+            reasons.append(reason)
+            if reason.effect == "repaired" and time_base.fps is not None:
+                clip = dataclasses.replace(clip, fps=time_base.fps)
+    numbers = {**_identity(read, clip), **measure(clip, settings), **numbers}
+    numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
+    rejected = any(reason.effect == "rejected" for reason in reasons)
+    pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
+    return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=numbers)
+
+
+def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> Numbers:
+    return {
+        "kind": "robot" if isinstance(clip, RobotClip) else "human",
+        "format": read.format,
+        "skeleton": read.skeleton,
+        "unit": read.unit,
+        "metres_per_unit": read.metres_per_unit,
+        "up_axis": read.up_axis,
+        "declared_fps": read.declared_fps,
+        "fps": clip.fps,
+        "seconds": clip.duration_s,
+    }
+
+
+def _clocks(time_base: TimeBase) -> Numbers:
+    """What physics says of the rate [Hz]."""
+    return {
+        "fps_by_gravity": None if time_base.gravity is None else round(time_base.gravity.fps, 1),
+        "fps_by_gait": None if time_base.gait is None else round(time_base.gait.fps, 1),
+    }
+
+
+def _repeated(clip: HumanClip | RobotClip, times: int) -> Reason:
+    often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
+    return Reason(
+        code="doubled_frames",
+        text=f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz of motion; one of each is kept",
+        effect="repaired",
+        value=float(times),
+        limit=1.0,
+    )
+
+
+def _contradicted(clip: HumanClip, time_base: TimeBase, settings: CatalogSettings, rate_is_stated: bool) -> Reason:
+    """The reason of a contradicted rate and what follows from it."""
+    seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
+    text = f"at {clip.fps:g} Hz {seen}"
+    if rate_is_stated:
+        effect, then = "noted", "the rate is stated in data/sources.yaml and stays"
+    elif not time_base.certain:
+        effect, then = "noted", "that is not enough to call the rate wrong"
+    elif time_base.fps is not None:
+        effect, then = "repaired", f"the motion was made at {time_base.fps:g} Hz, which is taken"
+    else:
+        choice = " or ".join(f"{rate:g} Hz" for rate in sorted(time_base.candidates)) or "no standard rate"
+        effect, then = "rejected", f"{choice} would explain it; state `fps:` for the file in data/sources.yaml"
+    return Reason(
+        code="time_base",
+        text=f"{text}: {then}",
+        effect=effect,
+        value=None if time_base.ratio is None else round(time_base.ratio, 3),
+        limit=settings.time_base.flagged_ratio,
+    )

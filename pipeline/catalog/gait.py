@@ -1,0 +1,99 @@
+"""Steps of a person who walks or runs ahead, in frames: how long they take and how far they go.
+
+Nothing here needs the clip's rate, so that it can be used to judge it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import find_peaks
+
+from pipeline import rotation
+from pipeline.clips.human_clip import FEET, HumanClip
+
+LEAST_SPREAD = 0.15
+"""Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
+AHEAD = 0.9
+"""A step goes ahead when this share of its way is along the facing."""
+STRAIGHT = np.deg2rad(20.0)
+"""A step is straight when the way turns less from the step before it [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Steps ahead, in the order of time."""
+
+    frames: Float[np.ndarray, " n"]
+    """Duration of each step [frames]."""
+    length: Float[np.ndarray, " n"]
+    """Way of the pelvis in each step [m]."""
+
+
+def leg_length(clip: HumanClip) -> float:
+    """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
+    sides = []
+    for side in FEET:
+        hip, knee, ankle = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+        length = np.linalg.norm(knee - hip, axis=1) + np.linalg.norm(ankle - knee, axis=1)
+        length = length[np.isfinite(length)]
+        sides.append(float(np.median(length)) if len(length) else float("nan"))
+    return sum(sides) / len(sides)
+
+
+def stride_frames(clip: HumanClip) -> float | None:
+    """Median duration of two steps in any direction [frames]; None where fewer than two steps are seen."""
+    rate = step_rate(clip)
+    return None if rate is None else 2.0 / rate
+
+
+def step_rate(clip: HumanClip) -> float | None:
+    """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
+    events, _ = _step_events(clip)
+    return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
+
+
+def steps_ahead(clip: HumanClip) -> Steps:
+    """The straight steps ahead, each between two moments at which one ankle leads most: double supports of walking.
+
+    Frames with missing positions are left out; a step across them is not counted.
+    """
+    events, is_left = _step_events(clip)
+    pelvis, facing = clip.pos("pelvis")[:, :2], _facing(clip)
+    known = np.isfinite(pelvis).all(axis=1) & np.isfinite(facing).all(axis=1)
+    frames, length, before = [], [], None
+    for first, last, alternates in zip(events[:-1], events[1:], is_left[:-1] != is_left[1:], strict=True):
+        way = pelvis[last] - pelvis[first]
+        direction, before = before, way
+        if not alternates or direction is None or not known[first : last + 1].all():
+            continue
+        ahead = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
+        if ahead > AHEAD * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:
+            frames.append(last - first)
+            length.append(np.linalg.norm(way))
+    return Steps(frames=np.array(frames, dtype=float), length=np.array(length))
+
+
+def _step_events(clip: HumanClip) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (n,) at which one ankle leads the other most, and whether it is the left one (n,)."""
+    lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * _facing(clip), axis=1)
+    index = np.flatnonzero(np.isfinite(lead))
+    if len(index) < 3:
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=bool)
+    prominence = LEAST_SPREAD * leg_length(clip)
+    left = index[find_peaks(lead[index], prominence=prominence)[0]]
+    right = index[find_peaks(-lead[index], prominence=prominence)[0]]
+    events = np.sort(np.concatenate([left, right]))
+    return events, np.isin(events, left)
+
+
+def _facing(clip: HumanClip) -> np.ndarray:
+    """Horizontal normal of the line between the hips (t, 2), unit."""
+    left = clip.pos("left_hip") - clip.pos("right_hip")
+    return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(np.arctan2(a[0] * b[1] - a[1] * b[0], np.dot(a, b))))

@@ -1,0 +1,66 @@
+"""Numbers of a clip as a whole, so that a person sees in a table what a file holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.catalog.flight import find_flights
+from pipeline.catalog.gait import leg_length, step_rate
+from pipeline.catalog.settings import CatalogSettings
+from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.planar_motion import planar_motion
+
+Numbers = dict[str, float | int | str | bool | None]
+
+
+def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> Numbers:
+    """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
+
+    None stands for what cannot be measured.
+    """
+    motion = planar_motion(clip, settings.velocity_s, settings.facing_s)
+    speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
+    numbers: Numbers = {
+        "frames": clip.frame_count,
+        "missing_frames": int(_missing(clip).sum()),
+        "speed_mean": _round(speed.mean()) if len(speed) else None,
+        "speed_max": _round(speed.max()) if len(speed) else None,
+        "yaw_rate_mean": _round(yaw_rate.mean()) if len(speed) else None,
+        "yaw_rate_max": _round(np.abs(yaw_rate).max()) if len(speed) else None,
+    }
+    return {**numbers, **_of_person(clip)} if isinstance(clip, HumanClip) else numbers
+
+
+def _missing(clip: HumanClip | RobotClip) -> np.ndarray:
+    """Frames (t,) in which any number is missing."""
+    if isinstance(clip, HumanClip):
+        arrays = (clip.body_pos_w, clip.body_quat_w)
+    else:
+        arrays = (clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    return np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0)
+
+
+def _of_person(clip: HumanClip) -> Numbers:
+    rate = step_rate(clip)
+    leg = leg_length(clip)
+    return {
+        "leg_length": _round(leg) if np.isfinite(leg) else None,
+        "cadence_per_min": None if rate is None else _round(60.0 * rate * clip.fps),
+        "flight_share": _round(find_flights(clip).frames.sum() / clip.frame_count),
+        "stance_foot_speed": _stance_foot_speed(clip),
+    }
+
+
+def _stance_foot_speed(clip: HumanClip) -> float | None:
+    """Mean horizontal speed of the slowest of both ankles and balls [m/s]: skating, once one foot stands."""
+    points = np.stack([clip.pos(f"{side}_{part}")[:, :2] for side in FEET for part in ("ankle", "toe")], axis=1)
+    slowest = np.linalg.norm(time_series.derivative(points, clip.fps), axis=2).min(axis=1)
+    known = slowest[np.isfinite(slowest)]
+    return _round(known.mean()) if len(known) else None
+
+
+def _round(value: float | np.floating) -> float:
+    """Four decimals, as many as a table can bear."""
+    return round(float(value), 4)

@@ -1,0 +1,42 @@
+"""Settings of the catalogue, read from `data/catalog.yaml`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeBaseSettings:
+    """When a frame rate is wrong, and what may stand in its place."""
+
+    standard_rates_hz: tuple[float, ...]
+    """Rates at which motion is recorded or exported [Hz]."""
+    flagged_ratio: float
+    """True rate over the file's rate (or the reverse) from which physics contradicts the file."""
+    rejected_gait_ratio: float
+    """The same where only the steps contradict it, which vary more than gravity."""
+    fewest_flights: int
+    """Flight phases that are needed to judge by gravity."""
+    flight_spread: float
+    """Largest median deviation of the phases' fall from their median, as a share of it."""
+    rate_tolerance: float
+    """A standard rate explains the flights when it is within this share of what they tell."""
+    same_rate: float
+    """Standard rates this close to each other (24 and 25 Hz) are not told apart: the nearest is taken."""
+    fewest_steps: int
+    """Straight steps ahead that are needed to judge by gait."""
+    shortest_step: float
+    """Steps shorter than this share of the leg's length do not count: shuffling follows no rule."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogSettings:
+    """All of the catalogue."""
+
+    velocity_s: float
+    """Width of the moving mean on the root's velocity [s]."""
+    facing_s: float
+    """Width of the moving mean on the facing [s]."""
+    repeated_share: float
+    """Share of the moving frames that must follow the pattern before frames count as stored several times."""
+    time_base: TimeBaseSettings

@@ -1,0 +1,120 @@
+"""Is a person's clip at the rate its file says? Gravity and gait tell.
+
+Gravity: in flight a body falls with 9.81 m/s², whatever it does. Gait: the length of people's steps over their
+rate is a constant of about 6.5 mm per step a minute when they walk (Sekiya and Nagasaki 1998), and runners take
+about 170 steps a minute whatever their speed. Gravity is the sharper clock and wins where both can be read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.catalog.flight import Flights, find_flights
+from pipeline.catalog.gait import Steps, leg_length, steps_ahead
+from pipeline.catalog.settings import TimeBaseSettings
+from pipeline.clips.human_clip import HumanClip
+
+GRAVITY = 9.81
+"""[m/s²]"""
+WALK_RATIO_M_MIN = 0.0065
+"""Step length over cadence in walking [m/(steps/min)]."""
+RUNNING_CADENCE = 170.0
+"""Steps a minute that runners don't pass by much (Nilsson and Thorstensson 1987)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """What one kind of evidence says of the rate."""
+
+    fps: float
+    """The rate it tells [Hz]."""
+    text: str
+    """What was seen at the file's rate, for people."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeBase:
+    """Judgement of a clip's rate."""
+
+    gravity: Clock | None
+    """None: too few flights, or flights that disagree."""
+    gait: Clock | None
+    """None: too few straight steps ahead."""
+    ratio: float | None
+    """Rate that the decisive evidence tells over the clip's rate; None without evidence."""
+    contradicted: bool
+    """The evidence contradicts the clip's rate."""
+    certain: bool
+    """It does so by more than people differ."""
+    fps: float | None
+    """The one standard rate that explains a contradiction [Hz]; None where there is none or more than one."""
+    candidates: tuple[float, ...]
+    """All standard rates that explain a contradiction [Hz]."""
+
+
+def judge(clip: HumanClip, settings: TimeBaseSettings) -> TimeBase:
+    """Hold a clip's rate against gravity and gait."""
+    gravity = _by_gravity(find_flights(clip), clip.fps, settings)
+    gait = _by_gait(steps_ahead(clip), leg_length(clip), clip.fps, settings)
+    decisive = gravity or gait
+    if decisive is None:
+        return TimeBase(gravity=None, gait=None, ratio=None, contradicted=False, certain=False, fps=None, candidates=())
+    ratio = decisive.fps / clip.fps
+    size = max(ratio, 1.0 / ratio)
+    contradicted = size >= settings.flagged_ratio
+    agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.rejected_gait_ratio
+    certain = contradicted and (size >= settings.rejected_gait_ratio if gravity is None else agree)
+    candidates = _candidates(gravity.fps, settings) if contradicted and gravity is not None else ()
+    return TimeBase(
+        gravity=gravity,
+        gait=gait,
+        ratio=ratio,
+        contradicted=contradicted,
+        certain=certain,
+        fps=candidates[0] if len(candidates) == 1 else None,
+        candidates=candidates,
+    )
+
+
+def _apart(a: float, b: float) -> float:
+    return max(a / b, b / a)
+
+
+def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clock | None:
+    """Median fall over the flights, weighted by their duration."""
+    if len(flights.fall) < settings.fewest_flights:
+        return None
+    order = np.argsort(flights.fall)
+    weight = np.cumsum(flights.frames[order] ** 2)
+    fall = float(flights.fall[order][np.searchsorted(weight, weight[-1] / 2.0)])
+    if fall <= 0.0 or np.median(np.abs(flights.fall - fall)) > settings.flight_spread * fall:
+        return None
+    text = f"in {len(flights.fall)} flight phases the body falls with {fall * fps**2:.2f} m/s² instead of {GRAVITY}"
+    return Clock(fps=float(np.sqrt(GRAVITY / fall)), text=text)
+
+
+def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
+    """Median over the steps of the rate at which each would have the cadence that its length asks for."""
+    long = steps.length >= settings.shortest_step * leg
+    if long.sum() < settings.fewest_steps:
+        return None
+    length, frames = steps.length[long], steps.frames[long]
+    wanted = np.minimum(length / WALK_RATIO_M_MIN, RUNNING_CADENCE)
+    cadence = 60.0 * fps / float(np.median(frames))
+    text = (
+        f"{cadence:.0f} steps a minute of {np.median(length):.2f} m are taken, where people take "
+        f"about {np.median(wanted):.0f}"
+    )
+    return Clock(fps=float(np.median(wanted * frames / 60.0)), text=text)
+
+
+def _candidates(fps: float, settings: TimeBaseSettings) -> tuple[float, ...]:
+    """Standard rates within the tolerance, the nearest first; of those that are nearly the same only the nearest."""
+    near = [rate for rate in settings.standard_rates_hz if _apart(rate, fps) <= 1.0 + settings.rate_tolerance]
+    chosen: list[float] = []
+    for rate in sorted(near, key=lambda rate: (_apart(rate, fps), rate)):
+        if all(_apart(rate, other) > 1.0 + settings.same_rate for other in chosen):
+            chosen.append(float(rate))
+    return tuple(chosen)
