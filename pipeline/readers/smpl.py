@@ -49,11 +49,11 @@ MEAN_STATURE = 1.70
 """[m], near the mean of adults of both sexes (NCD-RisC 2016: men 1.71, women 1.59 worldwide, taller in mocap)."""
 
 _LEFT_OFFSETS: dict[str, tuple[float, float, float]] = {
-    # x left, y up, z forward at rest (T-pose), in parts of the stature. Lengths: Drillis and Contini (1966) as in
-    # Winter, Biomechanics and Motor Control of Human Movement (2009), fig. 4.1: thigh .245, shank .246, upper arm .186,
-    # forearm .146, shoulder half-breadth .129, ankle height .039, hip height .530, shoulder height .818. Hip joints
-    # .100 apart (Bell et al. 1989: .36 of the inter-spine distance .28). The ball of the foot lies .72 of the foot's
-    # length .152 from the heel, the ankle .25 (Winter).
+    # x left, y up, z forward at rest (T-pose), in parts of the stature. From Drillis and Contini (1966) as in Winter,
+    # Biomechanics and Motor Control of Human Movement (2009), fig. 4.1: thigh .245, shank .246, upper arm .186,
+    # forearm .146, shoulder half-breadth .129, hip height .530, shoulder height .818. Hip joint centres lie .72 of the
+    # distance of the front iliac spines apart, .24 m (Bell et al., J. Biomech. 23, 1990). Taken here, not in the
+    # figure: the ball of the foot at .72 and the ankle at .25 of the foot's length .152, the joints along the spine.
     "left_hip": (0.050, -0.045, 0.0),
     "spine1": (0.0, 0.065, 0.0),
     "left_knee": (0.0, -0.245, 0.0),
