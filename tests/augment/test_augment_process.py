@@ -1,0 +1,85 @@
+"""The variants of a clip, and time scaling against motions whose formula is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.augment import AugmentSettings, process
+from pipeline.augment.settings import TimeScaleError
+from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.files import settings
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing, wandering
+
+BOTH = AugmentSettings(mirror=True, time_scales=(0.9, 1.1), unscaled_skills=("stand",))
+
+
+def test_the_committed_settings_are_read(root: Path):
+    assert settings.read(root / "data" / "augment.yaml", AugmentSettings).mirror
+
+
+def test_a_walk_becomes_six_and_a_stand_two(robot: Robot):
+    walk = process(wandering(robot), {"skill": "walk"}, settings=BOTH, robot=robot)
+    assert [piece.clip.name.removeprefix("test/wander") for piece in walk.pieces] == [
+        "",
+        "~mirror",
+        "~x0.9",
+        "~mirror~x0.9",
+        "~x1.1",
+        "~mirror~x1.1",
+    ]
+    assert [piece.numbers["variant"] for piece in walk.pieces][:4] == ["original", "mirror", "x0.9", "mirror~x0.9"]
+    assert {piece.numbers["parent"] for piece in walk.pieces} == {"test/wander"}
+    stand = process(standing(robot), {"skill": "stand"}, settings=BOTH, robot=robot)
+    assert [piece.clip.name for piece in stand.pieces] == ["test/stand", "test/stand~mirror"]
+
+
+def test_the_original_goes_on_untouched_and_is_not_written_to(robot: Robot):
+    clip = wandering(robot)
+    before = clip.joint_pos.copy()
+    original = process(clip, {"skill": "walk"}, settings=BOTH, robot=robot).pieces[0].clip
+    assert original is clip
+    np.testing.assert_array_equal(clip.joint_pos, before)
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.9, 1.1, 2.0])
+def test_a_scaled_sine_is_the_sine_at_scaled_times(robot: Robot, scale: float):
+    clip = wandering(robot, seconds=4.0)
+    fine = wandering(robot, seconds=4.0, fps=5000.0)
+    scaled = time_scale_clip(clip, scale, "scaled")
+    index = np.rint(np.arange(scaled.frame_count) * scale / clip.fps * fine.fps).astype(int)
+    inner = slice(3, -3)
+    for field in ("root_pos_w", "root_quat_w", "joint_pos"):
+        np.testing.assert_allclose(getattr(scaled, field)[inner], getattr(fine, field)[index][inner], atol=2e-5)
+    assert scaled.fps == clip.fps
+    assert abs((scaled.frame_count - 1) * scale - (clip.frame_count - 1)) < scale
+
+
+def test_accelerations_scale_with_the_square_without_steps(robot: Robot):
+    clip = wandering(robot, seconds=4.0)
+    scaled = time_scale_clip(clip, 1.1, "scaled")
+
+    def peak(some: RobotClip) -> np.ndarray:
+        return np.abs(np.diff(some.joint_pos, n=2, axis=0)[5:-5]).max(axis=0) * some.fps**2
+
+    moving = peak(clip) > 0.1
+    np.testing.assert_allclose(peak(scaled)[moving] / peak(clip)[moving], 1.1**2, rtol=0.03)
+
+
+def test_numbers_scale_as_their_units_say():
+    said = {"forward_m_s": 1.0, "yaw_rate_rad_s": -0.5, "jerk_rad_s3": 10.0, "seconds": 4.0, "licence": "CC0-1.0"}
+    assert time_scale_numbers(said, 2.0) == {
+        "forward_m_s": 2.0,
+        "yaw_rate_rad_s": -1.0,
+        "jerk_rad_s3": 80.0,
+        "seconds": 2.0,
+        "licence": "CC0-1.0",
+    }
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, 1.0, 2.5])
+def test_a_time_scale_that_makes_no_variant_is_refused(scale: float):
+    with pytest.raises(TimeScaleError, match="must lie in"):
+        AugmentSettings(mirror=False, time_scales=(scale,), unscaled_skills=())

@@ -1,0 +1,254 @@
+"""A database written, read, changed behind its back, and written while something breaks."""
+
+import hashlib
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.errors import ClipError, FileError
+from pipeline.expert import DatabaseError, ExpertEntry, read_database, swap, write_database
+from pipeline.expert.file_name import file_name
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing, wandering
+
+
+def _entries(robot: Robot, count: int = 2) -> list[ExpertEntry]:
+    return [
+        ExpertEntry(
+            clip=wandering(robot, seed=index).cut(0, 60, f"source/clip{index}@0-60~mirror"),
+            weight=1.0 + index,
+            skill="walk",
+            licence="CC0-1.0" if index else "CC-BY-NC-4.0",
+            numbers={"file": "source/clip.bvh", "file_sha256": "ab", "foot_slip_mean": 0.02 * index, "mirrored": True},
+            stages={"repair": {"version": "1"}},
+        )
+        for index in range(count)
+    ]
+
+
+def _bytes(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    manifest = write_database(folder, _entries(robot), robot, stages={"feasibility": {"version": "1"}})
+    database = read_database(folder)
+    assert database.manifest == manifest
+    assert [clip.name for clip in database.clips] == ["source/clip0@0-60~mirror", "source/clip1@0-60~mirror"]
+    assert [clip.weight for clip in database.clips] == [1.0, 2.0]
+    assert database.clips[0].frames.shape == (60, 79)
+    row = database.index.iloc[1]
+    assert row["source_file"] == "source/clip.bvh"
+    assert row["source_sha256"] == "ab"
+    assert row["foot_slip_mean"] == pytest.approx(0.02)
+    assert row["sha256"] == hashlib.sha256((folder / row["file"]).read_bytes()).hexdigest()
+    assert json.loads(row["stages"]) == {"repair": {"version": "1"}}
+    assert manifest["licence"]["strictest"] == "non-commercial"
+    assert manifest["seconds"] == pytest.approx(2.4)
+    assert manifest["robot_digest"] == robot.digest
+
+
+def test_a_clip_file_has_the_keys_of_the_paper(robot: Robot, tmp_path: Path):
+    write_database(tmp_path / "t1", _entries(robot, 1), robot, stages={})
+    content = json.loads((tmp_path / "t1" / file_name("source/clip0@0-60~mirror")).read_text())
+    assert content["FrameDuration"] == 0.02
+    assert content["MotionWeight"] == 1.0
+    assert content["LoopMode"] == "Clamp"
+    assert content["QuaternionOrder"] == "wxyz"
+    assert len(content["Columns"]) == len(content["Frames"][0]) == 79
+    assert set(content["Columns"][0]) == {"name", "unit", "frame"}
+    assert np.linalg.norm(content["Frames"][30][3:7]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_two_runs_give_the_same_bytes_whatever_the_order(robot: Robot, tmp_path: Path):
+    write_database(tmp_path / "a", _entries(robot, 3), robot, stages={})
+    write_database(tmp_path / "b", _entries(robot, 3)[::-1], robot, stages={})
+    assert _bytes(tmp_path / "a") == _bytes(tmp_path / "b")
+
+
+def test_a_deleted_clip_leaves_the_database(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot, 3), robot, stages={})
+    write_database(folder, _entries(robot, 1), robot, stages={})
+    assert len(read_database(folder).clips) == 1
+    assert len(list(folder.glob("*.json"))) == 2  # the clip and the manifest
+
+
+def test_a_database_of_no_clips_is_whole(robot: Robot, tmp_path: Path):
+    write_database(tmp_path / "t1", [], robot, stages={})
+    database = read_database(tmp_path / "t1")
+    assert database.clips == ()
+    assert "clip" in pq.read_table(tmp_path / "t1" / "index.parquet").column_names
+
+
+class _BreakError(Exception):
+    pass
+
+
+def test_a_write_that_breaks_in_the_middle_leaves_the_old_one(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot), robot, stages={})
+    before = _bytes(folder)
+
+    def broken(*_: object) -> bytes:
+        raise _BreakError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.expert.write.index.encode", broken)
+        with pytest.raises(_BreakError):
+            write_database(folder, _entries(robot, 5), robot, stages={})
+    assert _bytes(folder) == before
+    assert len(read_database(folder).clips) == 2
+
+
+def test_what_a_killed_writer_left_is_cleared_by_the_next(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot), robot, stages={})
+    part = tmp_path / ".t1.part"
+    part.mkdir()
+    (part / "half.json").write_text('{"Frames": [[')
+    assert len(read_database(folder).clips) == 2
+    write_database(folder, _entries(robot, 3), robot, stages={})
+    assert not part.exists()
+    assert len(read_database(folder).clips) == 3
+
+
+@pytest.mark.parametrize("step", ["after the old one is aside", "after the new one is in place"])
+def test_a_writer_killed_between_two_renames_leaves_a_whole_database(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot), robot, stages={})
+    monkeypatch.setattr(swap, "_exchange", lambda *_: False)  # a system that can't exchange two names
+    rename, calls = Path.rename, []
+
+    def killed(self: Path, target: Path) -> Path:
+        calls.append(self.name)
+        if len(calls) == (2 if step.startswith("after the old") else 3):
+            raise _BreakError
+        return rename(self, target)
+
+    def killed_remove(_: Path) -> None:
+        raise _BreakError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "rename", killed)
+        if step.startswith("after the new"):
+            patch.setattr(swap, "_remove", lambda path: killed_remove(path) if path.exists() else None)
+        with pytest.raises(_BreakError):
+            write_database(folder, _entries(robot, 3), robot, stages={})
+    assert len(read_database(folder).clips) == (2 if step.startswith("after the old") else 3)
+    write_database(folder, _entries(robot, 1), robot, stages={})
+    assert len(read_database(folder).clips) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".t1.lock", "t1"]
+
+
+def test_two_writers_at_once_are_told_apart(robot: Robot, tmp_path: Path):
+    def second(part: Path) -> None:
+        write_database(tmp_path / "t1", [], robot, stages={})
+
+    with pytest.raises(FileError, match="another process"):
+        swap.replace_folder(tmp_path / "t1", second)
+
+
+def _edit(change: Callable[[dict], None]) -> Callable[[Path], None]:
+    def apply(path: Path) -> None:
+        content = json.loads(path.read_text())
+        change(content)
+        path.write_text(json.dumps(content))
+
+    return apply
+
+
+@pytest.mark.parametrize(
+    ("damage", "fault"),
+    [
+        (lambda path: path.unlink(), "is missing"),
+        (lambda path: os.truncate(path, 500), "is no JSON"),
+        (_edit(lambda content: content.pop("Frames")), "the key 'Frames' is missing"),
+        (_edit(lambda content: content.update(MotionWeight=-1.0)), "wanted a positive number"),
+        (_edit(lambda content: content.update(LoopMode="Loop")), "wanted one of Clamp, Wrap"),
+        (_edit(lambda content: content.update(FrameDuration=0.01)), "FrameDuration is 0.01"),
+        (_edit(lambda content: content["Frames"][3].pop()), "no table of numbers"),
+        (_edit(lambda content: content["Frames"][3].__setitem__(4, 0.9)), "frame 3 has a quaternion"),
+        (lambda path: path.write_text(path.read_text().replace("[0.0,", "[NaN,", 1)), "is not a JSON number"),
+    ],
+)
+def test_a_damaged_clip_is_named_with_its_fault(robot: Robot, tmp_path: Path, damage: Callable, fault: str):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot), robot, stages={})
+    name = file_name("source/clip0@0-60~mirror")
+    damage(folder / name)
+    with pytest.raises(DatabaseError, match=fault) as raised:
+        read_database(folder)
+    assert any(found.startswith(name) or name in found for found in raised.value.faults)
+
+
+def test_all_faults_are_said_at_once(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    write_database(folder, _entries(robot), robot, stages={})
+    (folder / file_name("source/clip0@0-60~mirror")).unlink()
+    (folder / file_name("source/clip1@0-60~mirror")).write_text("{}")
+    (folder / "stray.json").write_text("{}")
+    with pytest.raises(DatabaseError) as raised:
+        read_database(folder)
+    text = str(raised.value)
+    assert "clip0" in text
+    assert "clip1" in text
+    assert "stray.json: is not in the manifest" in text
+
+
+def test_a_folder_that_is_no_database_is_refused(tmp_path: Path):
+    with pytest.raises(DatabaseError, match="manifest.json: is missing"):
+        read_database(tmp_path)
+
+
+@pytest.mark.parametrize("weight", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_weight_that_is_none_is_refused(robot: Robot, tmp_path: Path, weight: float):
+    entry = ExpertEntry(clip=standing(robot), weight=weight, skill="stand", licence="MIT")
+    with pytest.raises(ClipError, match="must be positive"):
+        write_database(tmp_path / "t1", [entry], robot, stages={})
+
+
+def test_a_name_given_twice_is_refused(robot: Robot, tmp_path: Path):
+    with pytest.raises(ClipError, match="given twice"):
+        write_database(tmp_path / "t1", _entries(robot, 1) * 2, robot, stages={})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../etc/passwd",
+        "/etc/passwd",
+        "..",
+        ".",
+        "",
+        "a\\b",
+        "a\0b",
+        "c:d",
+        "é" * 300,
+        "x" * 400,
+        "index.parquet",
+        "manifest",
+        "manifest",
+    ],
+)
+def test_a_file_name_stays_in_its_folder(name: str):
+    made = file_name(name)
+    assert Path(made).name == made
+    assert not made.startswith(".")
+    assert len(made.encode()) < 200
+    assert made not in ("manifest.json", "index.parquet")
+
+
+def test_clips_that_look_alike_have_files_of_their_own():
+    names = ["a/b", "a__b", "A/b", "a/B", "a b", "a_b", "a?b", "x" * 400, "x" * 401, "manifest", "index"]
+    assert len({file_name(name).lower() for name in names}) == len(names)

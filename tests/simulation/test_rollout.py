@@ -1,0 +1,95 @@
+"""The published policy in MuJoCo against published figures; PD and envelope on paper; overlaps."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import FileError
+from pipeline.quality.command_velocity import command_velocity
+from pipeline.robot import Robot
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.policy import load_policy
+from pipeline.simulation.self_collision import self_collision
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from tests.factories.policy_walks import policy_walk
+from tests.factories.robot_clips import standing
+
+
+@pytest.mark.shared
+def test_the_policy_gives_its_published_actions(policies: Path):
+    with np.load(policies / "t1_walk.npz") as published:
+        actions = load_policy(policies / "t1_walk.npz").act(published["golden_observation"])
+        np.testing.assert_allclose(actions, published["golden_action"], atol=1e-5)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("command", "reached"), [((1.0, 0.0, 0.0), 0.92), ((2.0, 0.0, 0.0), 1.77), ((-0.6, 0.0, 0.0), -0.54)]
+)
+def test_the_policy_walks_as_fast_as_published(
+    robot: Robot, policies: Path, command: tuple[float, float, float], reached: float
+):
+    walk = policy_walk(policies, robot, command, 7.0)
+    clip = walk.clip("walk", start_s=3.0)
+    assert not walk.fell
+    assert command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps).forward_m_s == pytest.approx(reached, abs=0.1)
+    assert np.all(np.abs(walk.torque) <= robot.torque_limit)
+    vertical = walk.foot_wrench_w[600:, :, 2].sum(axis=1).mean()
+    assert vertical == pytest.approx(robot.total_mass * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [("drop", "lacks the arrays"), ("shape", "do not follow"), ("nan", "not finite"), ("text", "no npz")],
+)
+def test_a_policy_file_that_is_none_is_refused(tmp_path: Path, change: str, match: str):
+    arrays = {
+        "mean": np.zeros(4),
+        "std": np.ones(4),
+        "eps": np.array(0.1),
+        "L0_w": np.ones((2, 4)),
+        "L0_b": np.zeros(2),
+    }
+    if change == "drop":
+        del arrays["eps"]
+    if change == "shape":
+        arrays["L0_w"] = np.ones((2, 5))
+    if change == "nan":
+        arrays["L0_b"] = np.array([0.0, np.nan])
+    path = tmp_path / "policy.npz"
+    np.savez(path, **arrays)
+    if change == "text":
+        path.write_text("not numbers")
+    with pytest.raises(FileError, match=match):
+        load_policy(path)
+
+
+def test_pd_torque_is_cut_to_the_envelope():
+    control = PdControl(
+        kp=np.array([100.0, 100.0]), kd=np.array([2.0, 2.0]), envelope=TorqueEnvelope(limit=np.array([30.0, 30.0]))
+    )
+    torque = control.torque(np.array([0.1, 1.0]), np.zeros(2), np.array([1.0, 0.0]))
+    np.testing.assert_allclose(torque, [8.0, 30.0])
+
+
+def test_torque_falls_from_the_knee_speed_to_the_no_load_speed_when_driving_and_not_when_braking():
+    envelope = TorqueEnvelope(limit=np.array([40.0]), knee_speed=np.array([5.0]), no_load_speed=np.array([15.0]))
+    speeds = np.array([[0.0], [5.0], [10.0], [15.0], [20.0]])
+    lower, upper = envelope.bounds(speeds)
+    np.testing.assert_allclose(upper[:, 0], [40.0, 40.0, 20.0, 0.0, 0.0])
+    np.testing.assert_allclose(lower[:, 0], -40.0)
+
+
+def test_legs_drawn_together_overlap_and_the_default_pose_does_not(robot: Robot):
+    clip = standing(robot, 0.1)
+    np.testing.assert_array_equal(self_collision(clip, robot).depth, 0.0)
+    joints = clip.joint_pos.copy()
+    joints[2:, robot.joint("Left_Hip_Roll")] = -0.2
+    joints[2:, robot.joint("Right_Hip_Roll")] = 0.2
+    found = self_collision(dataclasses.replace(clip, joint_pos=joints), robot)
+    np.testing.assert_array_equal(found.depth[:2], 0.0)
+    assert np.all(found.depth[2:] > 0.02)
+    assert found.pairs[2] is not None
+    assert {name.split("_")[0] for name in found.pairs[2]} == {"left", "right"}
