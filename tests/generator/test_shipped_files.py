@@ -18,7 +18,7 @@ from tests.factories.generated import parse_bvh, shipped, spoilt
 
 SKILLS = {"stand", "turn_left", "turn_right", "side_left", "side_right", "back", "walk_slow", "walk"}
 SKILLS |= {"walk_fast_jog", "run"}
-ROBOT_SPEED = 0.595  # leg of the T1 over leg of the person, less 3 %
+ROBOT_SPEED = 0.583  # what retargeting scales this person to the T1 by
 
 
 def folder(root: Path) -> Path:
@@ -116,14 +116,14 @@ def test_the_robot_s_command_range_is_covered_at_its_speed():
     speeds = [measured_speeds(shipped(name).clip) for name in RECIPES]
     forward, lateral, turn = (np.concatenate(part) for part in zip(*speeds, strict=True))
     ahead = np.sort(ROBOT_SPEED * forward)
-    assert ahead[0] < -0.59
+    assert ahead[0] < -0.6
     assert ahead[-1] > 2.0
     inside = ahead[(ahead > -0.6) & (ahead < 2.0)]
     counts, _ = np.histogram(inside, np.linspace(-0.6, 2.0, 14))
     assert counts.min() >= 60  # a second in every .2 m/s
     assert np.diff(inside).max() < 0.17
-    assert ROBOT_SPEED * lateral.min() < -0.59
-    assert ROBOT_SPEED * lateral.max() > 0.59
+    assert ROBOT_SPEED * lateral.min() < -0.6
+    assert ROBOT_SPEED * lateral.max() > 0.6
     assert turn.min() < -1.5
     assert turn.max() > 1.5
 
