@@ -32,7 +32,7 @@ def find_broken_bones(pos_w: Positions, settings: DetectionSettings) -> list[Def
 
 
 def _to_blame(pattern: Bool[np.ndarray, " 19"]) -> list[int]:
-    """The fewest joints that touch all broken bones; of equals the one all of whose bones are broken, then the lower."""
+    """The fewest joints that touch all broken bones; of equals the one with all bones broken, then the lower."""
     broken = {index for index in range(len(pattern)) if pattern[index]}
     chosen = []
     while broken:

@@ -107,7 +107,7 @@ def both_feet(clip: HumanClip, ground: float) -> tuple[FootPoints, FootPoints]:
 
 
 def _stance_height(point_w: Float[np.ndarray, "t 3"], fps: float, ground: float) -> float:
-    """Median height of a point in the densest band of its slow frames [m]; its lowest twentieth where it never rests."""
+    """Median height of a point in the densest band of its slow frames [m]; else its lowest twentieth."""
     speed = np.linalg.norm(time_series.derivative(point_w, fps), axis=1)
     height = point_w[speed < SLOW_M_S, 2]
     height = height[height < ground + 0.25]

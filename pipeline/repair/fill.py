@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -73,16 +75,27 @@ def _through(values: np.ndarray, before: np.ndarray, after: np.ndarray, frames: 
     """Values (m, n) at `frames`, by a polynomial through the frames `before` and `after` the gap."""
     if not len(before) or not len(after):
         return np.repeat(values[[after[0] if len(after) else before[-1]]], len(frames), axis=0)
-    known = np.concatenate([before, after])
+    zero = int(frames[0])
+    operator = _operator(tuple(before - zero), tuple(after - zero), len(frames))
+    return operator @ values[np.concatenate([before, after])]
+
+
+@functools.lru_cache(maxsize=256)
+def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Float[np.ndarray, "m known"]:
+    """What the values at frames 0 to `count` - 1 are in those `before` and `after`; exact at both neighbours."""
+    known, frames = np.array(before + after), np.arange(count)
     centre, half = (before[-1] + after[0]) / 2.0, (after[0] - before[-1]) / 2.0
     degree = min(DEGREE, len(known) - 1)
-    basis = np.polynomial.chebyshev.chebvander((known - centre) / half, degree)
+
+    def basis(at: np.ndarray) -> np.ndarray:
+        return np.polynomial.chebyshev.chebvander((at - centre) / half, degree)
+
     weight = 1.0 / np.maximum(np.abs(known - centre) / half, 1.0)[:, None]
-    solution = np.linalg.lstsq(basis * weight, values[known] * weight, rcond=None)[0]
-    made = np.polynomial.chebyshev.chebvander((frames - centre) / half, degree) @ solution
-    miss = values[[before[-1], after[0]]] - np.polynomial.chebyshev.chebvander([-1.0, 1.0], degree) @ solution
+    solution = np.linalg.pinv(basis(known) * weight) * weight.T
+    edges = [len(before) - 1, len(before)]
+    miss = np.eye(len(known))[edges] - basis(known[edges]) @ solution
     share = ((frames - centre) / half + 1.0)[:, None] / 2.0
-    return made + miss[:1] * (1.0 - share) + miss[1:] * share
+    return basis(frames) @ solution + miss[:1] * (1.0 - share) + miss[1:] * share
 
 
 def _astray(lost_pos: np.ndarray, lost_rot: np.ndarray) -> Bool[np.ndarray, "t 19"]:

@@ -1,13 +1,6 @@
-"""Jumps: a body that is somewhere else from one frame to the next, and does or does not come back.
-
-What a body does is compared with what it did just before and after: the step into a frame against the
-median of five steps, and against the mean of its two neighbours. Both are the size of the jump for a jump, and
-small for motion, however fast: constant acceleration gives zero. The smaller of the two counts.
-"""
+"""Jumps: a body that is somewhere else from one frame to the next, and does or does not come back."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,38 +10,14 @@ from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import Orientations, Positions, to_local
+from pipeline.repair.unsteadiness import slow_rate, unsteadiness
 
-REFERENCE_HZ = 60.0
-"""The limits hold at this rate and above; below, unsteadiness grows with the square of the frame time."""
 USUAL_PERCENTILE = 95.0
+AT_THE_ENDS = 2.0
+"""The first and the last step are judged from one side only and have to be this many times as large."""
 COMEBACK_SPEED = 1.5
 """A joint has come back if the way across took no more than this many times its usual top speed."""
 EVERYBODY = tuple(range(len(BODIES)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Unsteadiness:
-    """How far each body's step into each frame differs from its neighbours; (t, 19), 0 for frame 0."""
-
-    place: Float[np.ndarray, "t 19"]
-    """Of the place in the parent's frame (pelvis: in the world) [m]."""
-    turn: Float[np.ndarray, "t 19"]
-    """Of the orientation in the parent's frame (pelvis: in the world) [rad]."""
-    world: Float[np.ndarray, "t 19"]
-    """Of the position in the world [m]."""
-    world_turn: Float[np.ndarray, "t 19"]
-    """Of the orientation in the world [rad]."""
-
-
-def unsteadiness(pos_w: Positions, quat_w: Orientations) -> Unsteadiness:
-    """The measure of this module for all bodies."""
-    offset, turn = to_local(pos_w, quat_w)
-    return Unsteadiness(
-        place=_against_neighbours(np.diff(offset, axis=0)),
-        turn=_against_neighbours(_turn_steps(turn)),
-        world=_against_neighbours(np.diff(pos_w, axis=0)),
-        world_turn=_against_neighbours(_turn_steps(quat_w)),
-    )
 
 
 def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: DetectionSettings) -> list[Defect]:
@@ -60,38 +29,29 @@ def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: Det
     if len(pos_w) < 6:
         return []
     measured = unsteadiness(pos_w, quat_w)
-    slow_rate = max(1.0, (REFERENCE_HZ / fps) ** 2)
-    place_limit = _limits(measured.place, settings.position_jump * slow_rate, settings.jump_spread)
-    place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * slow_rate, settings.jump_spread)[0]
-    turn_limit = _limits(measured.turn, settings.angle_jump * slow_rate, settings.jump_spread)
-    place, turn = measured.place > place_limit, measured.turn > turn_limit
+    rate = slow_rate(fps)
+    place_limit = _limits(measured.place, settings.position_jump * rate, settings.jump_spread)
+    place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * rate, settings.jump_spread)[0]
+    turn_limit = _limits(measured.turn, settings.angle_jump * rate, settings.jump_spread)
+    ends = np.ones((len(pos_w), 1))
+    ends[[1, -1]] = AT_THE_ENDS
+    place, turn = measured.place > place_limit * ends, measured.turn > turn_limit * ends
+    offset, local_turn = to_local(pos_w, quat_w)
+    fast = np.zeros_like(turn)
+    fast[1:] = rotation.angle_between(local_turn[:-1], local_turn[1:]) * fps > settings.angular_speed
+    turn |= fast
     seen = (measured.world > settings.position_jump / 2) | (measured.world_turn > settings.angle_jump / 2)
     place[:, 1:] &= seen[:, 1:]
-    turn[:, 1:] &= seen[:, 1:]
+    turn[:, 1:] &= seen[:, 1:] | fast[:, 1:]
     defects = _root_defects(pos_w, quat_w, place[:, 0], turn[:, 0], fps, settings)
     taken = np.zeros(len(pos_w), dtype=bool)
     for defect in defects:
         taken[max(defect.start - 1, 0) : defect.stop + 2] = True
-    offset, local_turn = to_local(pos_w, quat_w)
     for index in EVERYBODY[1:]:
         both = (place[:, index] | turn[:, index]) & ~taken
         if both.any():
             defects += _joint_defects(index, both, place[:, index], offset, local_turn, fps, settings)
     return defects
-
-
-def _turn_steps(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
-    return rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:-1]), quat[1:]))
-
-
-def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> Float[np.ndarray, "t 19"]:
-    """Size of what sets each step apart from the steps around it; one more row than `steps`."""
-    count = len(steps)
-    padded = np.pad(steps, ((2, 2), (0, 0), (0, 0)), mode="reflect")
-    median = np.median(np.stack([padded[shift : shift + count] for shift in range(5)]), axis=0)
-    neighbours = (padded[1 : count + 1] + padded[3 : count + 3]) / 2.0
-    size = np.minimum(np.linalg.norm(steps - median, axis=-1), np.linalg.norm(steps - neighbours, axis=-1))
-    return np.concatenate([np.zeros((1, steps.shape[1])), size])
 
 
 def _limits(size: Float[np.ndarray, "t n"], floor: float, spread: float) -> Float[np.ndarray, " n"]:

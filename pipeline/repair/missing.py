@@ -17,7 +17,7 @@ SHORTEST_BONE = 0.02
 
 
 def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
-    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), quaternions that are no rotation (`no_rotation`)."""
+    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
     pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
     missing_pos = ~np.isfinite(pos_w).all(axis=-1)
     missing_rot = ~np.isfinite(quat_w).all(axis=-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +41,10 @@ def divide(pos_w: Positions, findings: Findings, fps: float, settings: RepairSet
         for start, stop in time_series.runs(lost[:, index]):
             if stop - start > longest or start == 0 or stop == count:
                 dropped[start:stop] = True
-    step = np.linalg.norm(np.diff(pos_w[:, 0], axis=0), axis=1)
     whole = lost[:, 0]
-    sound = step[~(whole[1:] | whole[:-1])]
-    top = float(np.percentile(sound, 95)) if len(sound) else 0.0
+    good = np.flatnonzero(~whole)
+    step = np.linalg.norm(np.diff(pos_w[good, 0], axis=0), axis=1) / np.diff(good)
+    top = float(np.percentile(step, 95)) if len(step) else 0.0
     for start, stop in time_series.runs(whole & ~dropped):
         way = np.linalg.norm(pos_w[stop, 0] - pos_w[start - 1, 0])
         if way > COMEBACK_SPEED * top * (stop - start + 1) + SLACK:
@@ -51,7 +52,7 @@ def divide(pos_w: Positions, findings: Findings, fps: float, settings: RepairSet
     edges = sorted({0, count, *findings.cuts})
     stretches = [
         (low + start, low + stop)
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
+        for low, high in itertools.pairwise(edges)
         for start, stop in time_series.runs(~dropped[low:high])
     ]
     return Division(dropped=dropped, filled=lost.any(axis=1) & ~dropped, stretches=tuple(stretches))

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
@@ -106,7 +107,8 @@ def _pieces(
         contacts = label_contacts(feet, clip.fps, settings.contact)
         part = slice(first - low, last - low)
         slip = stance_slip(tuple(foot.cut(part) for foot in feet), contacts[part])
-        refused = reasons.of_contacts(contacts[part], slip, first, last, clip.fps, settings.contact)
+        speed_m_s = _ground_speed(labelled.pos("pelvis")[part], clip.fps)
+        refused = reasons.of_contacts(contacts[part], slip, speed_m_s, first, last, clip.fps, settings.contact)
         told += refused
         if not any(reason.effect == "rejected" for reason in refused):
             piece = dataclasses.replace(labelled, contacts=contacts).cut(part.start, part.stop, clip.name)
@@ -117,6 +119,11 @@ def _pieces(
         named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
         pieces.append(_placed(named, first, slip, division, floor, settings))
     return tuple(pieces), told
+
+
+def _ground_speed(pos_w: np.ndarray, fps: float) -> float:
+    """Mean horizontal speed [m/s] of a point (t, 3)."""
+    return float(np.linalg.norm(time_series.derivative(pos_w[:, :2], fps), axis=1).mean())
 
 
 def _placed(

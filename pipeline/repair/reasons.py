@@ -45,15 +45,21 @@ def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
 
 
 def of_contacts(
-    contacts: Bool[np.ndarray, "t 2"], slip: float, first: int, last: int, fps: float, settings: ContactSettings
+    contacts: Bool[np.ndarray, "t 2"],
+    slip: float,
+    speed_m_s: float,
+    first: int,
+    last: int,
+    fps: float,
+    settings: ContactSettings,
 ) -> list[Reason]:
-    """Whether the feet of a piece slide, or never stand."""
+    """Whether the feet of a piece [first, last), whose pelvis has a mean speed, slide or never stand."""
+    limit = settings.slip_limit_m_s + settings.slip_per_speed * speed_m_s
     told = []
     where = {"start_s": first / fps, "stop_s": last / fps}
-    if slip > settings.slip_limit_m_s:
+    if slip > limit:
         text = (
-            f"frames {first}-{last - 1}: standing feet slide at {slip:.3f} m/s on average, "
-            f"allowed are {settings.slip_limit_m_s:g} m/s"
+            f"frames {first}-{last - 1}: standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
         )
         told.append(
             Reason(
@@ -61,7 +67,7 @@ def of_contacts(
                 text=text,
                 effect="rejected",
                 value=slip,
-                limit=settings.slip_limit_m_s,
+                limit=limit,
                 unit="m/s",
                 **where,
             )

@@ -105,7 +105,8 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
     told = []
     for joint in np.flatnonzero(little.any(axis=0)):
         most = float(over[little[:, joint], joint].max())
-        text = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad in {little[:, joint].mean():.0%} "
+        share = little[:, joint].mean()
+        text = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad in {share:.0%} "
         told.append(
             Reason(
                 code="joint_limit",

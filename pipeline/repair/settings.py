@@ -21,6 +21,8 @@ class DetectionSettings:
     """Smallest jump of the pelvis in the world that counts [m]."""
     angle_jump: float
     """Smallest jump of a body's orientation in its parent's frame that counts [rad]."""
+    angular_speed: float
+    """A joint that turns faster jumps, however steadily [rad/s]."""
     jump_spread: float
     """A jump also has to exceed this many times the 95th percentile of the clip's own unsteadiness."""
     longest_spike_s: float
@@ -83,7 +85,9 @@ class ContactSettings:
     shortest_s: float
     """Contacts and gaps shorter than this are smoothed over."""
     slip_limit_m_s: float
-    """Largest mean speed of the planted point of a standing foot."""
+    """Largest mean speed of the planted point of a standing foot of a person who stands still."""
+    slip_per_speed: float
+    """What is added to it for each m/s of the pelvis [(m/s)/(m/s)]."""
     longest_flight_s: float
     """Both feet off the ground for longer than this is no gait of a person."""
 
