@@ -57,6 +57,8 @@ class ClearanceSettings:
     """Gap between the soles of the first pass below which a swinging foot is sent further out [m]."""
     arm_distance: float
     """Least distance of forearm and hand from the line hip to knee [m]."""
+    trunk_distance: float
+    """Least distance of the hand from the trunk's middle line [m]."""
     spread_s: float
     """Time over which corrections come and go [s]."""
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -18,7 +19,7 @@ from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.quality import foot_slip, retargeting, sole
 from pipeline.retarget import RetargetSettings, process
-from pipeline.robot import Kinematics, load_robot
+from pipeline.robot import Kinematics, load_robot, mujoco_model
 from tests.factories.human_clips import Gait, standing, turned, walker
 from tests.factories.retarget_clips import mirrored, person_of, scaled
 
@@ -159,7 +160,7 @@ def test_limbs_trunk_and_heading_follow_the_person():
     numbers = process(walker(seconds=4.0), {}, settings=SETTINGS, robot=ROBOT).pieces[0].numbers
     assert numbers["thigh_error_deg"] < 3.0
     assert numbers["shank_error_deg"] < 3.0
-    assert numbers["arm_error_deg"] < 5.0, "straight hanging arms must go round the robot's wide hips"
+    assert numbers["arm_error_deg"] < 6.0, "straight hanging arms must go round the robot's wide hips"
     assert numbers["trunk_error_deg"] < 3.5
     assert numbers["heading_error_deg"] < 2.0
 
@@ -202,3 +203,23 @@ def test_recorded_motion_keeps_the_limits_and_looks_like_the_person(mocap, name)
     assert piece.numbers["slip_m_s"] < 0.03
     assert piece.numbers["penetration_m"] < 0.02
     assert retargeting.jump_frames(piece.clip).mean() < 0.05
+
+
+def test_hanging_arms_go_round_the_hips_and_a_hand_in_the_belly_is_taken_further_out():
+    human, model = standing(seconds=1.0), mujoco_model(ROBOT)
+    assert deepest_contact(retarget(human), model) < 0.002
+    pos = human.body_pos_w.copy()
+    pos[:, body("left_wrist")] = pos[:, body("left_elbow")] + [0.05, -0.24, 0.03]
+    inside = dataclasses.replace(human, body_pos_w=pos)
+    without = dataclasses.replace(SETTINGS, clearance=dataclasses.replace(SETTINGS.clearance, trunk_distance=0.0))
+    (untouched,) = process(inside, {}, settings=without, robot=ROBOT).pieces
+    assert deepest_contact(retarget(inside), model) < 0.6 * deepest_contact(untouched.clip, model)
+
+
+def deepest_contact(clip: RobotClip, model: mujoco.MjModel) -> float:
+    """Depth [m] of the deepest contact between the robot's links in the clip's middle frame."""
+    data = mujoco.MjData(model)
+    middle = clip.frame_count // 2
+    data.qpos[:] = np.concatenate([clip.root_pos_w[middle], clip.root_quat_w[middle], clip.joint_pos[middle]])
+    mujoco.mj_forward(model, data)
+    return max((-contact.dist for contact in data.contact), default=0.0)
