@@ -54,10 +54,10 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
         clip = each_once(clip, times, first)
     numbers: Numbers = {}
     if isinstance(clip, HumanClip):
-        time_base = judge(clip, settings.time_base)
+        time_base = judge(clip, read.skeleton, settings.time_base)
         numbers = _clocks(time_base)
         if time_base.contradicted:
-            reason = _contradicted(clip, time_base, settings, rate_is_stated)
+            reason = _contradicted(clip, time_base, rate_is_stated)
             reasons.append(reason)
             if reason.effect == "repaired" and time_base.fps is not None:
                 clip = dataclasses.replace(clip, fps=time_base.fps)
@@ -94,14 +94,14 @@ def _repeated(clip: HumanClip | RobotClip, times: int) -> Reason:
     often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
     return Reason(
         code="doubled_frames",
-        text=f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz of motion; one of each is kept",
+        text=f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz; one of each is kept",
         effect="repaired",
         value=float(times),
         limit=1.0,
     )
 
 
-def _contradicted(clip: HumanClip, time_base: TimeBase, settings: CatalogSettings, rate_is_stated: bool) -> Reason:
+def _contradicted(clip: HumanClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:
     """The reason of a contradicted rate and what follows from it."""
     seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
     text = f"at {clip.fps:g} Hz {seen}"
@@ -119,5 +119,5 @@ def _contradicted(clip: HumanClip, time_base: TimeBase, settings: CatalogSetting
         text=f"{text}: {then}",
         effect=effect,
         value=None if time_base.ratio is None else round(time_base.ratio, 3),
-        limit=settings.time_base.flagged_ratio,
+        limit=time_base.limit,
     )

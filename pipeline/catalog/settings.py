@@ -11,18 +11,25 @@ class TimeBaseSettings:
 
     standard_rates_hz: tuple[float, ...]
     """Rates at which motion is recorded or exported [Hz]."""
-    flagged_ratio: float
-    """True rate over the file's rate (or the reverse) from which physics contradicts the file."""
-    rejected_gait_ratio: float
-    """The same where only the steps contradict it, which vary more than gravity."""
+    gravity_ratio: float
+    """True rate over the file's rate (or the reverse) from which flights contradict the file."""
+    gait_ratio: float
+    """The same for steps, where there are no flights."""
+    certain_gait_ratio: float
+    """From here on steps alone are enough to call a rate wrong: people differ, gravity does not."""
     fewest_flights: int
     """Flight phases that are needed to judge by gravity."""
     flight_spread: float
     """Largest median deviation of the phases' fall from their median, as a share of it."""
-    rate_tolerance: float
+    gravity_tolerance: float
     """A standard rate explains the flights when it is within this share of what they tell."""
+    gait_tolerance: float
+    """The same for the steps."""
     same_rate: float
     """Standard rates this close to each other (24 and 25 Hz) are not told apart: the nearest is taken."""
+    usual_rates_hz: dict[str, tuple[float, ...]]
+    """Pattern of a skeleton's name -> rates at which its sources record [Hz]; they decide between several standard
+    rates that explain the motion."""
     fewest_steps: int
     """Straight steps ahead that are needed to judge by gait."""
     shortest_step: float

@@ -8,6 +8,7 @@ about 170 steps a minute whatever their speed. Gravity is the sharper clock and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -32,6 +33,10 @@ class Clock:
     """The rate it tells [Hz]."""
     text: str
     """What was seen at the file's rate, for people."""
+    tolerance: float
+    """Share by which the true rate may differ from `fps`."""
+    limit: float
+    """Ratio of the two rates from which it contradicts the file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +49,8 @@ class TimeBase:
     """None: too few straight steps ahead."""
     ratio: float | None
     """Rate that the decisive evidence tells over the clip's rate; None without evidence."""
+    limit: float | None
+    """Ratio from which that evidence contradicts the clip's rate."""
     contradicted: bool
     """The evidence contradicts the clip's rate."""
     certain: bool
@@ -54,26 +61,28 @@ class TimeBase:
     """All standard rates that explain a contradiction [Hz]."""
 
 
-def judge(clip: HumanClip, settings: TimeBaseSettings) -> TimeBase:
-    """Hold a clip's rate against gravity and gait."""
+def judge(clip: HumanClip, skeleton: str, settings: TimeBaseSettings) -> TimeBase:
+    """Hold a clip's rate against gravity and gait. `skeleton`: name of its map, which tells who recorded it."""
     gravity = _by_gravity(find_flights(clip), clip.fps, settings)
     gait = _by_gait(steps_ahead(clip), leg_length(clip), clip.fps, settings)
     decisive = gravity or gait
     if decisive is None:
-        return TimeBase(gravity=None, gait=None, ratio=None, contradicted=False, certain=False, fps=None, candidates=())
-    ratio = decisive.fps / clip.fps
-    size = max(ratio, 1.0 / ratio)
-    contradicted = size >= settings.flagged_ratio
-    agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.rejected_gait_ratio
-    certain = contradicted and (size >= settings.rejected_gait_ratio if gravity is None else agree)
-    candidates = _candidates(gravity.fps, settings) if contradicted and gravity is not None else ()
+        return TimeBase(
+            gravity=None, gait=None, ratio=None, limit=None, contradicted=False, certain=False, fps=None, candidates=()
+        )
+    size, limit = _apart(decisive.fps, clip.fps), decisive.limit
+    contradicted = size >= limit
+    agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.certain_gait_ratio
+    certain = contradicted and (size >= settings.certain_gait_ratio if gravity is None else agree)
+    candidates = _candidates(decisive, settings) if contradicted else ()
     return TimeBase(
         gravity=gravity,
         gait=gait,
-        ratio=ratio,
+        ratio=decisive.fps / clip.fps,
+        limit=limit,
         contradicted=contradicted,
         certain=certain,
-        fps=candidates[0] if len(candidates) == 1 else None,
+        fps=_only(candidates, skeleton, settings),
         candidates=candidates,
     )
 
@@ -92,7 +101,12 @@ def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clo
     if fall <= 0.0 or np.median(np.abs(flights.fall - fall)) > settings.flight_spread * fall:
         return None
     text = f"in {len(flights.fall)} flight phases the body falls with {fall * fps**2:.2f} m/s² instead of {GRAVITY}"
-    return Clock(fps=float(np.sqrt(GRAVITY / fall)), text=text)
+    return Clock(
+        fps=float(np.sqrt(GRAVITY / fall)),
+        text=text,
+        tolerance=settings.gravity_tolerance,
+        limit=settings.gravity_ratio,
+    )
 
 
 def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
@@ -107,14 +121,27 @@ def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -
         f"{cadence:.0f} steps a minute of {np.median(length):.2f} m are taken, where people take "
         f"about {np.median(wanted):.0f}"
     )
-    return Clock(fps=float(np.median(wanted * frames / 60.0)), text=text)
+    return Clock(
+        fps=float(np.median(wanted * frames / 60.0)),
+        text=text,
+        tolerance=settings.gait_tolerance,
+        limit=settings.gait_ratio,
+    )
 
 
-def _candidates(fps: float, settings: TimeBaseSettings) -> tuple[float, ...]:
-    """Standard rates within the tolerance, the nearest first; of those that are nearly the same only the nearest."""
-    near = [rate for rate in settings.standard_rates_hz if _apart(rate, fps) <= 1.0 + settings.rate_tolerance]
+def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
+    """Standard rates within the clock's tolerance, the nearest first; of nearly equal ones only the nearest."""
+    near = [rate for rate in settings.standard_rates_hz if _apart(rate, clock.fps) <= 1.0 + clock.tolerance]
     chosen: list[float] = []
-    for rate in sorted(near, key=lambda rate: (_apart(rate, fps), rate)):
+    for rate in sorted(near, key=lambda rate: (_apart(rate, clock.fps), rate)):
         if all(_apart(rate, other) > 1.0 + settings.same_rate for other in chosen):
             chosen.append(float(rate))
     return tuple(chosen)
+
+
+def _only(candidates: tuple[float, ...], skeleton: str, settings: TimeBaseSettings) -> float | None:
+    """The only candidate, or the only one that is usual for the skeleton."""
+    patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
+    usual = {rate for pattern in patterns for rate in settings.usual_rates_hz[pattern]}
+    left = candidates if len(candidates) == 1 else tuple(rate for rate in candidates if rate in usual)
+    return left[0] if len(left) == 1 else None
