@@ -34,7 +34,7 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
     bones = read_asf(asf)
     order = ordered(asf, bones)
     frames = _read_frames(path, bones)
-    parents = tuple(-1 if bones[name].parent is None else order.index(bones[name].parent) for name in order)
+    parents = tuple(-1 if (parent := bones[name].parent) is None else order.index(parent) for name in order)
     offsets = np.array([_joint_offset(bones, name) for name in order])
     local_pos = np.broadcast_to(offsets, (len(frames["root"]), len(order), 3)).copy()
     local_quat = np.stack([_local_quat(bones[name], frames[name]) for name in order], axis=1)
@@ -75,12 +75,12 @@ def find_asf(path: Path, stated: str | None) -> Path:
 
 def _subject_note(path: Path, asf: Path) -> tuple[Reason, ...]:
     """A rejection when the numbers in the names say that the skeleton is another person's."""
-    numbers = [re.match(r"\d+", file.stem) for file in (path, asf)]
-    if not all(numbers) or int(numbers[0].group()) == int(numbers[1].group()):
+    motion, skeleton = (re.match(r"\d+", file.stem) for file in (path, asf))
+    if motion is None or skeleton is None or int(motion.group()) == int(skeleton.group()):
         return ()
     text = (
-        f"{path.name} is of subject {numbers[0].group()}, {asf.name} of subject {numbers[1].group()}: the bone lengths "
-        f"are another person's, so feet slide. Put {numbers[0].group()}.asf beside it."
+        f"{path.name} is of subject {motion.group()}, {asf.name} of subject {skeleton.group()}: the bone lengths are "
+        f"another person's, so feet slide. Put {motion.group()}.asf beside it."
     )
     return (Reason(code="skeleton_mismatch", text=text, effect="rejected"),)
 
@@ -93,10 +93,9 @@ def _joint_offset(bones: dict[str, Bone], name: str) -> np.ndarray:
 
 def _euler(angles: np.ndarray, order: str) -> np.ndarray:
     """Quaternions of angles (t, 3) [rad] given in `order`; the first is applied first (order xyz: Rz Ry Rx)."""
-    turn = None
+    turn = rotation.IDENTITY
     for column, axis in enumerate(order):
-        step = rotation.from_axis_angle(np.eye(3)[_AXES[axis]], angles[..., column])
-        turn = step if turn is None else rotation.multiply(step, turn)
+        turn = rotation.multiply(rotation.from_axis_angle(np.eye(3)[_AXES[axis]], angles[..., column]), turn)
     return turn
 
 

@@ -41,7 +41,7 @@ class NpzHeader:
             with np.load(self.path, allow_pickle=False) as archive:
                 value = archive[name]
         except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-            raise FileError(self.path, f"'{name}' can't be read: {error}.") from error
+            raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
@@ -94,8 +94,13 @@ def open_npz(path: Path) -> NpzHeader:
                 else:
                     shapes[name] = shape
     except (zipfile.BadZipFile, EOFError, OSError, ValueError, NotImplementedError, RuntimeError) as error:
-        raise FileError(path, f"it is not a NumPy archive that can be read: {error}.") from error
+        raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
     return NpzHeader(path=path, shapes=shapes, objects=tuple(objects))
+
+
+def _short(error: Exception) -> str:
+    """An error's first words; zipfile prints whole members."""
+    return str(error)[:120].encode("ascii", "replace").decode()
 
 
 def _check_sizes(path: Path, members: list[zipfile.ZipInfo]) -> None:

@@ -7,10 +7,13 @@ import dataclasses
 import fnmatch
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
 from pipeline.readers.statement import NOTHING_STATED, Statement
+
+Stated = TypeVar("Stated", bound=Statement)
 
 UNKNOWN_LICENCE = "unknown"
 
@@ -110,7 +113,7 @@ def read_sources(path: Path) -> tuple[Source, ...]:
     return tuple(sources)
 
 
-def _with_paths(statement: Statement, folder: Path):
+def _with_paths(statement: Stated, folder: Path) -> Stated:
     """The statement with paths of the user's own files made absolute."""
     changed = {}
     for name in ("body_model", "skeleton"):

@@ -1,0 +1,101 @@
+"""Skeleton maps: the shipped ones are whole and tell each other apart, and the documented template works."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.clips.human_clip import BODIES
+from pipeline.errors import AmbiguousFileError, FileError, SettingsError
+from pipeline.readers import Statement, read_motion, skeleton_map
+from pipeline.readers.skeleton_map import read_map, shipped_maps
+from tests.factories import motion_files as files
+
+
+@pytest.mark.parametrize("name", sorted(shipped_maps()))
+def test_a_shipped_map_names_all_bodies_and_no_other_map_fits_its_joints(name):
+    skeleton = shipped_maps()[name]
+    assert set(skeleton.bodies) == set(BODIES)
+    others = [
+        other.name for other in shipped_maps().values() if other.joints <= skeleton.joints and other is not skeleton
+    ]
+    assert others == (["cmu"] if name == "pfnn" else ["pfnn"] if name == "cmu" else [])
+
+
+@pytest.mark.parametrize("name", sorted(shipped_maps()))
+def test_the_sides_of_a_shipped_map_are_alike(name):
+    bodies = shipped_maps()[name].bodies
+    for body in BODIES:
+        if body.startswith("left_"):
+            left, right = bodies[body], bodies[body.replace("left_", "right_")]
+            assert left.pitch_deg == right.pitch_deg
+            assert set(left.directions()) == set(right.directions())
+            assert left.offset == right.offset
+
+
+NAMES = {"Spine2": "Chest"}
+FIGURE = re.compile("|".join(NAMES))
+"""Names of the template's joints -> those of the figure in `tests/factories/motion_files.py`."""
+
+
+def template(root: Path) -> str:
+    text = (root / "docs" / "sources.md").read_text()
+    block = re.search(r"\n    title: What this skeleton is\n(?:    .*\n)+", text)
+    assert block is not None
+    return re.sub(r"(?m)^    ", "", block.group())
+
+
+def test_the_documented_template_is_a_map_that_reads_a_figure_it_names(root: Path, tmp_path):
+    (tmp_path / "mine.yaml").write_text(template(root))
+    text = files.bvh(files.upright(5)).replace("Spine", "Spine1").replace("Chest", "Spine2")
+    text = text.replace("JOINT Spine1", "JOINT Spine", 1)
+    text = text.replace("JOINT LeftShoulder", "JOINT Spine1", 1)
+    (tmp_path / "clip.bvh").write_text(text)
+    read = read_motion(tmp_path / "clip.bvh", "clip", Statement(skeleton=str(tmp_path / "mine.yaml")))
+    assert read.skeleton == "mine"
+    for body in ("pelvis", "left_hip", "right_ankle", "head"):
+        np.testing.assert_allclose(np.abs(read.clip.quat(body)[:, 0]), 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("  head: ", "  crown: ", "body 'head' is missing; unknown body 'crown'"),
+        (
+            "pelvis: {joint: Hips, up: y, left: x}",
+            "pelvis: {joint: Hips, up: y}",
+            "'pelvis' names 1 of ahead, left, up, down",
+        ),
+        (
+            "pelvis: {joint: Hips, up: y, left: x}",
+            "pelvis: {joint: Hips, up: y, left: -y}",
+            "'pelvis' uses one axis twice",
+        ),
+        ("pelvis: {joint: Hips, up: y, left: x}", "pelvis: {joint: Hips, up: y, down: x}", "wanted two that differ"),
+        ("joint: Hips", "joints: Hips", "unknown key 'bodies.pelvis.joints'"),
+    ],
+)
+def test_faults_of_a_map_are_named(root: Path, tmp_path, old, new, match):
+    path = tmp_path / "mine.yaml"
+    path.write_text(template(root).replace(old, new, 1))
+    with pytest.raises(SettingsError, match=match):
+        read_map(path)
+
+
+def test_two_maps_that_fit_alike_are_ambiguous(tmp_path, monkeypatch):
+    maps = shipped_maps()
+    monkeypatch.setattr(skeleton_map, "shipped_maps", lambda: {**maps, "twin": maps["booster_lab"]})
+    (tmp_path / "clip.bvh").write_text(files.bvh(files.upright(5)))
+    with pytest.raises(AmbiguousFileError, match=r"several skeletons fit: booster_lab, booster_lab. State `skeleton:`"):
+        read_motion(tmp_path / "clip.bvh", "clip")
+
+
+def test_joints_whose_axes_are_not_the_maps_are_refused(root: Path, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(FIGURE.sub(lambda found: NAMES[found.group()], template(root)).replace("also: [Spine1]", ""))
+    (tmp_path / "clip.bvh").write_text(files.bvh(files.upright(5)))
+    assert read_motion(tmp_path / "clip.bvh", "clip", Statement(skeleton=str(path))).skeleton == "mine"
+    path.write_text(path.read_text().replace("joint: Chest, up: y, left: x", "joint: Chest, up: x, left: y"))
+    with pytest.raises(FileError, match=r"but their axes differ: the chest's left axis is 90 degrees off"):
+        read_motion(tmp_path / "clip.bvh", "clip", Statement(skeleton=str(path)))
