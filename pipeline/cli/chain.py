@@ -26,24 +26,37 @@ from pipeline.selection import TRANSITION, Curation
 from pipeline.selection import process as select
 
 
+@dataclass(frozen=True, kw_only=True)
+class FileRead:
+    """A motion file as its reader understood it."""
+
+    path: Path
+    """Absolute."""
+    source: Source
+    """The source it belongs to, with what was stated on the command line."""
+    motion: ReadMotion
+
+
 @dataclass(frozen=True)
 class Chain:
     """The stages with the settings of one project; each file of settings is read when it is first needed."""
 
     project: Project
 
-    def read(self, path: Path, stated: Statement) -> tuple[Source, ReadMotion]:
-        """The file as a clip, and the source it belongs to. Raises FileError."""
+    def read(self, path: Path, stated: Statement) -> FileRead:
+        """The file as a clip. Raises FileError."""
         if not path.is_file():
             raise FileError(path, "it is not a file." if path.exists() else "the file does not exist.")
         path = path.resolve()
         source = self.project.source_of(path, stated)
         within = path.relative_to(source.folder).with_suffix("").as_posix()
-        return source, read_motion(path, f"{source.name}/{within}", source.statement_of(path))
+        motion = read_motion(path, f"{source.name}/{within}", source.statement_of(path))
+        return FileRead(path=path, source=source, motion=motion)
 
-    def catalogued(self, read: ReadMotion) -> Outcome:
+    def catalogued(self, read: FileRead) -> Outcome:
         """The clip of a file with its numbers, defects of the whole file corrected."""
-        return catalogue(read, settings=self._catalog)
+        rate_is_stated = read.source.statement_of(read.path).fps is not None
+        return catalogue(read.motion, settings=self._catalog, rate_is_stated=rate_is_stated)
 
     def windows(self, piece: Piece) -> Outcome:
         """The windows of one skill of a catalogued clip."""

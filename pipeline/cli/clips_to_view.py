@@ -13,6 +13,7 @@ from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.readers import Statement
+from pipeline.readers.read_motion import SUFFIXES
 from pipeline.robot import Robot
 from pipeline.viewing.playlist import Playlist, Shown
 
@@ -25,9 +26,9 @@ def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) 
     path = Path(text)
     if path.is_dir():
         raise FileError(path, "it is a folder.", "Name one motion file, or look at all with: booster-lab inspect")
-    if path.suffix.lower() == ".json" and path.is_file():
+    if path.suffix.lower() == ".json":
         return _of_database(path, robot)
-    if path.is_file() or path.suffix:
+    if path.is_file() or path.suffix.lower() in SUFFIXES:
         return _of_file(project, path, robot, stated)
     return stored_clips(project, text, robot)
 
@@ -35,9 +36,9 @@ def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) 
 def _of_file(project: Project, path: Path, robot: Robot, stated: Statement) -> Playlist:
     """The pieces of a motion file after repair, each retargeted when it is chosen; last the file as it was read."""
     chain = Chain(project)
-    _, read = chain.read(path, stated)
+    read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
-    whole = catalogued.pieces[0] if catalogued.pieces else Piece(clip=read.clip)
+    whole = catalogued.pieces[0] if catalogued.pieces else Piece(clip=read.motion.clip)
     repaired = chain.repaired(whole) if catalogued.pieces else Outcome()
     reasons = (*catalogued.reasons, *repaired.reasons)
     pieces = {piece.clip.name: piece for piece in repaired.pieces}
@@ -50,7 +51,7 @@ def _of_file(project: Project, path: Path, robot: Robot, stated: Statement) -> P
         result = outcome.pieces[0].clip if outcome.pieces else None
         return _shown(name, pieces[name].clip, result, robot, (*reasons, *outcome.reasons))
 
-    return Playlist(names=(*pieces, as_read), load=load)
+    return Playlist(names=tuple(pieces) or (as_read,), beside=(as_read,) if pieces else (), load=load)
 
 
 def _shown(name: str, source: object, result: object, robot: Robot, reasons: tuple[Reason, ...]) -> Shown:

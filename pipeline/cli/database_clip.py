@@ -22,6 +22,8 @@ def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, A
 
     Columns are found by name. Raises FileError for a file that is no clip of a database for `robot`.
     """
+    if not path.is_file():
+        raise FileError(path, "the file does not exist.")
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         columns = [column["name"] for column in content["Columns"]]

@@ -68,6 +68,7 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
 
 def as_text(found: Inspection) -> str:
     """Everything about one file, for a person."""
+    pieces = "1 piece" if found.usable_pieces == 1 else f"{found.usable_pieces} pieces"
     declared = "not declared" if found.declared_fps is None else f"{found.declared_fps:.6g} Hz"
     facts = {
         "file": found.file,
@@ -81,11 +82,10 @@ def as_text(found: Inspection) -> str:
         "length": f"{found.seconds:.2f} s, {found.frames} frames",
         "leg length": None if found.leg_length is None else f"{found.leg_length:.3f} m (thigh and shank)",
         "speed": f"mean {found.speed_mean:.2f} m/s, highest {found.speed_max:.2f} m/s",
-        "usable": f"{found.usable_seconds:.2f} s in {found.usable_pieces} pieces",
+        "usable": f"{found.usable_seconds:.2f} s in {pieces}",
     }
-    blocks = [name_values(facts), "windows of one skill", _windows(found)]
-    blocks += ["found", _reasons(found)] if found.reasons else ["found: nothing wrong"]
-    return "\n\n".join(blocks)
+    findings = f"found\n{_reasons(found)}" if found.reasons else "found: nothing wrong"
+    return "\n\n".join([name_values(facts), f"windows of one skill\n{_windows(found)}", findings])
 
 
 def _windows(found: Inspection) -> str:

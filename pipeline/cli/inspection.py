@@ -58,27 +58,28 @@ class Inspection:
 
 def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
     """Read, catalogue, cut in windows and repair one file, all reasons gathered. Raises FileError."""
-    source, read = chain.read(path, stated)
+    read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
     reasons = [_reason("catalogue", reason) for reason in catalogued.reasons]
     windows: list[dict[str, Any]] = []
     usable_s, pieces = 0.0, 0
-    clip = catalogued.pieces[0].clip if catalogued.pieces else read.clip
+    clip = catalogued.pieces[0].clip if catalogued.pieces else read.motion.clip
     for piece in catalogued.pieces[:1]:
         windows = _windows(chain.windows(piece), piece)
         repaired = chain.repaired(piece)
         reasons += [_reason("repair", reason) for reason in repaired.reasons]
-        usable_s, pieces = sum(each.clip.duration_s for each in repaired.pieces), len(repaired.pieces)
+        usable_s += sum(each.clip.duration_s for each in repaired.pieces)
+        pieces = len(repaired.pieces)
     speed = chain.speeds(clip)
     return Inspection(
         file=str(path),
         kind="human" if isinstance(clip, HumanClip) else "robot",
-        format=read.format,
-        skeleton=read.skeleton,
-        unit=read.unit,
-        up_axis=read.up_axis,
-        licence=source.licence_of(path.resolve()),
-        declared_fps=read.declared_fps,
+        format=read.motion.format,
+        skeleton=read.motion.skeleton,
+        unit=read.motion.unit,
+        up_axis=read.motion.up_axis,
+        licence=read.source.licence_of(read.path),
+        declared_fps=read.motion.declared_fps,
         fps=clip.fps,
         frames=clip.frame_count,
         seconds=clip.duration_s,

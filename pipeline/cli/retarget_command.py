@@ -78,10 +78,10 @@ def run(parsed: argparse.Namespace) -> int:
 def retarget_file(project: Project, path: Path, stated: Statement, robot: Robot) -> Retargeted:
     """A motion file through all stages up to the robot, the whole clip as one window. Raises FileError, ClipError."""
     chain = Chain(project)
-    _, read = chain.read(path, stated)
+    read = chain.read(path, stated)
     catalogued = chain.catalogued(read)
     reasons, pieces = list(catalogued.reasons), []
-    seconds_in = read.clip.duration_s
+    seconds_in = read.motion.clip.duration_s
     for whole in catalogued.pieces[:1]:
         seconds_in = whole.clip.duration_s
         repaired = chain.repaired(whole)
@@ -90,7 +90,7 @@ def retarget_file(project: Project, path: Path, stated: Statement, robot: Robot)
             outcome = chain.retargeted(piece, whole.numbers, robot)
             pieces += outcome.pieces
             reasons += outcome.reasons
-    return Retargeted(read=read, seconds_in=seconds_in, pieces=tuple(pieces), reasons=tuple(reasons))
+    return Retargeted(read=read.motion, seconds_in=seconds_in, pieces=tuple(pieces), reasons=tuple(reasons))
 
 
 def _at_rate(piece: Piece, fps: float) -> RobotClip:

@@ -12,11 +12,11 @@ def add_statement(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "what the file does not say itself", "Needed only when a command asks for it. See docs/sources.md."
     )
-    group.add_argument("--unit", help="unit of length: m, cm, mm, inch, cmu, or metres per unit")
-    group.add_argument("--up", help="axis that points up: x, y, z, -x, -y, -z (write --up=-y)")
+    group.add_argument("--unit", metavar="UNIT", help="unit of length: m, cm, mm, inch, cmu, or metres per unit")
+    group.add_argument("--up", metavar="AXIS", help="axis that points up: x, y, z, -x, -y, -z (write --up=-y)")
     group.add_argument("--source-fps", type=positive, metavar="HZ", help="true frame rate, over what the file declares")
-    group.add_argument("--skeleton", help="name of a skeleton map, or the path of your own (.yaml)")
-    group.add_argument("--asf", help="the ASF file of an AMC, from the AMC's folder")
+    group.add_argument("--skeleton", metavar="MAP", help="name of a skeleton map, or the path of your own (.yaml)")
+    group.add_argument("--asf", metavar="FILE", help="the ASF file of an AMC, from the AMC's folder")
     group.add_argument("--body-model", metavar="NPZ", help="your own SMPL body model")
 
 

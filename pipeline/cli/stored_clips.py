@@ -43,7 +43,7 @@ class _Shelf:
 
     def load(self, name: str, robot: Robot) -> Shown:
         entry = self.robot.get(name)
-        result = self.store.get_clip(entry.blob) if entry is not None else None
+        result = self.store.get_clip(entry.blob, name) if entry is not None else None
         human = self._human(name, result)
         shown = entry or self.human[name]
         return Shown(
@@ -60,7 +60,7 @@ class _Shelf:
         entry = self.human.get(base)
         if entry is None:
             return None
-        clip = self.store.get_clip(entry.blob)
+        clip = self.store.get_clip(entry.blob, base)
         if not isinstance(clip, HumanClip):
             return None
         start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
@@ -86,9 +86,9 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     if not found:
         near = difflib.get_close_matches(text, known, n=5, cutoff=0.3) or known[:5]
         raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {', '.join(near)}")
-    first = [name for name in found if name == text] or [name for name in found if name in shelf.robot][:1]
-    names = tuple(dict.fromkeys([*first, *found]))[:MOST_NAMES]
-    return Playlist(names=names, load=lambda name: shelf.load(name, robot))
+    names = [name for name in found if name == text] or found[:MOST_NAMES]
+    beside = [name for name in found if name not in names][:MOST_NAMES]
+    return Playlist(names=tuple(names), beside=tuple(beside), load=lambda name: shelf.load(name, robot))
 
 
 def _shelf(store: Store, robot: str) -> _Shelf:

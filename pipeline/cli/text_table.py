@@ -31,7 +31,7 @@ def name_values(values: Mapping[str, Any]) -> str:
 def _cell(value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return f"{round(value, 2) + 0.0:.2f}" if isinstance(value, float) else str(value)  # no negative zero
 
 
 def _is_number(value: Any) -> bool:

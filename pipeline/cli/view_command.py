@@ -33,9 +33,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--port", type=port, default=8080, help="port of the page (default: 8080, or the next free)")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve on (default: this machine alone)")
     parser.add_argument("--no-browser", action="store_true", help="serve the page but don't open it")
-    parser.add_argument(
-        "--picture", metavar="OUT.png", type=Path, help="write poses along the clip to a picture instead"
-    )
+    parser.add_argument("--picture", metavar="OUT.png", type=Path, help="write poses along the clip to a picture")
     parser.add_argument("--poses", type=poses, default=8, help="poses in the picture (default: 8)")
     add_statement(parser)
     parser.set_defaults(run=run)
@@ -64,7 +62,7 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def picture(clips: Playlist, robot: Robot, count: int) -> bytes:
-    """A contact sheet of the clip, or of the first clips where there are several."""
+    """A contact sheet of the clip, or of the first clips where the name means several."""
     shown = [clips.load(name) for name in clips.names[:MOST_STRIPS]]
     if len(shown) == 1:
         return contact_sheet(shown[0].human, shown[0].robot_clip, robot, count)

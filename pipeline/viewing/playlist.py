@@ -37,6 +37,8 @@ class Playlist:
     """Clips to choose from. The first is shown first; each is loaded when it is chosen."""
 
     names: tuple[str, ...]
-    """Not empty."""
+    """What was asked for; not empty."""
+    beside: tuple[str, ...] = ()
+    """What belongs to it and can be chosen too."""
     load: Callable[[str], Shown]
     """The clip of one of the names."""

@@ -29,7 +29,7 @@ class Viewer:
     """
 
     def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
-        names = playlist.names
+        names = playlist.names + playlist.beside
         self._load = playlist.load
         self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
