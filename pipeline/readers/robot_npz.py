@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.errors import FileError
+from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.npz_file import NpzHeader, open_npz
 from pipeline.readers.robot_motion import RobotMotion, robots
 
@@ -62,6 +62,9 @@ def _read_joint_pos(header: NpzHeader) -> RobotMotion:
         root_quat = header.numbers("body_quat_w", len(joint_pos), bodies.shape[1], 4)[:, root]
     else:
         raise FileError(header.path, "there is no root: neither body_pos_w nor seven columns before the joints.")
+    if names is None and bodies is None:
+        problem = "joint_pos has neither joint_names nor body_pos_w, so the joints' order can't be told."
+        raise AmbiguousFileError(header.path, problem, "Add joint_names to the archive.")
     return RobotMotion(
         format="robot_npz",
         path=header.path,

@@ -138,6 +138,14 @@ def test_joints_without_names_are_read_when_the_bodies_prove_their_order(tmp_pat
     assert_truth(read_motion(npz(tmp_path / "clip.npz", joint_names=None, body_names=None), "clip").clip)
 
 
+def test_joints_whose_order_nothing_proves_are_ambiguous(tmp_path):
+    root, quat, joints = truth()
+    rows = np.concatenate([root, quat, joints], axis=1)
+    path = npz(tmp_path / "clip.npz", joint_pos=rows, joint_names=None, body_pos_w=None)
+    with pytest.raises(AmbiguousFileError, match="the joints' order can't be told"):
+        read_motion(path, "clip")
+
+
 def test_joints_in_another_order_than_their_bodies_show_are_refused(tmp_path):
     path = npz(tmp_path / "clip.npz", joint_names=None, joint_pos=truth()[2][:, ::-1])
     with pytest.raises(FileError, match=r"would be 0\.\d+ m from any body of the file"):
