@@ -12,6 +12,10 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 """Tag of a materialization: the asset's fingerprint at that time."""
 
 
+FINGERPRINT_DIGITS = 40
+"""Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """One asset of the graph."""
@@ -36,7 +40,7 @@ class Plan:
         """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
         values = [settings.read_yaml(project.settings(name)) for name in self.settings_files]
         robot = digest_of_robot(project, self.robot) if self.robot else None
-        return digest.of_json([self.name, self.code_version(), values, robot])
+        return digest.of_json([self.name, self.code_version(), values, robot])[:FINGERPRINT_DIGITS]
 
 
 def digest_of_robot(project: Project, robot: str) -> str:

@@ -19,7 +19,7 @@ raw_motions = dg.AssetSpec(
 
 
 def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
-    """Every motion file: `(clip name, path, digest of all its clip is read from, (source,))`."""
+    """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
     files = []
     for source in project.sources():
         paths = list_motion_files(source)
@@ -27,7 +27,7 @@ def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
         for path, stem in zip(paths, stems, strict=True):
             within = path.relative_to(source.folder).as_posix()
             name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
-            files.append((name, path, _content(path, source), (source,)))
+            files.append((name, path, _content(path, source), (source, within)))
     return files
 
 
