@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.catalog.measure import Numbers, measure
@@ -47,25 +48,43 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
     Args:
         rate_is_stated: a person states the rate; physics may doubt it then, but not change it
     """
-    clip, reasons = read.clip, list(read.notes)
+    corrected = correct(read, settings=settings, rate_is_stated=rate_is_stated)
+    clip, reasons = corrected.clip, (*read.notes, *corrected.reasons)
+    numbers = {**_identity(read, clip), **measure(clip, settings), **_clocks(corrected.time_base)}
+    numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
+    rejected = any(reason.effect == "rejected" for reason in reasons)
+    pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
+    return Outcome(pieces=pieces, reasons=reasons, numbers=numbers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrected:
+    """A clip without the defects that concern all of its frames."""
+
+    clip: HumanClip | RobotClip
+    times_stored: int
+    """How often the file stores each frame."""
+    first_frame: int
+    """Frame of the file that is the clip's first."""
+    time_base: TimeBase | None
+    """How the rate was judged; None for a robot, whose gait and size are not a person's."""
+    reasons: tuple[Reason, ...]
+
+
+def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool = False) -> Corrected:
+    """Each frame once, then at the rate at which the motion was made."""
+    clip, reasons = read.clip, []
     times, first = times_stored(clip, settings.repeated_share)
     if times > 1:
         reasons.append(_repeated(clip, times))
         clip = each_once(clip, times, first)
-    numbers: Numbers = {}
-    if isinstance(clip, HumanClip):
-        time_base = judge(clip, read.skeleton, settings.time_base)
-        numbers = _clocks(time_base)
-        if time_base.contradicted:
-            reason = _contradicted(clip, time_base, rate_is_stated)
-            reasons.append(reason)
-            if reason.effect == "repaired" and time_base.fps is not None:
-                clip = dataclasses.replace(clip, fps=time_base.fps)
-    numbers = {**_identity(read, clip), **measure(clip, settings), **numbers}
-    numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
-    rejected = any(reason.effect == "rejected" for reason in reasons)
-    pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
-    return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=numbers)
+    time_base = judge(clip, read.skeleton, settings.time_base) if isinstance(clip, HumanClip) else None
+    if time_base is not None and time_base.contradicted:
+        reason = _contradicted(clip, time_base, rate_is_stated)
+        reasons.append(reason)
+        if reason.effect == "repaired" and time_base.fps is not None:
+            clip = dataclasses.replace(clip, fps=time_base.fps)
+    return Corrected(clip=clip, times_stored=times, first_frame=first, time_base=time_base, reasons=tuple(reasons))
 
 
 def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> Numbers:
@@ -82,8 +101,10 @@ def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> Numbers:
     }
 
 
-def _clocks(time_base: TimeBase) -> Numbers:
-    """What physics says of the rate [Hz]."""
+def _clocks(time_base: TimeBase | None) -> Numbers:
+    """What physics says of the rate [Hz]; nothing of a robot's."""
+    if time_base is None:
+        return {}
     return {
         "fps_by_gravity": None if time_base.gravity is None else round(time_base.gravity.fps, 1),
         "fps_by_gait": None if time_base.gait is None else round(time_base.gait.fps, 1),
@@ -101,7 +122,7 @@ def _repeated(clip: HumanClip | RobotClip, times: int) -> Reason:
     )
 
 
-def _contradicted(clip: HumanClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:
+def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:
     """The reason of a contradicted rate and what follows from it."""
     seen = " and ".join(clock.text for clock in (time_base.gravity, time_base.gait) if clock is not None)
     text = f"at {clip.fps:g} Hz {seen}"

@@ -12,27 +12,26 @@ from pipeline.clips.robot_clip import RobotClip
 
 MOST_TIMES = 8
 """How often a frame may be stored and still be found."""
-NO_STEP = 0.02
-"""A step smaller than this share of the steps' 90th percentile is none: rounding of the file."""
+NO_STEP = 1e-7
+"""Steps up to this [m or rad] are none: the same numbers went through another arithmetic."""
+LEAST_MOVED = 0.5
+"""Share of the distinct frames that have to differ from the one before: a frozen clip shows no pattern."""
 
 
 def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
-    """How often each frame is stored, and the first frame that differs from the one before it, below that number.
+    """How often each frame is stored, and the file's frame at which the first whole group begins.
 
-    1 for a sound clip, and for one that hardly moves. The pattern has to hold for `share` of the moving frames.
+    `(1, 0)` for a sound clip, and for one that hardly moves. `share` of all moves have to be in the pattern.
     """
     step = _steps(clip)
-    step = step[np.isfinite(step)] if np.isfinite(step).any() else np.zeros(0)
-    if len(step) < 2 * MOST_TIMES:
-        return 1, 0
-    moved = step > NO_STEP * np.percentile(step, 90.0)
-    if moved.mean() < 0.5 / MOST_TIMES:
+    moved = np.nan_to_num(step) > NO_STEP
+    if len(step) < 2 * MOST_TIMES or not moved.any():
         return 1, 0
     for times in range(MOST_TIMES, 1, -1):
         counts = np.array([moved[phase::times].sum() for phase in range(times)])
         phase = int(np.argmax(counts))
-        slots = len(moved[phase::times])
-        if counts[phase] >= share * slots and counts[phase] >= share * counts.sum():
+        slots = np.isfinite(step[phase::times]).sum()
+        if counts[phase] >= share * counts.sum() and counts[phase] >= LEAST_MOVED * slots:
             return times, (phase + 1) % times
     return 1, 0
 
