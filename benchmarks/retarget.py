@@ -29,6 +29,8 @@ from pipeline.clips.robot_clip import RobotClip  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.quality import retargeting  # noqa: E402
 from pipeline.readers import read_motion  # noqa: E402
+from pipeline.repair import RepairSettings  # noqa: E402
+from pipeline.repair import process as repair  # noqa: E402
 from pipeline.retarget import RetargetSettings, process  # noqa: E402
 from pipeline.retarget.resample import resampled  # noqa: E402
 from pipeline.robot import Kinematics, Robot, load_robot, mujoco_model  # noqa: E402
@@ -157,6 +159,7 @@ def main() -> None:
     parser.add_argument("--robot", default="t1")
     parser.add_argument("--settings", type=Path, default=ROOT / "data/retarget.yaml")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--raw", action="store_true", help="clips as recorded, without repair")
     parser.add_argument("--each", action="store_true", help="one line a clip, too")
     arguments = parser.parse_args()
     robot = load_robot(arguments.robot)
@@ -164,8 +167,7 @@ def main() -> None:
     settings = settings_file.read(arguments.settings, RetargetSettings)
     settings = dataclasses.replace(settings, fps=arguments.fps)
     scores, frames, seconds, pairs = [], 0, 0.0, {}
-    for path in files_in(arguments.paths):
-        human = prepared(read_motion(path, path.stem).clip)
+    for human in repaired(files_in(arguments.paths), arguments.raw):
         start_s = time.process_time()
         outcome = process(human, {}, settings=settings, robot=robot)
         spent_s = time.process_time() - start_s
@@ -177,15 +179,19 @@ def main() -> None:
         frames, seconds = frames + clip.frame_count, seconds + spent_s
         if arguments.each:
             line = "  ".join(f"{name.split()[0]} {pooled(name, scored[name]):.3g}" for name, *_ in BARS[1:])
-            print(f"{path.stem}: {clip.frame_count} frames  {line}")
+            print(f"{human.name}: {clip.frame_count} frames  {line}")
     pool = {name: np.concatenate([scored[name] for scored in scores]) for name in scores[0]}
     figures = {"frames per second": frames / seconds} | {name: pooled(name, values) for name, values in pool.items()}
     report(figures, pairs, arguments.json)
 
 
-def prepared(human: HumanClip) -> HumanClip:
-    """The clip with its floor at z = 0 (5th percentile of the lower toe less its usual height), as repair leaves it."""
-    return human
+def repaired(paths: Iterator[Path], raw: bool) -> Iterator[HumanClip]:
+    """The clips of the files as repair hands them on, or as they were recorded."""
+    settings = settings_file.read(ROOT / "data/repair.yaml", RepairSettings)
+    for path in paths:
+        clip = read_motion(path, path.stem).clip
+        pieces = [clip] if raw else [piece.clip for piece in repair(clip, {}, settings=settings).pieces]
+        yield from (piece for piece in pieces if isinstance(piece, HumanClip))
 
 
 def report(figures: dict[str, float], pairs: dict, as_json: bool) -> None:
@@ -199,9 +205,8 @@ def report(figures: dict[str, float], pairs: dict, as_json: bool) -> None:
         print(json.dumps({"bars": bars, "machine": machine}, indent=1))
         return
     for bar in bars:
-        print(
-            f"{bar['name']:32} {bar['value']:10.4g} {bar['unit']:7} {bar['bound']:>10}  {'' if bar['holds'] else 'MISSED'}"
-        )
+        mark = "" if bar["holds"] else "MISSED"
+        print(f"{bar['name']:32} {bar['value']:10.4g} {bar['unit']:7} {bar['bound']:>10}  {mark}")
     print(f"{'slip loose':32} {figures['slip loose']:10.4g} m/s")
     worst = sorted(pairs.items(), key=lambda item: -item[1])[:12]
     print("collisions: " + ", ".join(f"{'-'.join(pair)} {count}" for pair, count in worst))

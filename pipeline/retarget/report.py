@@ -33,8 +33,13 @@ def numbers_of(clip: RobotClip, human: HumanClip, targets: Targets, robot: Robot
         "jerk_rad_s3": retargeting.joint_jerk(clip, robot.controlled),
         "jump_frames": int(retargeting.jump_frames(clip).sum()),
         **_foot_numbers(kinematics, poses, clip, robot),
-        **vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)),
+        **velocity_of(clip),
     }
+
+
+def velocity_of(clip: RobotClip) -> dict[str, float]:
+    """The command that the robot's motion is: mean forward and lateral velocity [m/s], yaw rate [rad/s]."""
+    return dict(vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)))
 
 
 def _foot_numbers(kinematics: Kinematics, poses: LinkPoses, clip: RobotClip, robot: Robot) -> dict[str, float]:

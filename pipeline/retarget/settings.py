@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class StanceSettings:
-    """Labels of foot contact, used only for clips that bring none."""
+    """Which foot is held still beside the clip's own contacts: a wider label, so that no standing foot is let slide."""
 
     toe_height: float
     """Highest toe over its own 5th percentile [m]."""

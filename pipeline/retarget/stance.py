@@ -1,4 +1,4 @@
-"""Which foot stands when: labels from the toe for clips without contacts, and their stances."""
+"""Which foot the plan holds still, and when."""
 
 from __future__ import annotations
 
@@ -11,16 +11,20 @@ from pipeline.retarget.settings import StanceSettings
 
 
 def contacts_of(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
-    """The clip's own contacts, else labels: toe low (over its 5th percentile) and slow."""
-    if clip.contacts is not None:
-        return clip.contacts
+    """Frames in which the plan holds a foot still: the clip's own contacts and where the toe is low and slow."""
+    labels = label(clip, settings)
+    return labels if clip.contacts is None else labels | clip.contacts
+
+
+def label(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
+    """Frames in which the toe is low (over its 5th percentile) and slow."""
     columns = []
     for side in FEET:
         toe_pos_w = clip.pos(f"{side}_toe")
         speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=-1)
         height = toe_pos_w[:, 2] - np.percentile(toe_pos_w[:, 2], 5.0)
-        label = (height < settings.toe_height) & (speed < settings.toe_speed_m_s)
-        columns.append(without_short_runs(label, max(1, round(settings.shortest_s * clip.fps))))
+        low_and_slow = (height < settings.toe_height) & (speed < settings.toe_speed_m_s)
+        columns.append(without_short_runs(low_and_slow, max(1, round(settings.shortest_s * clip.fps))))
     return np.stack(columns, axis=-1)
 
 
