@@ -14,6 +14,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot
+from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.human_figure import mirrored
 from pipeline.viewing.playlist import Playlist, Shown
 
@@ -60,12 +61,9 @@ class _Shelf:
         entry = self.human.get(base)
         if entry is None:
             return None
-        clip = self.store.get_clip(entry.blob, base)
+        clip = entry_clip(self.store, entry)
         if not isinstance(clip, HumanClip):
             return None
-        start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
-        if start is not None and stop is not None and stop - start < clip.frame_count:
-            clip = clip.cut(int(start), int(stop), clip.name)
         if "mirror" in variant:
             clip = mirrored(clip)
         scale = next((float(part[1:]) for part in variant if part.startswith("x")), 1.0)

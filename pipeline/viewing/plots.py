@@ -66,7 +66,7 @@ def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:
         judged: one row an input clip with `clip, seconds_in, seconds_out`
     """
     table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
-    worst = table[table["lost"] > 0.0].sort_values(by="lost", ascending=False, kind="stable").head(most)[::-1]
+    worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(most)[::-1]
     figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(worst))

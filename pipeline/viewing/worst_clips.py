@@ -1,0 +1,44 @@
+"""The clips that a stage took most away from, as one picture with the reasons."""
+
+from __future__ import annotations
+
+from pipeline.batch import Judged, Manifest, Store
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot import Robot
+from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
+from pipeline.viewing.entry_clip import entry_clip
+
+
+def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
+    """PNG of the clips that lost the most seconds in a stage, as they came into it, with the first reason.
+
+    One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
+
+    Args:
+        stage: what the stage said
+        previous: the stage before it, which has the clips
+        robot: the one that robot clips are for
+        most: clips in the picture
+    """
+    entries = {entry.clip: entry for entry in previous.entries}
+    families: dict[str, Judged] = {}
+    for row in sorted(stage.judged, key=lambda row: (-_lost_s(row), row.clip)):
+        if _lost_s(row) > 0.0 and row.clip in entries:
+            families.setdefault(row.clip.split("~")[0], row)
+    strips = []
+    for row in list(families.values())[:most]:
+        clip = entry_clip(store, entries[row.clip])
+        why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
+        strips.append(
+            Strip(
+                title=f"{row.clip}: {why}" if why else row.clip,
+                human=clip if isinstance(clip, HumanClip) else None,
+                robot_clip=clip if isinstance(clip, RobotClip) else None,
+            )
+        )
+    return worst_clips_sheet(strips, robot)
+
+
+def _lost_s(row: Judged) -> float:
+    return float(row.numbers.get("seconds_in") or 0.0) - float(row.numbers.get("seconds_out") or 0.0)
