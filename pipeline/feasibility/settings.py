@@ -57,8 +57,11 @@ class TorqueSettings:
     """A motion whose residual is below this in nine of ten frames is taken for dynamically consistent."""
     dynamic_residual: Residual
     """Largest mean residual over a window of a consistent motion."""
-    reference_residual: Residual
-    """Largest mean residual over a window of another: of a reference that can only be followed roughly."""
+    reference_force: tuple[float, float]
+    """Largest mean force residual over a window of another, a reference that can only be followed roughly, over the
+    weight: a + b times the speed over ground [m/s]."""
+    reference_lever: tuple[float, float]
+    """The same of the lever [m]."""
     residual_window_s: float
     """Length of the window [s]."""
 

@@ -46,9 +46,14 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     bounds = settings.consistent
     consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
     solution = strict if consistent else contacts.solve(REFERENCE_EXCESS)
-    limits = settings.dynamic_residual if consistent else settings.reference_residual
+    limits = settings.dynamic_residual if consistent else _reference_limits(motion.ground_speed, settings)
     verdicts = (*_over_limit(motion, solution, settings), *_residuals(motion, solution, limits, settings))
     return Dynamics(verdicts=verdicts, consistent=consistent)
+
+
+def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
+    force, lever = settings.reference_force, settings.reference_lever
+    return Residual(force=force[0] + force[1] * speed, lever=lever[0] + lever[1] * speed)
 
 
 class _Contacts:

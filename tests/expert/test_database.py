@@ -207,7 +207,7 @@ def test_all_faults_are_said_at_once(robot: Robot, tmp_path: Path):
 
 
 def test_a_folder_that_is_no_database_is_refused(tmp_path: Path):
-    with pytest.raises(DatabaseError, match="manifest.json: is missing"):
+    with pytest.raises(DatabaseError, match="manifest\\.json: is missing"):
         read_database(tmp_path)
 
 

@@ -1,0 +1,147 @@
+"""Weights: positive, even over commands, shared by variants, the same whatever the order; and what is missing."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.feasibility import FeasibilitySettings, balance, coverage
+from pipeline.feasibility.balance import BalanceError, effective_seconds
+from pipeline.files import settings
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMITS = settings.read(ROOT / "data" / "feasibility.yaml", FeasibilitySettings)
+
+
+def _row(clip: str, seconds: float = 2.0, forward: float = 0.5, lateral: float = 0.0, yaw: float = 0.0, **more) -> dict:
+    said = {"forward_m_s": forward, "lateral_m_s": lateral, "yaw_rate_rad_s": yaw, "root_jerk": 50.0}
+    return {"clip": clip, "seconds": seconds, **said, **more}
+
+
+def _weights(rows: list[dict]) -> dict[str, float]:
+    table = balance(pd.DataFrame(rows), LIMITS)
+    return dict(zip(table["clip"], table["weight"], strict=True))
+
+
+def test_each_command_cell_has_the_same_weight():
+    rows = [_row(f"common{index}") for index in range(9)] + [_row("rare", forward=1.1)]
+    weights = _weights(rows)
+    assert weights["rare"] == pytest.approx(sum(weights[f"common{index}"] for index in range(9)))
+
+
+def test_no_second_weighs_more_than_the_bound():
+    rows = [_row(f"common{index}", seconds=100.0) for index in range(5)] + [_row("rare", seconds=0.5, forward=1.1)]
+    table = balance(pd.DataFrame(rows), LIMITS)
+    second = table["weight"] / table["seconds"]
+    mean = table["weight"].sum() / table["seconds"].sum()
+    assert second.max() <= LIMITS.balance.max_ratio * mean * 1.001
+
+
+def test_variants_of_one_motion_in_one_cell_share_its_weight():
+    rows = [_row("alone"), *(_row(f"family{tail}", parent="family") for tail in ("", "~mirror", "~x0.9+1"))]
+    weights = _weights(rows)
+    assert sum(weight for clip, weight in weights.items() if clip != "alone") == pytest.approx(weights["alone"])
+
+
+def test_the_parent_is_told_from_the_name_where_it_is_not_said():
+    weights = _weights([_row("alone"), _row("family"), _row("family~mirror"), _row("family+3")])
+    assert weights["family"] == pytest.approx(weights["alone"] / 3.0)
+
+
+def test_a_rough_motion_weighs_less():
+    weights = _weights([_row("smooth", root_jerk=20.0), _row("rough", root_jerk=400.0)])
+    assert weights["rough"] < weights["smooth"] / 3.0
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(1.0, 30.0),
+            st.floats(-1.0, 3.0),
+            st.floats(-1.0, 1.0),
+            st.floats(-2.0, 2.0),
+            st.floats(0.0, 400.0),
+        ),
+        min_size=1,
+        max_size=30,
+    ),
+    st.randoms(use_true_random=False),
+)
+def test_weights_are_positive_with_mean_one_and_do_not_depend_on_order(clips, random):
+    rows = [_row(f"c{i}", s, f, side, y, root_jerk=j) for i, (s, f, side, y, j) in enumerate(clips)]
+    weights = _weights(rows)
+    assert np.mean(list(weights.values())) == pytest.approx(1.0)
+    assert all(np.isfinite(weight) and weight > 0.0 for weight in weights.values())
+    shuffled = list(rows)
+    random.shuffle(shuffled)
+    assert _weights(shuffled) == weights
+
+
+def test_a_table_that_can_not_be_balanced_says_every_fault():
+    rows = pd.DataFrame([_row("twice"), _row("twice"), _row("nan", forward=np.nan), _row("none", seconds=0.0)])
+    with pytest.raises(BalanceError) as raised:
+        balance(rows, LIMITS)
+    for fault in ("'twice' is there twice", "'nan': forward_m_s is not finite", "'none': has no seconds"):
+        assert fault in str(raised.value)
+    with pytest.raises(BalanceError, match="'root_jerk' is missing"):
+        balance(rows.drop(columns="root_jerk"), LIMITS)
+
+
+def test_no_clips_have_no_weights():
+    assert balance(pd.DataFrame(), LIMITS).empty
+
+
+def test_effective_seconds_are_the_seconds_where_all_weigh_the_same():
+    seconds = pd.Series([1.0, 2.0, 5.0])
+    assert effective_seconds(seconds, seconds) == pytest.approx(8.0)
+    assert effective_seconds(seconds, pd.Series([1.0, 0.0, 0.0])) == pytest.approx(1.0)
+
+
+def test_what_is_missing_is_said_in_words():
+    speeds = (-0.5, -0.3, -0.15, 0.15, 0.3, 0.5, 0.7, 0.9, 1.5, 1.7, 1.9)
+    rows = [_row(f"f{forward}", forward=forward) for forward in speeds]
+    rows += [_row("right", forward=0.0, lateral=-0.5), _row("left", forward=0.0, lateral=0.3)]
+    rows += [_row(f"y{yaw}", forward=0.0, yaw=yaw) for yaw in (-1.2, -0.7, 0.3, 0.7, 1.2)]
+    rows += [_row("stand", forward=0.0)]
+    found = coverage(pd.DataFrame(rows), LIMITS).missing
+    assert "No clip walks forward at 1.0 to 1.4 m/s." in found
+    assert "No clip walks left at 0.4 to 0.6 m/s." in found
+    assert not any("turns" in sentence and "1.5" in sentence for sentence in found)
+    assert not any("stands" in sentence for sentence in found)
+    assert not any("walks back" in sentence for sentence in found)
+
+
+def test_cells_hold_the_seconds_of_their_clips_and_no_others():
+    rows = pd.DataFrame(
+        [
+            _row("a", 3.0, forward=0.5),
+            _row("b", 4.0, forward=0.45),
+            _row("c", 5.0, forward=0.5, yaw=1.2),
+            _row("d", 6.0, 9.0),
+        ]
+    )
+    cells = coverage(balance(rows, LIMITS), LIMITS).cells
+    forward = cells[(cells["axis"] == "forward") & np.isclose(cells["low"], 0.4)]
+    assert forward["seconds"].tolist() == [7.0]
+    assert forward["clips"].tolist() == [2]
+    assert forward["effective_seconds"].iloc[0] <= 7.0
+    plane = cells[(cells["axis"] == "forward_yaw") & np.isclose(cells["low"], 0.4) & np.isclose(cells["low_2"], 1.0)]
+    assert plane["seconds"].tolist() == [5.0]
+    assert cells.loc[cells["axis"] == "forward", "seconds"].sum() == 7.0
+
+
+def test_with_no_clip_at_all_everything_is_missing():
+    found = coverage(pd.DataFrame(), LIMITS)
+    assert len(found.missing) == 7
+    assert found.cells["seconds"].sum() == 0.0
+
+
+def test_half_a_power_balances_half():
+    half = dataclasses.replace(LIMITS, balance=dataclasses.replace(LIMITS.balance, cell_power=0.0))
+    rows = pd.DataFrame([_row(f"common{index}") for index in range(9)] + [_row("rare", forward=1.1)])
+    table = balance(rows, half)
+    np.testing.assert_allclose(table["weight"], 1.0)
