@@ -180,6 +180,8 @@ def main() -> None:
         if arguments.each:
             line = "  ".join(f"{name.split()[0]} {pooled(name, scored[name]):.3g}" for name, *_ in BARS[1:])
             print(f"{human.name}: {clip.frame_count} frames  {line}")
+    if not scores:
+        parser.error("repair left nothing of these clips; --raw takes them as recorded")
     pool = {name: np.concatenate([scored[name] for scored in scores]) for name in scores[0]}
     figures = {"frames per second": frames / seconds} | {name: pooled(name, values) for name, values in pool.items()}
     report(figures, pairs, arguments.json)

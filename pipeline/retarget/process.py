@@ -13,7 +13,7 @@ from pipeline.clips.outcome import Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.retarget.clearance import cleared
-from pipeline.retarget.report import numbers_of, velocity_of
+from pipeline.retarget.report import numbers_of
 from pipeline.retarget.resample import resampled
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
@@ -24,16 +24,11 @@ from pipeline.robot import Kinematics, Robot
 STAGE_VERSION = "1"
 
 
-def process(
-    clip: HumanClip | RobotClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot
-) -> Outcome:
+def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
     """The robot's motion for a repaired human clip, one piece under the clip's name.
 
-    A recording of this robot goes on as it is, at the settings' rate. Raises ClipError for a clip with missing
-    samples, without a person's legs, that the solver fails on, or of another robot.
+    Raises ClipError for a clip with missing samples, without a person's legs, or that the solver fails on.
     """
-    if isinstance(clip, RobotClip):
-        return _recorded(clip, settings, robot)
     _refuse_missing(clip)
     human = resampled(clip, settings.fps)
     targets, trajectory = retarget(human, settings, robot)
@@ -65,14 +60,6 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
     return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
-
-
-def _recorded(clip: RobotClip, settings: RetargetSettings, robot: Robot) -> Outcome:
-    if clip.joint_names != robot.joint_names:
-        problem = f"it is of robot '{clip.robot}' and can't become '{robot.name}': their joints differ."
-        raise ClipError(clip.name, "other_robot", problem)
-    result = clip.resampled(settings.fps)
-    return Outcome(pieces=(Piece(clip=result, numbers=velocity_of(result)),), numbers={"seconds": clip.duration_s})
 
 
 def _refuse_missing(clip: HumanClip) -> None:

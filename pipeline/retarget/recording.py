@@ -8,6 +8,7 @@ from typing import Any
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.retarget.process import process
+from pipeline.retarget.report import velocity_of
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.robot import Robot
 
@@ -20,4 +21,5 @@ def onto_robot(clip: Clip, numbers: Mapping[str, Any], *, settings: RetargetSett
         text = f"'{clip.name}' is a recording of the robot '{clip.robot}', not of '{robot.name}'."
         return Outcome(reasons=(Reason(code="other_robot", text=text, effect="rejected"),))
     resampled = clip.resampled(settings.fps)
-    return Outcome(pieces=(Piece(clip=resampled, numbers={"seconds": resampled.duration_s, "leg_ratio": 1.0}),))
+    measured = {"seconds": resampled.duration_s, "leg_ratio": 1.0, **velocity_of(resampled)}
+    return Outcome(pieces=(Piece(clip=resampled, numbers=measured),))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool
 
 from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
@@ -32,7 +33,7 @@ def numbers_of(clip: RobotClip, human: HumanClip, targets: Targets, robot: Robot
         "heading_error_deg": float(np.rad2deg(retargeting.pelvis_heading_error(human, poses, robot).mean())),
         "jerk_rad_s3": retargeting.joint_jerk(clip, robot.controlled),
         "jump_frames": int(retargeting.jump_frames(clip).sum()),
-        **_foot_numbers(kinematics, poses, clip, robot),
+        **_foot_numbers(kinematics, poses, targets.contacts, clip.fps, robot),
         **velocity_of(clip),
     }
 
@@ -42,12 +43,14 @@ def velocity_of(clip: RobotClip) -> dict[str, float]:
     return dict(vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)))
 
 
-def _foot_numbers(kinematics: Kinematics, poses: LinkPoses, clip: RobotClip, robot: Robot) -> dict[str, float]:
+def _foot_numbers(
+    kinematics: Kinematics, poses: LinkPoses, contacts: Bool[np.ndarray, "t 2"], fps: float, robot: Robot
+) -> dict[str, float]:
     soles_w = kinematics.site_pos_w(poses, robot.feet)
     corners_w = kinematics.site_pos_w(poses, (*robot.sole_corners[0], *robot.sole_corners[1]))
-    speed = np.linalg.norm(time_series.derivative(soles_w[..., :2], clip.fps), axis=-1)
-    interior = inner_contacts(clip.contacts)
-    drifts = np.concatenate([retargeting.stance_drifts(soles_w[:, side], clip.contacts[:, side]) for side in range(2)])
+    speed = np.linalg.norm(time_series.derivative(soles_w[..., :2], fps), axis=-1)
+    interior = inner_contacts(contacts)
+    drifts = np.concatenate([retargeting.stance_drifts(soles_w[:, side], contacts[:, side]) for side in range(2)])
     return {
         "slip_m_s": float(speed[interior].mean()) if interior.any() else 0.0,
         "drift_m": float(drifts.mean()) if len(drifts) else 0.0,

@@ -19,6 +19,7 @@ from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.quality import foot_slip, retargeting, sole
 from pipeline.retarget import RetargetSettings, process
+from pipeline.retarget.recording import onto_robot
 from pipeline.robot import Kinematics, load_robot, mujoco_model
 from tests.factories.human_clips import Gait, standing, turned, walker
 from tests.factories.retarget_clips import mirrored, person_of, scaled
@@ -183,16 +184,16 @@ def test_a_clip_of_one_frame_is_a_pose():
 
 def test_a_recording_of_the_robot_goes_on_as_it_is():
     _, clip = walking()
-    (piece,) = process(clip, {}, settings=SETTINGS, robot=ROBOT).pieces
+    (piece,) = onto_robot(clip, {}, settings=SETTINGS, robot=ROBOT).pieces
     assert codec.encode(piece.clip) == codec.encode(clip)
     assert piece.numbers["forward_m_s"] > 0.3
 
 
-def test_a_recording_of_another_robot_is_refused():
+def test_a_recording_of_another_robot_is_rejected():
     _, clip = walking()
-    other = dataclasses.replace(clip, robot="k9", joint_names=tuple(f"{name}_k9" for name in clip.joint_names))
-    with pytest.raises(ClipError, match="it is of robot 'k9' and can't become 't1'"):
-        process(other, {}, settings=SETTINGS, robot=ROBOT)
+    outcome = onto_robot(dataclasses.replace(clip, robot="k9"), {}, settings=SETTINGS, robot=ROBOT)
+    assert not outcome.accepted
+    assert outcome.reasons[0].text == "'walker' is a recording of the robot 'k9', not of 't1'."
 
 
 def test_crossed_feet_end_up_side_by_side():
