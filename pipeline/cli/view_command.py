@@ -56,9 +56,10 @@ def run(parsed: argparse.Namespace) -> int:
         if not parsed.no_browser:
             webbrowser.open(viewer.url)
         viewer.run()
+    except KeyboardInterrupt:
+        return 0  # the way to end it
     finally:
         viewer.stop()
-    return 0
 
 
 def picture(clips: Playlist, robot: Robot, count: int) -> bytes:

@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 import time
+from typing import NoReturn
 
 import numpy as np
 import viser
 
+from pipeline.errors import PipelineError
 from pipeline.viewing.playback import SPEEDS, Playback
 from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.scene import SceneFigure
@@ -60,7 +62,7 @@ class Viewer:
     def step(self, passed_s: float) -> None:
         """One tick: take what the controls say, let `passed_s` of real time pass, move the figures."""
         if self.clip.value != self._chosen:
-            self._choose(self.clip.value)
+            self._try_to_choose(self.clip.value)
         self.playback.speed = float(self.speed.value)
         if abs(self.slider.value - self._slider_set_to) > 1e-6:
             self.playback.seek(self.slider.value)
@@ -68,7 +70,7 @@ class Viewer:
             self.playback.advance(passed_s)
         self._show()
 
-    def run(self) -> None:
+    def run(self) -> NoReturn:
         """Play until interrupted."""
         last = time.monotonic()
         while True:
@@ -80,6 +82,14 @@ class Viewer:
     def stop(self) -> None:
         """End the server; its port is free again."""
         self.server.stop()
+
+    def _try_to_choose(self, name: str) -> None:
+        """Show another clip; one that can't be shown leaves the scene as it is and says why."""
+        try:
+            self._choose(name)
+        except PipelineError as error:
+            self._chosen = name
+            self.text.content = f"**{name}** can't be shown: {error}"
 
     def _choose(self, name: str) -> None:
         shown = self._load(name)

@@ -7,6 +7,7 @@ import urllib.request
 import numpy as np
 import pytest
 
+from pipeline.errors import ClipError
 from pipeline.robot import load_robot
 from pipeline.viewing.playback import Playback
 from pipeline.viewing.playlist import Playlist, Shown
@@ -25,13 +26,15 @@ def viewer(robot):
     """Two clips: a human beside a robot, and a robot alone."""
 
     def load(name: str) -> Shown:
+        if name == "broken":
+            raise ClipError(name, "damaged", "it has no frames.")
         human = gliding_human() if name == "both" else None
         return Shown(name=name, human=human, robot_clip=standing_robot(robot), robot=robot, text="as measured")
 
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    viewer = Viewer(Playlist(names=("both", "robot alone"), load=load), port=port)
+    viewer = Viewer(Playlist(names=("both", "robot alone"), beside=("broken",), load=load), port=port)
     yield viewer
     viewer.stop()
 
@@ -116,6 +119,16 @@ def test_another_clip_replaces_the_figures(viewer):
     viewer.clip.value = "both"
     viewer.step(0.0)
     assert [figure.figure.name for figure in viewer.figures] == ["human", "t1"]
+
+
+def test_a_clip_that_cannot_be_shown_says_why_and_the_viewer_goes_on(viewer):
+    viewer.clip.value = "broken"
+    viewer.step(0.1)
+    viewer.step(0.1)
+    assert "clip 'broken': it has no frames." in viewer.text.content and viewer.figures
+    viewer.clip.value = "both"
+    viewer.step(0.0)
+    assert "as measured" in viewer.text.content
 
 
 def test_staying_in_place_moves_the_scene_back_by_the_path(viewer):
