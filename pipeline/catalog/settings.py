@@ -45,5 +45,5 @@ class CatalogSettings:
     facing_s: float
     """Width of the moving mean on the facing [s]."""
     repeated_share: float
-    """Share of all moves from frame to frame that must be in the pattern before frames count as stored several times."""
+    """Share of all moves from frame to frame that are in the pattern where frames are stored several times."""
     time_base: TimeBaseSettings

@@ -67,8 +67,8 @@ def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: floa
         part = slice(start, stop)
         valid[part] = True
         velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], clip.fps), velocity_s, clip.fps)
-        smooth = _mean(facing_w[part], facing_s, clip.fps)
-        yaw[part] = np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0]))
+        turned = np.unwrap(np.arctan2(facing_w[part, 1], facing_w[part, 0]))
+        yaw[part] = _mean_of_trend(turned, facing_s, clip.fps)
         yaw_rate[part] = time_series.derivative(yaw[part], clip.fps)
     cos, sin = np.cos(yaw), np.sin(yaw)
     return PlanarMotion(
@@ -102,4 +102,17 @@ def _stretches(root_w: np.ndarray, recorded: np.ndarray, fps: float) -> list[tup
 
 def _mean(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
     """Moving mean over the odd number of frames nearest to `width_s`."""
-    return time_series.moving_mean(values, 2 * round((width_s * fps - 1.0) / 2.0) + 1)
+    return time_series.moving_mean(values, _odd(width_s * fps))
+
+
+def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
+    """The same for values that go on rising or falling at the ends: continued there by their point reflection."""
+    half = min(_odd(width_s * fps) // 2, len(values) - 1)
+    before = 2.0 * values[0] - values[half:0:-1]
+    after = 2.0 * values[-1] - values[-2 : -half - 2 : -1]
+    extended = np.concatenate([before, values, after])
+    return time_series.moving_mean(extended, 2 * half + 1)[half : half + len(values)]
+
+
+def _odd(frames: float) -> int:
+    return 2 * round((frames - 1.0) / 2.0) + 1

@@ -1,0 +1,32 @@
+"""Windows of real recordings against hand-checked ones, from the files on."""
+
+import csv
+
+import pytest
+
+from benchmarks.selection import LEAST_EACH, LEAST_OVERALL, agreement, frame_labels
+from pipeline.catalog import CatalogSettings
+from pipeline.files import settings as settings_file
+from pipeline.selection import SKILLS, Curation
+from tests.conftest import ROOT
+
+CATALOG = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings)
+CURATION = settings_file.read(ROOT / "data" / "curation.yaml", Curation)
+
+
+@pytest.mark.shared
+def test_windows_agree_with_the_labelled_seconds(mocap):
+    with (mocap / "segments.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    found = agreement(mocap, CATALOG, CURATION)
+    assert sum(found.labelled_s.values()) > 250.0
+    assert len(rows) > 100
+    assert found.overall_percent >= LEAST_OVERALL
+    assert {skill: found.percent(skill) >= LEAST_EACH for skill in SKILLS} == dict.fromkeys(SKILLS, True)
+
+
+@pytest.mark.shared
+def test_a_run_declared_at_a_fifth_of_its_rate_is_a_run(mocap):
+    labels, fps = frame_labels(mocap / "cmu_bvh" / "02_03.bvh", CATALOG, CURATION)
+    assert fps == 120.0
+    assert (labels == "run").mean() > 0.9
