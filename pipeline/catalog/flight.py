@@ -64,7 +64,8 @@ def _airborne(clip: HumanClip, stride: int) -> Bool[np.ndarray, " t"]:
     body_speed = np.linalg.norm(travel, axis=1)
     heights = points[:, :, 2].copy()
     heights[:, 0::2] -= np.nanpercentile(heights[:, 0::2], 5.0) - np.nanpercentile(heights[:, 1::2], 5.0)
-    lowest = np.nan_to_num(heights.min(axis=1), nan=-np.inf)
+    lowest = heights.min(axis=1)
+    lowest = np.where(np.isfinite(lowest), lowest, np.nanmin(lowest))
     clear = lowest - minimum_filter1d(lowest, stride) > CLEARANCE * leg
     return clear & (slowest > STILL_SHARE * body_speed) & (body_speed * stride > leg)
 

@@ -5,10 +5,11 @@ Nothing here needs the clip's rate, so that it can be used to judge it.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.signal import find_peaks
 
 from pipeline import rotation
@@ -51,7 +52,7 @@ def stride_frames(clip: HumanClip) -> float | None:
 
 def step_rate(clip: HumanClip) -> float | None:
     """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
-    events, _ = _step_events(clip)
+    events = _step_events(clip)
     return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
 
 
@@ -60,14 +61,14 @@ def steps_ahead(clip: HumanClip) -> Steps:
 
     Frames with missing positions are left out; a step across them is not counted.
     """
-    events, is_left = _step_events(clip)
+    events = _step_events(clip)
     pelvis, facing = clip.pos("pelvis")[:, :2], _facing(clip)
     known = np.isfinite(pelvis).all(axis=1) & np.isfinite(facing).all(axis=1)
     frames, length, before = [], [], None
-    for first, last, alternates in zip(events[:-1], events[1:], is_left[:-1] != is_left[1:], strict=True):
+    for first, last in itertools.pairwise(events):
         way = pelvis[last] - pelvis[first]
         direction, before = before, way
-        if not alternates or direction is None or not known[first : last + 1].all():
+        if direction is None or not known[first : last + 1].all():
             continue
         ahead = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
         if ahead > AHEAD * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:
@@ -76,17 +77,20 @@ def steps_ahead(clip: HumanClip) -> Steps:
     return Steps(frames=np.array(frames, dtype=float), length=np.array(length))
 
 
-def _step_events(clip: HumanClip) -> tuple[np.ndarray, np.ndarray]:
-    """Frames (n,) at which one ankle leads the other most, and whether it is the left one (n,)."""
+def _step_events(clip: HumanClip) -> Int[np.ndarray, " n"]:
+    """Frames at which one ankle leads the other most, left and right in turns."""
     lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * _facing(clip), axis=1)
     index = np.flatnonzero(np.isfinite(lead))
     if len(index) < 3:
-        return np.zeros(0, dtype=int), np.zeros(0, dtype=bool)
+        return np.zeros(0, dtype=int)
     prominence = LEAST_SPREAD * leg_length(clip)
-    left = index[find_peaks(lead[index], prominence=prominence)[0]]
-    right = index[find_peaks(-lead[index], prominence=prominence)[0]]
-    events = np.sort(np.concatenate([left, right]))
-    return events, np.isin(events, left)
+    left = [(int(frame), True) for frame in index[find_peaks(lead[index], prominence=prominence)[0]]]
+    right = [(int(frame), False) for frame in index[find_peaks(-lead[index], prominence=prominence)[0]]]
+    events = []
+    for _, same in itertools.groupby(sorted(left + right), key=lambda event: event[1]):
+        frames = [frame for frame, _ in same]
+        events.append((frames[0] + frames[-1]) // 2)
+    return np.array(events, dtype=int)
 
 
 def _facing(clip: HumanClip) -> np.ndarray:

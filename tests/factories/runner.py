@@ -49,13 +49,14 @@ def _bounce(times: np.ndarray) -> np.ndarray:
 
 
 def _ankle(times: np.ndarray, speed_m_s: float, offset: float) -> np.ndarray:
-    """Ankle of a foot that stands in every second step, from step `offset` on."""
+    """Ankle of a foot that stands in every second step, from step `offset` on; slowest when it leaves and lands."""
     stride = 2.0 * STEP_S
     count = np.floor((times - offset * STEP_S) / stride)
     since = times - offset * STEP_S - count * stride
     planted = speed_m_s * (offset * STEP_S + count * stride + STANCE_S / 2.0)
     swing = np.clip((since - STANCE_S) / (stride - STANCE_S), 0.0, 1.0)
     place = np.zeros((len(times), 3))
-    place[:, 0] = planted + speed_m_s * stride * swing
+    eased = swing - 0.5 * np.sin(2.0 * np.pi * swing) / (2.0 * np.pi)
+    place[:, 0] = planted + speed_m_s * stride * eased
     place[:, 2] = 0.08 + 0.25 * np.sin(np.pi * swing)
     return place
