@@ -1,0 +1,196 @@
+"""Time and memory of the README's command, stage by stage, over few and many clips.
+
+    python benchmarks/pipeline.py [--sizes 10,100] [--repeat 1] [--no-shipped] [--json] [--keep FOLDER]
+
+In a checkout of its own the command `dagster asset materialize --select expert_db` runs over so many different clips,
+cut from the shipped sound motions: cold, repeated with nothing changed, and with one clip changed. Durations are those
+of Dagster's history, memory is sampled over all processes. docs/benchmarks.md tells what the numbers mean.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import statistics
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.many_motions import file_name, sound_motions, write_clip, write_clips  # noqa: E402
+from benchmarks.process_tree import clean_environment, watch  # noqa: E402
+from benchmarks.report import Bar, machine, report  # noqa: E402
+from benchmarks.stage_runs import BETWEEN, STAGES, CommandRun, read_run  # noqa: E402
+from tests.factories.checkout import Checkout  # noqa: E402
+
+COMMAND = ("dagster", "asset", "materialize", "--select", "expert_db")
+COLD, UNCHANGED, ONE_CHANGED = "cold", "unchanged", "one changed"
+SHIPPED = "shipped"
+
+MOST_SHIPPED_S = 300.0
+"""[s] The main job on the shipped motions, on two cores."""
+MOST_UNCHANGED_S = 15.0
+"""[s] The command repeated with nothing changed."""
+MOST_MAIN_MB_PER_CLIP = 0.5
+"""[MB] What the command's process may grow by for each further clip: names, numbers and reasons, never frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One run of the command over a known amount of motion."""
+
+    clips: int
+    clip_seconds: float
+    scenario: str
+    run: CommandRun
+
+    @property
+    def name(self) -> str:
+        return f"{self.clips} clips, {self.scenario}"
+
+
+def main() -> None:
+    arguments = _arguments()
+    cases: list[Case] = []
+    for _ in range(arguments.repeat):
+        if arguments.shipped:
+            cases += in_checkout(arguments.keep, shipped=True)
+        for size in arguments.sizes:
+            cases += in_checkout(arguments.keep, size=size)
+    if not arguments.json:
+        for case in cases:
+            print_stages(case)
+    described = {**machine(), "command": " ".join(COMMAND), "repeats": arguments.repeat}
+    holds = report(bars(cases), machine=described, json=arguments.json)
+    sys.exit(0 if holds else 1)
+
+
+def in_checkout(keep: Path | None, *, size: int = 0, shipped: bool = False) -> list[Case]:
+    """The three runs over `size` clips, or the shipped motions cold and unchanged, in a fresh checkout."""
+    folder = keep or Path(tempfile.mkdtemp(prefix="booster_lab_benchmark_"))
+    root = folder / (SHIPPED if shipped else f"{size}_clips")
+    shutil.rmtree(root, ignore_errors=True)
+    try:
+        return _shipped_cases(root) if shipped else _sized_cases(root, size)
+    finally:
+        if keep is None:
+            shutil.rmtree(folder)
+
+
+def _sized_cases(root: Path, size: int) -> list[Case]:
+    Checkout.make(ROOT, root, ())
+    motions, folder = sound_motions(ROOT / "data/motions"), root / "data/motions"
+    seconds = write_clips(motions, size, folder)
+    cases = [_case(root, size, seconds, COLD), _case(root, size, seconds, UNCHANGED)]
+    write_clip(motions, size // 2, folder, changed=True)
+    changed = f"booster_lab/{Path(file_name(motions, size // 2)).stem}"
+    return [*cases, _case(root, size, seconds, ONE_CHANGED, changed)]
+
+
+def _shipped_cases(root: Path) -> list[Case]:
+    names = tuple(path.stem for path in (ROOT / "data/motions").glob("*.bvh"))
+    Checkout.make(ROOT, root, names)
+    seconds = sum(motion.frame_time_s * len(motion.frames) for motion in sound_motions(root / "data/motions"))
+    return [_case(root, len(names), seconds, f"{SHIPPED}, {scenario}") for scenario in (COLD, UNCHANGED)]
+
+
+def _case(root: Path, clips: int, clip_seconds: float, scenario: str, changed: str = "") -> Case:
+    environment = clean_environment(root, Path(sys.executable).parent)
+    watched = watch(COMMAND, folder=root, environment=environment, log=root.with_suffix(".log"))
+    run = read_run(root, watched, changed)
+    print(f"{clips} clips, {scenario}: {run.wall_s:.1f} s", file=sys.stderr)
+    return Case(clips=clips, clip_seconds=clip_seconds, scenario=scenario, run=run)
+
+
+def bars(cases: list[Case]) -> list[Bar]:
+    """All numbers over the repeats (medians, with the spread of wall times), and the bounds they are held to."""
+    found: list[Bar] = []
+    for name in dict.fromkeys(case.name for case in cases):
+        found += _bars_of([case for case in cases if case.name == name])
+    found += _growth(cases)
+    return found
+
+
+def _bars_of(same: list[Case]) -> list[Bar]:
+    """Of the repeats of one case."""
+    first, runs = same[0], [case.run for case in same]
+    walls = [run.wall_s for run in runs]
+    most = MOST_UNCHANGED_S if UNCHANGED in first.scenario else MOST_SHIPPED_S if SHIPPED in first.scenario else None
+    found = [
+        Bar(name=f"{first.name}: wall time", value=max(walls), unit="s", sense="<=", bound=most),
+        Bar(name=f"{first.name}: spread of wall time", value=max(walls) - min(walls), unit="s"),
+        Bar(name=f"{first.name}: processor time", value=_median(run.cpu_s for run in runs), unit="s"),
+        Bar(name=f"{first.name}: peak memory, main process", value=_median(run.main_mb for run in runs), unit="MB"),
+        Bar(name=f"{first.name}: peak memory, all processes", value=_median(run.tree_mb for run in runs), unit="MB"),
+    ]
+    if UNCHANGED in first.scenario:
+        again = max(run.recomputed for run in runs)
+        found.append(Bar(name=f"{first.name}: clips recomputed", value=again, sense="<=", bound=0))
+    if first.scenario == ONE_CHANGED:
+        more = max(run.unexpected for run in runs)
+        found.append(Bar(name=f"{first.name}: clips recomputed but its own", value=more, sense="<=", bound=0))
+    if COLD in first.scenario:
+        found += [
+            Bar(
+                name=f"{first.name}: {stage}",
+                value=_median(run.stages[stage].seconds for run in runs) / first.clip_seconds,
+                unit="s per clip-second",
+            )
+            for stage in (*STAGES, BETWEEN)
+            if all(stage in run.stages for run in runs)
+        ]
+    return found
+
+
+def _growth(cases: list[Case]) -> list[Bar]:
+    """What the main process grew by between the smallest and the largest size, a clip."""
+    cold = [case for case in cases if case.scenario == COLD]
+    sizes = sorted({case.clips for case in cold})
+    if len(sizes) < 2:
+        return []
+    few, many = (_median(case.run.main_mb for case in cold if case.clips == size) for size in (sizes[0], sizes[-1]))
+    return [
+        Bar(
+            name=f"main process from {sizes[0]} to {sizes[-1]} clips",
+            value=(many - few) / (sizes[-1] - sizes[0]),
+            unit="MB a clip",
+            sense="<=",
+            bound=MOST_MAIN_MB_PER_CLIP,
+        )
+    ]
+
+
+def print_stages(case: Case) -> None:
+    """One row a stage."""
+    print(f"\n{case.name}: {case.clip_seconds:.0f} s of motion, {case.run.wall_s:.1f} s, {case.run.cpu_s:.1f} s of CPU")
+    print(f"{'':20} {'s':>8} {'s / clip-s':>11} {'recomputed':>11} {'main MB':>8} {'tree MB':>8}")
+    for name in (*STAGES, BETWEEN):
+        stage = case.run.stages.get(name)
+        if stage is not None:
+            again = "" if stage.recomputed is None else str(stage.recomputed)
+            per_second = stage.seconds / case.clip_seconds
+            memory = f"{stage.main_mb:8.0f} {stage.tree_mb:8.0f}"
+            print(f"{name:20} {stage.seconds:8.2f} {per_second:11.4f} {again:>11} {memory}")
+
+
+def _median(values) -> float:
+    return float(statistics.median(values))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", type=lambda text: [int(each) for each in text.split(",") if each], default=[10, 100])
+    parser.add_argument("--repeat", type=int, default=1, help="all of it so many times")
+    parser.add_argument(
+        "--shipped", action=argparse.BooleanOptionalAction, default=True, help="the shipped motions, too"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
+    parser.add_argument("--keep", type=Path, help="leave the checkouts and their logs in this folder")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

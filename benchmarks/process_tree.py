@@ -1,0 +1,91 @@
+"""A command run to its end while the memory and processor time of its process and all below it are sampled."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+PERIOD_S = 0.05
+MB = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """Resident memory [MB] at one time. Pages that processes share count once in each of them."""
+
+    time_s: float
+    """Seconds since the epoch, as Dagster stamps its events."""
+    main_mb: float
+    """Of the command's own process."""
+    tree_mb: float
+    """Of it and all processes below it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watched:
+    """A command that has ended."""
+
+    started_s: float
+    """Seconds since the epoch."""
+    wall_s: float
+    cpu_s: float
+    """Processor time, user and system, of all processes."""
+    samples: tuple[Sample, ...]
+    output: str
+
+    def peak(self, start_s: float = 0.0, stop_s: float = float("inf")) -> tuple[float, float]:
+        """Largest `main_mb` and `tree_mb` between two times (epoch); of a span without sample those next to it."""
+        inside = [each for each in self.samples if start_s <= each.time_s <= stop_s]
+        if not inside:
+            inside = [min(self.samples, key=lambda each: abs(each.time_s - start_s))]
+        return max(each.main_mb for each in inside), max(each.tree_mb for each in inside)
+
+
+def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], log: Path) -> Watched:
+    """Run a command in a folder, output to the file `log`. Raises RuntimeError with its last lines when it fails."""
+    samples: list[Sample] = []
+    cpu_s: dict[int, float] = {}
+    started_s, clock_s = time.time(), time.perf_counter()
+    with log.open("w") as stream:
+        process = subprocess.Popen(
+            command, cwd=folder, env={**environment}, stdout=stream, stderr=subprocess.STDOUT, text=True
+        )
+        tree = psutil.Process(process.pid)
+        while process.poll() is None:
+            samples += _sample(tree, cpu_s)
+            time.sleep(PERIOD_S)
+    wall_s = time.perf_counter() - clock_s
+    output = log.read_text()
+    if process.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)} ended with {process.returncode}:\n{output[-3000:]}")
+    return Watched(started_s=started_s, wall_s=wall_s, cpu_s=sum(cpu_s.values()), samples=tuple(samples), output=output)
+
+
+def clean_environment(root: Path, executables: Path) -> dict[str, str]:
+    """The environment of a person who types the command: no setting of ours or Dagster's, `root` importable."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
+    return {**kept, "PATH": f"{executables}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(root)}
+
+
+def _sample(main: psutil.Process, cpu_s: dict[int, float]) -> list[Sample]:
+    """One sample, none where the process has ended; notes the processor time of each process so far."""
+    try:
+        processes = [main, *main.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return []
+    memory = []
+    for process in processes:
+        try:
+            with process.oneshot():
+                memory.append(process.memory_info().rss / MB)
+                times = process.cpu_times()
+                cpu_s[process.pid] = times.user + times.system
+        except psutil.NoSuchProcess:
+            continue
+    return [Sample(time_s=time.time(), main_mb=memory[0], tree_mb=sum(memory))] if memory else []

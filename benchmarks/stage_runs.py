@@ -1,0 +1,120 @@
+"""What the graph did in one run of the README's command: each stage's span, memory and clips, read from its history."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import dagster as dg
+
+from benchmarks.process_tree import Watched
+
+CLIP_STAGES = (
+    "motion_catalog",
+    "selected_motions",
+    "repaired_motions",
+    "retargeted_motions",
+    "augmented_motions",
+    "feasible_motions",
+)
+STAGES = (*CLIP_STAGES, "robot_model", "expert_db", "expert_db_checks")
+BETWEEN = "start and between"
+"""Interpreter, imports, what is stale, Dagster's own bookkeeping: what is not within a step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageRun:
+    """One stage in one run."""
+
+    seconds: float
+    """Wall time of its step; of `start and between` what is left of the command's."""
+    main_mb: float
+    """Largest resident memory of the command's process meanwhile [MB]; of `start and between` that before the steps."""
+    tree_mb: float
+    """The same of all its processes together."""
+    recomputed: int | None = None
+    """Clips that were worked on; None where a stage does not go clip by clip."""
+    unexpected: int | None = None
+    """How many more or fewer than the changed clip has there; None where no clip was changed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandRun:
+    """One run of the command."""
+
+    wall_s: float
+    cpu_s: float
+    main_mb: float
+    tree_mb: float
+    stages: dict[str, StageRun]
+    """Those that ran, and `start and between`."""
+
+    @property
+    def recomputed(self) -> int:
+        return sum(stage.recomputed or 0 for stage in self.stages.values())
+
+    @property
+    def unexpected(self) -> int:
+        return sum(abs(stage.unexpected or 0) for stage in self.stages.values())
+
+
+def read_run(root: Path, watched: Watched, changed: str = "") -> CommandRun:
+    """What the run that was watched did in the checkout `root`; `changed` names the motion file's clip that changed."""
+    stages = {}
+    with _instance(root) as instance:
+        spans = _spans(instance, watched.started_s)
+        for name, (start_s, stop_s) in spans.items():
+            main_mb, tree_mb = watched.peak(start_s, stop_s)
+            recomputed = _recomputed(instance, name) if name in CLIP_STAGES else None
+            expected = _clips_of(root, name, changed) if changed and name in CLIP_STAGES else None
+            stages[name] = StageRun(
+                seconds=stop_s - start_s,
+                main_mb=main_mb,
+                tree_mb=tree_mb,
+                recomputed=recomputed,
+                unexpected=None if expected is None or recomputed is None else recomputed - expected,
+            )
+    between_s = watched.wall_s - sum(stage.seconds for stage in stages.values())
+    before = watched.peak(0.0, min(start_s for start_s, _ in spans.values()))
+    stages[BETWEEN] = StageRun(seconds=between_s, main_mb=before[0], tree_mb=before[1])
+    main_mb, tree_mb = watched.peak()
+    return CommandRun(wall_s=watched.wall_s, cpu_s=watched.cpu_s, main_mb=main_mb, tree_mb=tree_mb, stages=stages)
+
+
+@contextlib.contextmanager
+def _instance(root: Path) -> Iterator[dg.DagsterInstance]:
+    """The history of a checkout; its dagster.yaml names folders below the working directory."""
+    before = Path.cwd()
+    os.chdir(root)
+    try:
+        with dg.DagsterInstance.from_config(str(root)) as instance:
+            yield instance
+    finally:
+        os.chdir(before)
+
+
+def _spans(instance: dg.DagsterInstance, since_s: float) -> dict[str, tuple[float, float]]:
+    """Start and end (epoch, s) of each step of the runs since a time, in order."""
+    spans = {}
+    for record in instance.get_run_records():
+        for step in instance.get_run_step_stats(record.dagster_run.run_id):
+            if step.start_time is not None and step.end_time is not None and step.start_time > since_s:
+                spans[step.step_key] = (step.start_time, step.end_time)
+    return dict(sorted(spans.items(), key=lambda span: span[1]))
+
+
+def _recomputed(instance: dg.DagsterInstance, name: str) -> int:
+    event = instance.get_latest_materialization_event(dg.AssetKey([name]))
+    assert event is not None and event.asset_materialization is not None
+    return int(event.asset_materialization.metadata["clips recomputed"].value)  # type: ignore[arg-type]
+
+
+def _clips_of(root: Path, stage: str, clip: str) -> int:
+    """Clips that come into a stage from one motion file: the file's clip, its windows, pieces and variants."""
+    judged = json.loads((root / f"data/store/manifests/{stage}.json").read_text())["judged"]
+    names = [row["clip"] for row in judged]
+    return sum(name == clip or name.startswith((f"{clip}@", f"{clip}+", f"{clip}~")) for name in names)
