@@ -41,7 +41,12 @@ def stages(tmp_path, robot):
 
 def test_the_worst_come_first_one_of_each_family_with_its_reason(stages, robot, monkeypatch):
     titles = []
-    monkeypatch.setattr(module, "worst_clips_sheet", lambda strips, robot: titles.extend(s.title for s in strips))
+
+    def listed(strips, robot) -> bytes:
+        titles.extend(strip.title for strip in strips)
+        return b""
+
+    monkeypatch.setattr(module, "worst_clips_sheet", listed)
     worst_clips(*stages, robot, most=2)
     assert titles == ["b~mirror: too heavy for b~mirror", "d: too heavy for d"]
 
