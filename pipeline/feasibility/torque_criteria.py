@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from pipeline import time_series
+from pipeline import rotation, time_series
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
 from pipeline.simulation.inverse_dynamics import motion_forces, states
 
-STRICT_EXCESS = 0.1
+STRICT_EXCESS = 0.03
 """Cost of torque past a limit where the motion is consistent: less than the root's, so that all need shows."""
 
 REFERENCE_EXCESS = 10.0
@@ -81,6 +81,7 @@ class _Contacts:
             self._touching,
             friction=self._friction,
             excess_weight=excess_weight,
+            heading=rotation.yaw_of(motion.clip.root_quat_w),
         )
 
 

@@ -10,7 +10,7 @@ without physics is never explained exactly, so the question is a least-squares o
 with a small e: first the root, then little torque. Where some torque is past its limit there, only the torque
 past the limits counts, and the problem is solved again with the joints that are past theirs:
 
-    min  |root residual / weight|^2 + sum_j (max(|torque_j| - limit_j, 0) / limit_j)^2
+    min  |root residual / weight|^2 + w^2 sum_j (max(|torque_j| - limit_j, 0) / limit_j)^2
 
 by Newton steps over the set of these joints. Both are non-negative least squares (Lawson and Hanson 1974).
 """
@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import nnls
 
+from pipeline import rotation
 from pipeline.robot import Robot
 from pipeline.simulation.inverse_dynamics import MotionForces
 
@@ -64,11 +65,14 @@ def solve_contacts(
     *,
     friction: float,
     excess_weight: float,
+    heading: Float[np.ndarray, " t"] | None = None,
     torque_limit: Float[np.ndarray, " j"] | None = None,
 ) -> ContactSolution:
     """Contact forces at the corners that are `touching`, with the coefficient of friction `friction`.
 
-    Friction pyramids have four sides and lie inside the cones. `torque_limit` [N m] replaces the robot's.
+    Friction pyramids have four sides and lie inside the cones; `heading` [rad] turns them with the robot, so that
+    the result does not depend on where it faces. `excess_weight` is what torque past a limit costs against the root
+    (w above). `torque_limit` [N m] replaces the robot's.
     """
     count = len(root_pos_w)
     limit = robot.torque_limit if torque_limit is None else torque_limit
@@ -77,20 +81,21 @@ def solve_contacts(
     legs, moved = _moved_joints(robot)
     below_root_w = root_pos_w * np.array([1.0, 1.0, 0.0])
     maps = _force_maps(forces, below_root_w, corners, legs, moved)
-    edges = _pyramid(friction)
-    columns = np.einsum("tkcx,ex->tkce", maps, edges)
+    turns = rotation.about_z(np.zeros(count) if heading is None else heading)
+    edges = rotation.rotate(turns[:, None], _pyramid(friction))
+    columns = np.einsum("tkcx,tex->tkce", maps, edges)
     weight = robot.total_mass * GRAVITY
     root_scale = 1.0 / (weight * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER]))
     wrench_w = _moved_to(forces.root_wrench_w, root_pos_w, below_root_w)
     needed = np.concatenate([wrench_w * root_scale, forces.joint_torque[:, legs] / limit[legs]], axis=1)
     columns[:, :6] *= root_scale[:, None, None]
     columns[:, 6:] *= 1.0 / limit[legs][:, None, None]
-    strength = np.zeros((count, 8, len(edges)))
+    strength = np.zeros((count, 8, edges.shape[1]))
     for frame in np.flatnonzero(allowed.any(axis=1)):
         open_corners = allowed[frame]
         matrix = columns[frame][:, open_corners].reshape(len(needed[frame]), -1)
-        strength[frame, open_corners] = _solve(matrix, needed[frame], excess_weight).reshape(-1, len(edges))
-    force_w = strength @ edges
+        strength[frame, open_corners] = _solve(matrix, needed[frame], excess_weight).reshape(-1, edges.shape[1])
+    force_w = np.einsum("tce,tex->tcx", strength, edges)
     supplied = np.einsum("tkcx,tcx->tk", maps, force_w)
     torque = forces.joint_torque.copy()
     torque[:, legs] -= supplied[:, 6:]

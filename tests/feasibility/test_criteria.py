@@ -166,8 +166,5 @@ def test_verdicts_do_not_change_under_heading_and_place(robot: Robot, limits: Fe
         root_quat_w=rotation.multiply(turn, clip.root_quat_w),
     )
     here, there = _assess(clip, robot, limits).numbers(), _assess(moved, robot, limits).numbers()
-    # friction pyramids stand on the world's axes, so what forces explain depends on the heading a little
-    loose = {"force_residual", "lever_residual", "torque_over_share", "torque_over_run_s"}
-    for code in set(here) - loose:
-        assert there[code] == pytest.approx(here[code], abs=1e-6), code
-    assert there["force_residual"] == pytest.approx(here["force_residual"], rel=0.05)
+    for code in here:
+        assert there[code] == pytest.approx(here[code], rel=1e-3, abs=1e-6), code
