@@ -81,7 +81,7 @@ def frame_labels(path: Path, catalog: CatalogSettings, curation: Curation) -> tu
 
 def main() -> int:
     """Print the table; 0 when all bars hold."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Agreement of the skill windows with hand-checked ones.")
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--each", action="store_true", help="print what disagreeing seconds were found to be")

@@ -63,12 +63,12 @@ def steps_ahead(clip: HumanClip) -> Steps:
     """
     events = _step_events(clip)
     pelvis, facing = clip.pos("pelvis")[:, :2], _facing(clip)
-    known = np.isfinite(pelvis).all(axis=1) & np.isfinite(facing).all(axis=1)
+    known = np.asarray(np.isfinite(np.concatenate([pelvis, facing], axis=1)).all(axis=1))
     frames, length, before = [], [], None
     for first, last in itertools.pairwise(events):
         way = pelvis[last] - pelvis[first]
         direction, before = before, way
-        if direction is None or not known[first : last + 1].all():
+        if direction is None or not np.all(known[first : last + 1]):
             continue
         ahead = np.dot(way, rotation.normalize(facing[first : last + 1].mean(axis=0)))
         if ahead > AHEAD * np.linalg.norm(way) and _angle(direction, way) < STRAIGHT:

@@ -44,7 +44,7 @@ def each_once(clip: HumanClip | RobotClip, times: int, first: int) -> HumanClip 
     return dataclasses.replace(clip, fps=clip.fps / times, **taken)
 
 
-def _steps(clip: HumanClip | RobotClip) -> Float[np.ndarray, " t-1"]:
+def _steps(clip: HumanClip | RobotClip) -> Float[np.ndarray, " steps"]:
     """Largest change from each frame to the next: of a person's joint positions [m], of a robot's joints [rad]."""
     if isinstance(clip, HumanClip):
         return np.linalg.norm(np.diff(clip.body_pos_w, axis=0), axis=2).max(axis=1)

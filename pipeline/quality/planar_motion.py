@@ -54,7 +54,7 @@ def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: floa
             hips, of a robot the heading of its root
     """
     root_w, facing_w = _root_and_facing(clip)
-    recorded = np.isfinite(root_w).all(axis=1) & np.isfinite(facing_w).all(axis=1)
+    recorded = np.asarray(np.isfinite(np.concatenate([root_w, facing_w], axis=1)).all(axis=1))
     count = clip.frame_count
     zero = np.zeros(count)
     if not recorded.any():

@@ -36,11 +36,11 @@ def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
         return result.reindex(columns=[*dict.fromkeys([*COLUMNS, *rows.columns]), "taken", "why"])
     why = {row["clip"]: "; ".join(_objections(row, curation)) for row in rows.to_dict("records")}
     taken: set[str] = set()
-    candidates = rows[[not why[clip] for clip in rows["clip"]]]
-    for skill in sorted(set(candidates["skill"])):
+    candidates = [row for row in rows.to_dict("records") if not why[row["clip"]]]
+    for skill in sorted({row["skill"] for row in candidates}):
         most_s = curation.most_seconds.get(skill, float("inf"))
         used_s = 0.0
-        for row in _in_turns(candidates[candidates["skill"] == skill]):
+        for row in _in_turns([row for row in candidates if row["skill"] == skill]):
             if used_s + row["seconds"] <= most_s + 1e-9:
                 used_s += row["seconds"]
                 taken.add(row["clip"])
@@ -77,15 +77,15 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
         yield f"the file has the note '{code}'"
 
 
-def _in_turns(rows: pd.DataFrame) -> Iterator[dict[str, Any]]:
+def _in_turns(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Rows source by source in turns, in a source file by file in turns, in a file the best first."""
     sources: dict[str, dict[str, list[dict[str, Any]]]] = {}
-    for row in sorted(rows.to_dict("records"), key=_rank):
+    for row in sorted(rows, key=_rank):
         sources.setdefault(str(row["source"]), {}).setdefault(str(row["file"]), []).append(row)
-    yield from _alternate([list(_alternate([files[name] for name in sorted(files)])) for files in _sorted(sources)])
+    yield from _alternate([list(_alternate(_by_name(files))) for files in _by_name(sources)])
 
 
-def _sorted(groups: dict[str, Any]) -> list[Any]:
+def _by_name(groups: dict[str, Any]) -> list[Any]:
     return [groups[name] for name in sorted(groups)]
 
 

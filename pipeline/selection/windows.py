@@ -64,10 +64,10 @@ def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tu
 def _costs(motion: PlanarMotion, fps: float, settings: WindowSettings) -> Float[np.ndarray, "n 11"]:
     """Cost [m/s] of each label at the labelling rate; in a long gap of the recording only a transition is cheap."""
     times_s = time_series.resample_times(len(motion.valid), fps, settings.label_hz)
-    signals = [
+    forward, lateral, yaw_rate = (
         time_series.resample_linear(each, fps, times_s) for each in (motion.forward, motion.lateral, motion.yaw_rate)
-    ]
-    away = distances(*signals, settings.bounds)
+    )
+    away = distances(forward, lateral, yaw_rate, settings.bounds)
     cost = np.concatenate([away, np.full((len(away), 1), settings.transition_cost)], axis=1)
     unknown = ~time_series.resample_nearest(motion.valid, fps, times_s)
     cost[unknown] = 0.0
