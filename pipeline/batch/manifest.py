@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
@@ -63,10 +64,12 @@ class Manifest:
     """Clips that were worked on in this run and not found in the memo. Not part of the content."""
 
     def to_text(self) -> str:
-        """JSON text; equal content gives equal text, whatever was recomputed."""
-        value = {"schema": SCHEMA, **dataclasses.asdict(dataclasses.replace(self, recomputed=0))}
-        del value["recomputed"]
-        return json.dumps(value, sort_keys=True, indent=1, allow_nan=False)
+        """JSON text, one line a clip; equal content gives equal text, whatever was recomputed."""
+        head = {"schema": SCHEMA, "stage": self.stage, "settings": self.settings}
+        parts = [f'"{name}": {_json(value)}' for name, value in head.items()]
+        for name, rows in (("entries", self.entries), ("judged", self.judged)):
+            parts.append(f'"{name}": [\n' + ",\n".join(_json(vars(row)) for row in rows) + "\n]")
+        return "{\n" + ",\n".join(parts) + "\n}\n"
 
     @staticmethod
     def from_text(text: str) -> Manifest:
@@ -79,10 +82,13 @@ class Manifest:
             Judged(**{**row, "pieces": tuple(row["pieces"]), "reasons": tuple(row["reasons"])})
             for row in value.pop("judged")
         )
-        return Manifest(entries=entries, judged=judged, **value)
+        manifest = Manifest(entries=entries, judged=judged, **value)
+        vars(manifest)["digest"] = digest.of_bytes(text.encode())  # what the property would find, without writing it
+        return manifest
 
-    @property
+    @cached_property
     def digest(self) -> str:
+        """Digest of the text."""
         return digest.of_bytes(self.to_text().encode())
 
     def without(self, dropped: Mapping[str, dict[str, Any]]) -> Manifest:
@@ -117,7 +123,8 @@ class Manifest:
 
     def entry_table(self) -> pd.DataFrame:
         """One row a clip that goes on: `clip` and its numbers."""
-        return pd.DataFrame([{"clip": entry.clip, **entry.numbers} for entry in self.entries])
+        rows = [{"clip": entry.clip, **entry.numbers} for entry in self.entries]
+        return pd.DataFrame(rows, columns=None if rows else ["clip"])
 
     def judged_table(self) -> pd.DataFrame:
         """One row an input clip: `clip, fate, seconds_in, seconds_out, reasons` and its numbers."""
@@ -139,3 +146,7 @@ class Manifest:
     def reason_counts(self, effect: str) -> Counter[str]:
         """How often each reason code stands with an effect (`rejected`, `repaired`, `noted`)."""
         return Counter(r["code"] for row in self.judged for r in row.reasons if r["effect"] == effect)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, allow_nan=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,8 @@ class ClipPool:
     """How clips are spread over processes.
 
     `backend` is any joblib backend: `loky` (processes on this machine), `sequential`, or one that a
-    package registers (`dask`, `ray`); `workers` 0 means one a core.
+    package registers (`dask`, `ray`); `workers` 0 means one for each core that this process may use, as its
+    affinity and its container's share have it.
     """
 
     backend: str = "loky"
@@ -26,7 +26,7 @@ class ClipPool:
 
         A single call, or a pool of one worker, runs in this process.
         """
-        workers = min(self.workers or os.cpu_count() or 1, len(calls))
+        workers = min(self.workers or joblib.cpu_count(), len(calls))
         if workers <= 1 or self.backend == "sequential":
             yield from (function(*call) for call in calls)
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ class Store:
 
     def recall(self, key: str) -> dict[str, Any] | None:
         """The remembered answer to a question, if all the blobs it names are still there."""
-        path = self.root / "memo" / key[:2] / f"{key}.json"
+        path = self._memo_path(key)
         if not path.is_file():
             return None
         try:
@@ -45,8 +46,23 @@ class Store:
         return answer if all(self.blobs.has(piece["blob"]) for piece in answer["pieces"]) else None
 
     def remember(self, key: str, answer: dict[str, Any]) -> None:
-        path = self.root / "memo" / key[:2] / f"{key}.json"
-        atomic.write_text(path, json.dumps(answer, sort_keys=True, allow_nan=False))
+        """Note the answer to a question, whole or not at all.
+
+        It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
+        JSON or not there, and its question is asked again.
+        """
+        path = self._memo_path(key)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        aside = path.with_name(f".{key}.{os.getpid()}.part")
+        try:
+            aside.write_text(json.dumps(answer, sort_keys=True, allow_nan=False))
+            aside.replace(path)
+        except OSError as error:
+            aside.unlink(missing_ok=True)
+            raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
+
+    def _memo_path(self, key: str) -> Path:
+        return self.root / "memo" / key[:2] / f"{key}.json"
 
     def manifest_path(self, asset: str) -> Path:
         """Where the manifest of an asset lies; `asset` is its key with slashes."""
