@@ -9,7 +9,7 @@ from pipeline.repair.bones import find_broken_bones
 from pipeline.repair.defect import Defect, Findings
 from pipeline.repair.fill import fill
 from pipeline.repair.frozen import find_frozen
-from pipeline.repair.jumps import find_jumps
+from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.missing import find_missing
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.swapped import find_swapped, swap_back
@@ -30,7 +30,8 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
     bridged = _bridged(clip, findings)
     findings.add(_new(find_broken_bones(bridged.body_pos_w, settings), findings))
     bridged = _bridged(clip, findings)
-    findings.add(find_jumps(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings))
+    jumps = find_jumps(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings)
+    findings.add(joined(jumps, findings.defects))
     return clip, findings
 
 

@@ -30,7 +30,7 @@ def fill(
     was lost, the bodies below it went astray with it: they keep their poses in their parents' frames.
     Gaps at the ends hold the nearest sample. A body that is lost throughout stays as it is.
     """
-    astray = _astray(lost_pos, lost_rot)
+    astray = astray_bodies(lost_pos, lost_rot)
     offset, turn = to_local(np.nan_to_num(pos_w), _unit(quat_w))
     new_pos, new_quat = np.where(lost_pos[..., None], np.nan_to_num(pos_w), pos_w), _unit(quat_w)
     for index in range(len(PARENT)):
@@ -57,13 +57,15 @@ def fill_limbs(pos_w: Positions, lost_pos: Bool[np.ndarray, "t 19"], lengths: Fl
     return result
 
 
-def bridge(values: Float[np.ndarray, "t n"], lost: Bool[np.ndarray, " t"], fps: float) -> Float[np.ndarray, "t n"]:
-    """`values` with the frames marked `lost` made from the good ones around each run."""
+def bridge(
+    values: Float[np.ndarray, "t n"], lost: Bool[np.ndarray, " t"], fps: float, context_s: float = CONTEXT_S
+) -> Float[np.ndarray, "t n"]:
+    """`values` with the frames marked `lost` made from the good ones within `context_s` of each run."""
     result = values.copy()
     good = np.flatnonzero(~lost)
     if not lost.any() or not len(good):
         return result
-    count = max(3, round(CONTEXT_S * fps))
+    count = max(3, round(context_s * fps))
     for start, stop in time_series.runs(lost):
         before = good[good < start][-count:]
         after = good[good >= stop][:count]
@@ -98,7 +100,7 @@ def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Fl
     return basis(frames) @ solution + miss[:1] * (1.0 - share) + miss[1:] * share
 
 
-def _astray(lost_pos: np.ndarray, lost_rot: np.ndarray) -> Bool[np.ndarray, "t 19"]:
+def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray) -> Bool[np.ndarray, "t 19"]:
     """Bodies that hang below a body of which only the orientation was lost, unless lost themselves."""
     astray = np.zeros_like(lost_pos)
     for index in range(len(PARENT)):

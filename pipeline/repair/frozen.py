@@ -11,36 +11,45 @@ from pipeline.repair.defect import Defect
 from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import FEET_BODIES, Orientations, Positions, to_local
-from pipeline.repair.unsteadiness import slow_rate, unsteadiness
+from pipeline.repair.unsteadiness import Unsteadiness, slow_rate, unsteadiness
 
 
 def find_frozen(pos_w: Positions, quat_w: Orientations, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint."""
+    if len(pos_w) < 6:
+        return []
     step = np.abs(np.diff(pos_w, axis=0)).max(axis=2)
     whole = np.concatenate([[False], (step < settings.still_step).all(axis=1)])
     whole[1:] &= (rotation.angle_between(quat_w[:-1], quat_w[1:]) < settings.still_step).all(axis=1)
-    everybody = tuple(range(len(BODIES)))
-    defects = [
-        Defect(
-            code="repeated_frame" if stop - start == 1 else "frozen",
-            text=f"all joints equal to the frame before for {(stop - start) / fps:.3f} s",
-            start=start,
-            stop=stop,
-            bodies=everybody,
+    measured = unsteadiness(pos_w, quat_w)
+    jumped = measured.place[:, 0] > settings.root_jump * slow_rate(fps)
+    defects = []
+    for start, stop in time_series.runs(whole):
+        first = start - 1 if jumped[start - 1] else start  # what was frozen came from elsewhere
+        defects.append(
+            Defect(
+                code="repeated_frame" if stop - start == 1 else "frozen",
+                text=f"all joints equal to the frame before for {(stop - start) / fps:.3f} s",
+                start=first,
+                stop=stop,
+                bodies=tuple(range(len(BODIES))),
+            )
         )
-        for start, stop in time_series.runs(whole)
-    ]
-    return defects + _frozen_joints(pos_w, quat_w, whole, fps, settings)
+    return defects + _frozen_joints(pos_w, quat_w, measured, whole, fps, settings)
 
 
 def _frozen_joints(
-    pos_w: Positions, quat_w: Orientations, whole: Bool[np.ndarray, " t"], fps: float, settings: DetectionSettings
+    pos_w: Positions,
+    quat_w: Orientations,
+    measured: Unsteadiness,
+    whole: Bool[np.ndarray, " t"],
+    fps: float,
+    settings: DetectionSettings,
 ) -> list[Defect]:
-    """Joints that stand still to the last bit and jump into it (`dropout`) or out of it (`frozen_joint`).
+    """Joints that stand still to the last bit and jump out of it (`frozen_joint`) and into it (`dropout`).
 
     Standing still alone is nothing: knees are locked, arms held and feet planted without a jump.
     """
-    measured = unsteadiness(pos_w, quat_w)
     turn = to_local(pos_w, quat_w)[1]
     still_turn = _step(rotation.angle_between(turn[:-1], turn[1:])) < settings.still_step
     still_pos = _step(np.abs(np.diff(pos_w, axis=0)).max(axis=2)) < settings.still_step
@@ -58,10 +67,10 @@ def _frozen_joints(
                     continue
                 if still[max(start - 4, 0) : start - 1, index].any() or still[stop + 1 : stop + 4, index].any():
                     continue  # at rest before or after, too
-                if jump[start - 1, index] > limit:
-                    marked["dropout"][start - 1 : stop, index] = True
-                elif stop < len(still) and jump[stop, index] > limit:
-                    marked["frozen_joint"][start:stop, index] = True
+                entered = jump[start - 1, index] > limit
+                if (stop < len(still) and jump[stop, index] > limit) or (stop == len(still) and entered):
+                    code = "dropout" if entered else "frozen_joint"
+                    marked[code][start - entered : stop, index] = True
         text = "{names} " + ("keep their place" if pos else "keep their rotation") + " to the last bit"
         for code, mask in marked.items():
             defects += spans(code, text, mask, pos=mask if pos else None, rot=mask)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -52,6 +54,24 @@ def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: Det
         if both.any():
             defects += _joint_defects(index, both, place[:, index], offset, local_turn, fps, settings)
     return defects
+
+
+def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
+    """A joint's jump at the edge of another's lost stretch, found now or `known`, belongs to it.
+
+    Its way back, or in, was too small to see.
+    """
+    lost = [one for one in (*known, *defects) if not one.is_cut and (one.pos or one.rot)]
+    stretches = sorted({(one.start, one.stop) for one in lost})
+
+    def stretch_of(cut: Defect) -> Defect:
+        if cut.code == "joint_jump":
+            for start, stop in stretches:
+                if min(abs(cut.start - start), abs(cut.start - stop)) <= 1:
+                    return dataclasses.replace(cut, code="dropout", start=start, stop=stop)
+        return cut
+
+    return [stretch_of(one) if one.is_cut else one for one in defects]
 
 
 def _limits(size: Float[np.ndarray, "t n"], floor: float, spread: float) -> Float[np.ndarray, " n"]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.human_clip import HumanClip
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import PARENT
@@ -63,7 +63,10 @@ def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
     at_origin[np.linalg.norm(pos_w[:, 0], axis=-1) < NEAR] = True
     bone = np.full(pos_w.shape[:2], np.inf)
     bone[:, 1:] = np.linalg.norm(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])], axis=-1)
-    usual = np.nanmedian(np.where(at_origin, np.nan, bone), axis=0) if len(pos_w) else np.zeros(len(BODIES))
+    known = np.isfinite(bone) & ~at_origin
+    usual = np.array(
+        [np.median(bone[known[:, index], index]) if known[:, index].any() else 0.0 for index in BODY_INDICES]
+    )
     with np.errstate(invalid="ignore"):
-        on_parent = (bone < NEAR) & (np.nan_to_num(usual, nan=0.0) > SHORTEST_BONE)
+        on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)
     return at_origin | on_parent

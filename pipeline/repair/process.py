@@ -14,16 +14,14 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
 from pipeline.repair.contacts import both_feet, label_contacts, stance_slip
-from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
-from pipeline.repair.fill import fill, fill_limbs
+from pipeline.repair.filling import filled
 from pipeline.repair.floor import Floor, find_floor
 from pipeline.repair.pieces import Division, divide
 from pipeline.repair.placement import place
 from pipeline.repair.robot_motion import process_robot
 from pipeline.repair.settings import RepairSettings
 from pipeline.repair.smoothing import smoothed
-from pipeline.repair.tree import bone_lengths
 from pipeline.robot import Robot
 
 STAGE_VERSION = "1"
@@ -48,7 +46,7 @@ def process(
         return process_robot(clip, start, stop, settings=settings, robot=robot)
     mended, findings = detect(clip, settings.detection)
     division = divide(mended.body_pos_w, findings, clip.fps, settings)
-    repaired = _filled(mended, findings)
+    repaired = filled(mended, findings, division.dropped, settings.fill)
     sound = ~findings.lost.any(axis=1) & ~division.dropped
     floor = find_floor(repaired, settings.floor, sound)
     told = reasons.of_defects(findings, division, start, stop, clip.fps, settings)
@@ -74,16 +72,6 @@ def window_of(name: str, frame_count: int, numbers: Numbers) -> tuple[int, int]:
     if not 0 <= start < stop <= frame_count:
         raise ClipError(name, "window", f"the window is [{start}, {stop}), the clip has {frame_count} frames")
     return start, stop
-
-
-def _filled(clip: HumanClip, findings: Findings) -> HumanClip:
-    """The clip with every lost sample filled and its limbs at their lengths there."""
-    lost_pos, lost_rot = findings.lost_pos, findings.lost_rot
-    pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, lost_pos, lost_rot, clip.fps)
-    good = ~findings.lost.any(axis=1)
-    if good.any():
-        pos_w = fill_limbs(pos_w, lost_pos, np.median(bone_lengths(clip.body_pos_w[good]), axis=0))
-    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
 
 
 def _pieces(

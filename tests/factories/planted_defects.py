@@ -81,7 +81,7 @@ def _bind_pose_limb(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rn
 def _root_to_origin(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
     """Tracking loss: everything in bind pose at the origin."""
     upright = pos[0] - pos[0, 0]
-    pos[start:stop], quat[start:stop] = upright + [0.0, 0.0, 0.1], rotation.IDENTITY
+    pos[start:stop], quat[start:stop] = upright + np.array([0.0, 0.0, 0.1]), rotation.IDENTITY
     return stop
 
 

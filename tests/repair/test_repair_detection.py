@@ -1,0 +1,124 @@
+"""Defects planted at random places are found where they are; sound clips are left alone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pipeline import rotation
+from pipeline.clips.human_clip import HumanClip, body
+from pipeline.files import settings as settings_files
+from pipeline.repair import RepairSettings
+from pipeline.repair.detect import detect
+from tests.factories.human_clips import Gait, standing, walker
+from tests.factories.planted_defects import KINDS, plant, worst_change
+
+SEEDS = range(6)
+SMALLEST_M, SMALLEST_RAD = 0.03, np.deg2rad(10)
+"""Defects below both are not counted."""
+
+
+@pytest.fixture(scope="module")
+def settings(root) -> RepairSettings:
+    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
+
+
+@pytest.fixture(scope="module")
+def sound_clips() -> list[HumanClip]:
+    return [
+        walker(fps=120.0, seconds=5.0, noise=0.0003),
+        walker(fps=60.0, gait=Gait(speed_m_s=0.8, stride_s=1.3)),
+        walker(fps=30.0),
+    ]
+
+
+def marked_frames(clip: HumanClip, settings: RepairSettings) -> set[int]:
+    """Frames that the detectors lay a finger on."""
+    _, findings = detect(clip, settings.detection)
+    mask = findings.lost.any(axis=1)
+    for defect in findings.defects:
+        mask[defect.start : defect.stop] = True
+    return set(np.flatnonzero(mask)) | set(findings.cuts)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_planted_defect_is_found_within_two_frames_of_where_it_is(kind, sound_clips, settings):
+    counted = 0
+    for seed in SEEDS:
+        clip = sound_clips[seed % len(sound_clips)]
+        planted = plant(kind, clip, np.random.default_rng(seed))
+        moved, turned = worst_change(clip, planted)
+        if moved < SMALLEST_M and turned < SMALLEST_RAD:
+            continue
+        counted += 1
+        marked = marked_frames(planted.clip, settings)
+        where = f"seed {seed} at {clip.fps:g} Hz: frames [{planted.start}, {planted.stop}), marked {sorted(marked)}"
+        assert marked, where
+        assert abs(min(marked) - planted.start) <= 2, where
+        assert abs(max(marked) + 1 - max(planted.stop, planted.start + 1)) <= 2, where
+    assert counted >= 3
+
+
+@pytest.mark.parametrize("fps", [25.0, 30.0, 60.0, 120.0, 240.0])
+@pytest.mark.parametrize("noise", [0.0, 0.0005])
+def test_sound_walk_has_no_defects(fps, noise, settings):
+    assert not marked_frames(walker(fps=fps, seconds=5.0, noise=noise), settings)
+
+
+def test_standing_still_is_not_frozen(settings):
+    assert not marked_frames(standing(), settings)
+
+
+def test_jump_of_a_fast_walker_is_not_hidden_by_his_speed(settings):
+    clip = walker(fps=60.0, gait=Gait(speed_m_s=1.8, stride_s=0.9))
+    pos = clip.body_pos_w.copy()
+    pos[200:, :, 1] += 0.12
+    assert marked_frames(dataclasses.replace(clip, body_pos_w=pos), settings) == {200}
+
+
+def test_opening_bind_pose_is_found_and_only_it(settings):
+    clip = walker(fps=120.0, seconds=4.0)
+    pos, quat = clip.body_pos_w.copy(), clip.body_quat_w.copy()
+    out = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4), 0.0, 0.0])
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        shoulder = pos[0, body(f"{side}_shoulder")]
+        for name, reach in (("elbow", 0.29), ("wrist", 0.54)):
+            pos[0, body(f"{side}_{name}")] = shoulder + np.array([0.0, sign * reach, 0.0])
+        for name in ("shoulder", "elbow", "wrist"):
+            quat[0, body(f"{side}_{name}")] = out * [1.0, sign, 1.0, 1.0]
+    spoilt = dataclasses.replace(clip, body_pos_w=pos, body_quat_w=quat)
+    assert marked_frames(spoilt, settings) == {0}
+
+
+def test_every_frame_twice_marks_every_second_frame(settings):
+    clip = walker(fps=30.0, seconds=4.0)
+    twice = dataclasses.replace(
+        clip,
+        fps=60.0,
+        body_pos_w=np.repeat(clip.body_pos_w, 2, axis=0),
+        body_quat_w=np.repeat(clip.body_quat_w, 2, axis=0),
+        contacts=None,
+    )
+    marked = marked_frames(twice, settings)
+    assert set(range(1, twice.frame_count, 2)) <= marked
+    assert len(marked) <= 0.55 * twice.frame_count
+
+
+def test_locked_elbow_that_moves_on_without_a_jump_is_sound(settings):
+    clip = walker(fps=60.0)
+    upper, lower = body("left_shoulder"), body("left_elbow")
+    bend = np.maximum(0.3 * np.sin(2 * np.pi * np.arange(clip.frame_count) / 66.0), 0.0)
+    quat = clip.body_quat_w.copy()
+    quat[:, lower] = rotation.multiply(quat[:, upper], rotation.from_axis_angle(np.array([0.0, -1.0, 0.0]), bend))
+    quat[:, body("left_wrist")] = quat[:, lower]
+    pos = clip.body_pos_w.copy()
+    pos[:, body("left_wrist")] = pos[:, lower] + rotation.rotate(quat[:, lower], np.array([0.0, 0.0, -0.25]))
+    assert not marked_frames(dataclasses.replace(clip, body_pos_w=pos, body_quat_w=quat), settings)
+
+
+def test_sign_flips_of_quaternions_are_not_jumps(settings):
+    clip = walker(fps=60.0)
+    quat = clip.body_quat_w * np.random.default_rng(3).choice([-1.0, 1.0], size=(clip.frame_count, 19, 1))
+    assert not marked_frames(dataclasses.replace(clip, body_quat_w=quat), settings)
