@@ -73,6 +73,7 @@ class _Shelf:
 def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     """The clip of that name and all that was made from it (`name@…`, `name+…`, `name~…`, `name/…`).
 
+    A recording that is no robot clip itself is shown as the robot clips made from it.
     Raises PipelineError with the names that come near, or with the command that makes clips.
     """
     shelf = _shelf(project.store, robot.name)
@@ -80,12 +81,14 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     if not known:
         do = "dagster asset materialize --select expert_db"
         raise PipelineError(f"'{text}' is no file, and the store has no clips yet; make them with: {do}")
-    found = [name for name in known if name == text or any(name.startswith(text + mark) for mark in "@+~/")]
+    stem = text.rstrip("@+~/")
+    found = [name for name in known if name == stem or any(name.startswith(stem + mark) for mark in "@+~/")]
     if not found:
         near = difflib.get_close_matches(text, known, n=5, cutoff=0.3) or known[:5]
         raise PipelineError(f"'{text}' is neither a file nor a clip of the store; near it are: {', '.join(near)}")
-    names = [name for name in found if name == text] or found[:MOST_NAMES]
-    beside = [name for name in found if name not in names][:MOST_NAMES]
+    made = [name for name in found if name in shelf.robot and "~" not in name]
+    names = [stem] if stem in shelf.robot else (made or found)[:MOST_NAMES]
+    beside = [name for name in found if name not in set(names)][:MOST_NAMES]
     return Playlist(names=tuple(names), beside=tuple(beside), load=lambda name: shelf.load(name, robot))
 
 

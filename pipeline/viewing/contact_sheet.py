@@ -8,6 +8,7 @@ the clip says that the foot is on the ground.
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,8 +29,11 @@ from pipeline.viewing.robot_figure import robot_figure
 POSE_WIDTH = 1.05
 """Room for a pose [m]."""
 
-TITLE_HEIGHT, TIME_HEIGHT, HEADROOM = 0.24, 0.22, 0.12
-"""Of the line above a strip, of the line of times below a row and above a head [m]."""
+TIME_HEIGHT, HEADROOM = 0.22, 0.12
+"""Of the line of times below a row, and above a head [m]."""
+
+DPI = 100
+"""Dots per inch, for the size of letters."""
 
 HUMAN_HEIGHT = 1.80
 """Room for a human [m]; a robot has room for its default height and what its head adds."""
@@ -48,6 +52,8 @@ class Strip:
     title: str
     human: HumanClip | None = None
     robot_clip: RobotClip | None = None
+    note: str = ""
+    """Why it is shown; at most two lines of it."""
 
 
 def contact_sheet(human: HumanClip | None, robot_clip: RobotClip | None, robot: Robot | None, poses: int = 8) -> bytes:
@@ -63,34 +69,41 @@ def contact_sheet(human: HumanClip | None, robot_clip: RobotClip | None, robot: 
 
 def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
     """PNG of several clips, one below the other, each as in `contact_sheet` under its title."""
-    drawn = _Drawing()
+    drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
     for strip in strips:
         rows = [human_figure(strip.human)] if strip.human is not None else []
         if strip.robot_clip is not None and robot is not None:
             rows.append(robot_figure(strip.robot_clip, robot))
-        drawn.add_strip(strip.title, rows, robot, poses)
-    return drawn.png(poses * POSE_WIDTH, dots_per_m)
+        drawn.add_strip(strip, rows, robot, poses)
+    return drawn.png()
 
 
 class _Drawing:
-    """Polygons and texts gathered from the top down; `low` is the lower end so far [m]."""
+    """Polygons and texts gathered from the top down; `low` is the lower end so far [m].
 
-    def __init__(self) -> None:
+    Args:
+        width: of the picture [m]
+        dots_per_m: its scale
+    """
+
+    def __init__(self, width: float, dots_per_m: float) -> None:
+        self.width, self.dots_per_m = width, dots_per_m
         self.polygons = Polygons()
         self.texts: list[tuple[float, float, str, dict]] = []
         self.low = 0.0
 
-    def add_strip(self, title: str, rows: list[Figure], robot: Robot | None, poses: int) -> None:
+    def add_strip(self, strip: Strip, rows: list[Figure], robot: Robot | None, poses: int) -> None:
         duration_s = max((figure.duration_s for figure in rows), default=0.0)
         times_s = np.linspace(0.0, duration_s, poses) if poses > 1 else np.zeros(1)
-        self.low -= TITLE_HEIGHT
-        self.texts.append((0.06, self.low + 0.06, f"{_shortened(title, poses)}, {duration_s:.1f} s", {"fontsize": 8}))
+        self._add_line(f"{strip.title}, {duration_s:.1f} s", 8.0, "#000000")
+        for line in textwrap.wrap(strip.note, self._room(6.5), max_lines=2, placeholder=" …"):
+            self._add_line(line, 6.5, "#8c2d04")
         for figure in rows:
             height = HUMAN_HEIGHT
             if figure.name != "human" and robot is not None:
                 height = ROBOT_HEIGHT_SHARE * robot.default_root_height
             self.low -= height + HEADROOM
-            self.texts.append((0.06, self.low + height, figure.name, {"fontsize": 7, "color": "#777777"}))
+            self.texts.append((0.06, self.low + height - 0.06, figure.name, {"fontsize": 7, "color": "#777777"}))
             for index, time_s in enumerate(times_s):
                 self._add_pose(figure, float(time_s), (index + 0.5) * POSE_WIDTH)
             self.low -= TIME_HEIGHT
@@ -98,6 +111,17 @@ class _Drawing:
             place = ((index + 0.5) * POSE_WIDTH, self.low + 0.02)
             self.texts.append((*place, f"{time_s:.2f} s", {"fontsize": 6.5, "ha": "center", "color": "#555555"}))
         self.low -= 0.06
+
+    def _room(self, points: float) -> int:
+        """Letters of a size [pt] that go on a line; a letter is on average .6 of its size wide."""
+        return max(20, int(self.width * self.dots_per_m / (0.6 * points * DPI / 72)))
+
+    def _add_line(self, text: str, points: float, color: str) -> None:
+        """A line of text across the picture, cut at its end."""
+        room = self._room(points)
+        self.low -= 1.6 * points * DPI / 72 / self.dots_per_m
+        shown = text if len(text) <= room else f"{text[: room - 1]}…"
+        self.texts.append((0.06, self.low, shown, {"fontsize": points, "color": color}))
 
     def _add_pose(self, figure: Figure, time_s: float, across: float) -> None:
         frame = figure.frame_at(time_s)
@@ -108,12 +132,13 @@ class _Drawing:
             self.texts.append((across, self.low + 0.5, "missing", {"fontsize": 7, "ha": "center", "color": CONTACT}))
         self.polygons.add(pose, shift)
 
-    def png(self, width: float, dots_per_m: float) -> bytes:
-        """The picture, `width` metres across."""
-        canvas = Canvas(figsize=(width * dots_per_m / 100, max(-self.low, 0.3) * dots_per_m / 100), dpi=100)
+    def png(self) -> bytes:
+        """The picture so far."""
+        inches = self.dots_per_m / DPI
+        canvas = Canvas(figsize=(self.width * inches, max(-self.low, 0.3) * inches), dpi=DPI)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
-        axes.set(xlim=(0.0, width), ylim=(min(self.low, -0.3), 0.0))
+        axes.set(xlim=(0.0, self.width), ylim=(min(self.low, -0.3), 0.0))
         colors = self.polygons.colors
         axes.add_collection(
             PolyCollection(self.polygons.corners, facecolors=colors, edgecolors=colors, linewidths=0.3),
@@ -138,8 +163,3 @@ def _first_heading(figure: Figure) -> float:
     """Heading [rad] in the first frame that has one."""
     known = figure.heading[np.isfinite(figure.heading)]
     return float(known[0]) if len(known) else 0.0
-
-
-def _shortened(title: str, poses: int) -> str:
-    room = 15 * max(poses, 2)
-    return title if len(title) <= room else f"{title[: room - 1]}…"

@@ -9,6 +9,9 @@ from pipeline.robot import Robot
 from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
 from pipeline.viewing.entry_clip import entry_clip
 
+LEAST_LOST_S = 0.1
+"""What is less is lost to whole frames and not worth a picture [s]."""
+
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
     """PNG of the clips that lost the most seconds in a stage, as they came into it, with the first reason.
@@ -24,7 +27,7 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
     entries = {entry.clip: entry for entry in previous.entries}
     families: dict[str, Judged] = {}
     for row in sorted(stage.judged, key=lambda row: (-_lost_s(row), row.clip)):
-        if _lost_s(row) > 0.0 and row.clip in entries:
+        if _lost_s(row) > LEAST_LOST_S and row.clip in entries:
             families.setdefault(row.clip.split("~")[0], row)
     strips = []
     for row in list(families.values())[:most]:
@@ -32,7 +35,8 @@ def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot 
         why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
         strips.append(
             Strip(
-                title=f"{row.clip}: {why}" if why else row.clip,
+                title=row.clip,
+                note=why,
                 human=clip if isinstance(clip, HumanClip) else None,
                 robot_clip=clip if isinstance(clip, RobotClip) else None,
             )

@@ -46,11 +46,19 @@ def _save(project, asset, clips):
     project.store.save(asset, Manifest(stage=asset, entries=entries, judged=()))
 
 
-def test_a_recording_is_found_with_all_that_was_made_from_it(project, robot):
+@pytest.mark.parametrize("text", ["made/glide", "made/glide@", "made"])
+def test_a_recording_is_shown_as_the_robot_clips_made_from_it_and_the_rest_beside_them(project, robot, text):
+    found = clips_to_view(project, text, robot, NOTHING_STATED)
+    assert found.names == ("made/glide@10-39",)
+    assert found.beside == ("made/glide", "made/glide@10-39~mirror~x1.5")
+
+
+def test_a_recording_without_a_robot_clip_is_shown_as_the_human_alone(project, robot):
+    (project.store.manifest_path("retargeted_motions")).unlink()
+    (project.store.manifest_path("augmented_motions")).unlink()
     found = clips_to_view(project, "made/glide", robot, NOTHING_STATED)
-    assert found.names == ("made/glide",)
-    assert found.beside == ("made/glide@10-39", "made/glide@10-39~mirror~x1.5")
-    assert clips_to_view(project, "made", robot, NOTHING_STATED).names == (*found.names, *found.beside)
+    assert found.names == ("made/glide", "made/glide@10-39")
+    assert found.load("made/glide").robot_clip is None
 
 
 def test_a_window_shows_its_frames_of_the_human_beside_the_robot(project, robot):

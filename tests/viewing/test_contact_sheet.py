@@ -104,7 +104,7 @@ def test_a_frame_without_any_joint_is_called_missing():
 
 def test_several_clips_are_stacked_in_one_picture_that_is_still_small(robot):
     strips = [
-        Strip(title=f"clip {index}: torque 61 N m at the knee, 40 allowed", robot_clip=tumbling_robot(robot))
+        Strip(title=f"clip {index}", note="torque 61 N m at the knee, 40 allowed", robot_clip=tumbling_robot(robot))
         for index in range(6)
     ]
     one, six = (_pixels(worst_clips_sheet(part, robot)) for part in (strips[:1], strips))
