@@ -2,8 +2,8 @@
 
 A foot that stands is still in the world, whatever the floor looks like and whatever the rate is. Where neither
 foot is, the body is thrown: it follows a parabola whose curvature in metres per frame² tells how long a frame is,
-because gravity is known. The trunk stands for the body: over right recordings of six sources its fall is 7.4 to
-11.9 m/s², that of a centre of mass from joint positions scatters more.
+because gravity is known. The trunk stands for the body: over right recordings of four sources its fall is 7.4 to
+10.8 m/s², that of a centre of mass from joint positions scatters more.
 """
 
 from __future__ import annotations
