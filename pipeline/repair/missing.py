@@ -65,7 +65,7 @@ def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
     bone[:, 1:] = np.linalg.norm(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])], axis=-1)
     known = np.isfinite(bone) & ~at_origin
     usual = np.array(
-        [np.median(bone[known[:, index], index]) if known[:, index].any() else 0.0 for index in BODY_INDICES]
+        [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]
     )
     with np.errstate(invalid="ignore"):
         on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)
