@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.catalog.flight import Flights, find_flights
 from pipeline.catalog.gait import Steps, leg_length, steps_ahead
@@ -92,13 +93,11 @@ def _apart(a: float, b: float) -> float:
 
 
 def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clock | None:
-    """Median fall over the flights, weighted by their duration."""
+    """Median fall over the flights; a flight's curvature is the surer the longer it is, so it weighs more."""
     if len(flights.fall) < settings.fewest_flights:
         return None
-    order = np.argsort(flights.fall)
-    weight = np.cumsum(flights.frames[order] ** 2)
-    fall = float(flights.fall[order][np.searchsorted(weight, weight[-1] / 2.0)])
-    if fall <= 0.0 or np.median(np.abs(flights.fall - fall)) > settings.flight_spread * fall:
+    fall = _weighted_median(flights.fall, flights.frames**2)
+    if fall <= 0.0 or _weighted_median(np.abs(flights.fall - fall), flights.frames**2) > settings.flight_spread * fall:
         return None
     text = f"in {len(flights.fall)} flight phases the body falls with {fall * fps**2:.2f} m/s² instead of {GRAVITY}"
     return Clock(
@@ -107,6 +106,12 @@ def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clo
         tolerance=settings.gravity_tolerance,
         limit=settings.gravity_ratio,
     )
+
+
+def _weighted_median(values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:
+    order = np.argsort(values, kind="stable")
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2.0)])
 
 
 def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
