@@ -12,6 +12,8 @@ it times its seconds. A second's weight is the product of three parts:
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -40,43 +42,45 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
     ordered = rows.sort_values("clip", kind="stable")
     cell = cell_of(ordered, limits.commands)
     parent = parents(ordered)
-    seconds = ordered["seconds"].astype(float)
-    cell_seconds = seconds.groupby(cell).transform("sum")
-    family_seconds = seconds.groupby([cell, parent]).transform("sum")
-    families = parent.groupby(cell).transform("nunique")
+    seconds = ordered["seconds"].to_numpy(dtype=float)
+    grouped = pd.DataFrame({"cell": cell, "parent": parent, "seconds": seconds}, index=ordered.index)
+    cell_seconds = grouped.groupby("cell")["seconds"].transform("sum").to_numpy(dtype=float)
+    family_seconds = grouped.groupby(["cell", "parent"])["seconds"].transform("sum").to_numpy(dtype=float)
+    families = grouped.groupby("cell")["parent"].transform("nunique").to_numpy(dtype=float)
     coverage = cell_seconds**-limits.cell_power
     diversity = cell_seconds / (families * family_seconds)
-    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].astype(float) / limits.smooth_jerk) ** 2)
+    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].to_numpy(dtype=float) / limits.smooth_jerk) ** 2)
     second = _bounded(coverage * diversity * smoothness, seconds, limits.max_ratio)
-    weight = second * seconds
-    weight = weight / weight.mean()
+    weight = pd.Series(second * seconds / np.mean(second * seconds), index=ordered.index)
     return rows.assign(weight=weight.reindex(rows.index), cell=cell.reindex(rows.index))
 
 
 def parents(rows: pd.DataFrame) -> pd.Series:
     """The motion each clip is a variant or a piece of: its `parent`, or its name up to `~` or `+`."""
-    from_name = rows["clip"].str.replace(r"[~+].*$", "", regex=True)
-    if "parent" not in rows:
-        return from_name
-    return rows["parent"].where(rows["parent"].notna(), from_name)
+    said = rows["parent"] if "parent" in rows else pd.Series(index=rows.index, dtype=object)
+    names = [
+        re.split(r"[~+]", clip, maxsplit=1)[0] if pd.isna(parent) else parent
+        for clip, parent in zip(rows["clip"], said, strict=True)
+    ]
+    return pd.Series(names, index=rows.index)
 
 
-def effective_seconds(seconds: pd.Series, weight: pd.Series) -> float:
+def effective_seconds(seconds: np.ndarray, weight: np.ndarray) -> float:
     """Seconds that count: (sum w)^2 / sum(w^2 / s) for clips of s seconds and weights w (Kish 1965).
 
     Equal to the sum of the seconds where every second weighs the same.
     """
-    total = float((weight**2 / seconds).sum())
-    return float(weight.sum()) ** 2 / total if total > 0.0 else 0.0
+    total = float(np.sum(weight**2 / seconds))
+    return float(np.sum(weight)) ** 2 / total if total > 0.0 else 0.0
 
 
-def _bounded(second: pd.Series, seconds: pd.Series, max_ratio: float) -> pd.Series:
-    """Weights of a second, none above `max_ratio` times the mean of all seconds."""
+def _bounded(second: np.ndarray, seconds: np.ndarray, max_ratio: float) -> np.ndarray:
+    """Weights of a second (n,), none above `max_ratio` times the mean of all seconds."""
     for _ in range(50):
-        mean = float((second * seconds).sum() / seconds.sum())
-        if float(second.max()) <= max_ratio * mean * (1.0 + 1e-9):
+        mean = np.sum(second * seconds) / np.sum(seconds)
+        if np.max(second) <= max_ratio * mean * (1.0 + 1e-9):
             break
-        second = second.clip(upper=max_ratio * mean)
+        second = np.minimum(second, max_ratio * mean)
     return second
 
 

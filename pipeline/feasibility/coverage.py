@@ -38,15 +38,15 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
     standing = cell_of(rows, commands) == STANDING
-    tables = [_row(STANDING, 0.0, 0.0, rows[standing])]
+    tables = [_row(STANDING, 0.0, 0.0, _only(rows, standing))]
     straight = {
         "forward": (_near(rows, "lateral_m_s", commands.lateral) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
         "lateral": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
         "yaw": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "lateral_m_s", commands.lateral)),
     }
     for axis, column, limits in _axes(commands):
-        tables += _axis_rows(axis, rows[straight[axis] & ~standing], column, limits)
-    tables += _plane_rows(rows[_near(rows, "lateral_m_s", commands.lateral) & ~standing], commands)
+        tables += _axis_rows(axis, _only(rows, straight[axis] & ~standing), column, limits)
+    tables += _plane_rows(_only(rows, _near(rows, "lateral_m_s", commands.lateral) & ~standing), commands)
     cells = pd.DataFrame(tables)
     return Coverage(cells=cells, missing=_missing(cells, settings.balance))
 
@@ -59,25 +59,30 @@ def _axes(commands: CommandSettings) -> tuple[tuple[str, str, tuple[float, float
     )
 
 
+def _only(rows: pd.DataFrame, wanted: pd.Series | np.ndarray) -> pd.DataFrame:
+    """Rows where `wanted` (n,) holds."""
+    return rows.loc[np.asarray(wanted, dtype=bool)]
+
+
 def _near(rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> pd.Series:
-    return rows[column].abs() <= axis[2]
+    return pd.Series(np.abs(rows[column].to_numpy(dtype=float)) <= axis[2], index=rows.index)
 
 
 def _axis_rows(name: str, rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> list[dict]:
     edges = cell_edges(axis)
-    inside = rows[rows[column].between(axis[0], axis[1])]
+    inside = _only(rows, rows[column].between(axis[0], axis[1]))
     index = axis_index(inside[column].to_numpy(), axis)
-    return [_row(name, edges[cell], edges[cell + 1], inside[index == cell]) for cell in range(len(edges) - 1)]
+    return [_row(name, edges[cell], edges[cell + 1], _only(inside, index == cell)) for cell in range(len(edges) - 1)]
 
 
 def _plane_rows(rows: pd.DataFrame, commands: CommandSettings) -> list[dict]:
     edges = cell_edges(commands.yaw_rate)
-    inside = rows[rows["yaw_rate_rad_s"].between(commands.yaw_rate[0], commands.yaw_rate[1])]
+    inside = _only(rows, rows["yaw_rate_rad_s"].between(commands.yaw_rate[0], commands.yaw_rate[1]))
     index = axis_index(inside["yaw_rate_rad_s"].to_numpy(), commands.yaw_rate)
     found = []
     for cell in range(len(edges) - 1):
         limits = {"low_2": float(edges[cell]), "high_2": float(edges[cell + 1])}
-        line = _axis_rows("forward_yaw", inside[index == cell], "forward_m_s", commands.forward)
+        line = _axis_rows("forward_yaw", _only(inside, index == cell), "forward_m_s", commands.forward)
         found += [{**entry, **limits} for entry in line]
     return found
 
@@ -89,12 +94,14 @@ def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
         "high": float(np.round(high, 9)),
         "low_2": np.nan,
         "high_2": np.nan,
-        "seconds": float(rows["seconds"].sum()),
+        "seconds": float(np.sum(rows["seconds"].to_numpy(dtype=float))),
         "clips": len(rows),
     }
     if "weight" in rows:
-        entry["weight"] = float(rows["weight"].sum())
-        entry["effective_seconds"] = effective_seconds(rows["seconds"], rows["weight"])
+        entry["weight"] = float(np.sum(rows["weight"].to_numpy(dtype=float)))
+        entry["effective_seconds"] = effective_seconds(
+            rows["seconds"].to_numpy(dtype=float), rows["weight"].to_numpy(dtype=float)
+        )
     return entry
 
 
@@ -124,7 +131,7 @@ def _missing(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
     if cells.loc[cells["axis"] == STANDING, "seconds"].sum() < least:
         sentences.append(f"No clip stands for {least:g} s.")
     for axis in ("forward", "lateral", "yaw"):
-        line = cells[(cells["axis"] == axis)].sort_values("low")
+        line = _only(cells, cells["axis"].to_numpy() == axis).sort_values(by="low")
         for side in (line[line["low"] >= -1e-9], line[line["low"] < -1e-9]):
             spans: list[list[float]] = []
             for low, high, seconds in zip(side["low"], side["high"], side["seconds"], strict=True):

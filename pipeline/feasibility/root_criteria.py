@@ -18,7 +18,7 @@ def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
     name = motion.robot.root_link
     lowest = f"frame {int(np.argmin(ratio))}: the {name} is at {ratio.min():.2f} of its standing height"
     highest = f"frame {int(np.argmax(ratio))}: the {name} is at {ratio.max():.2f} of its standing height"
-    common = {"unit": "of the standing height"}
+    unit = "of the standing height"
     return (
         Verdict(
             code="root_height_min",
@@ -27,9 +27,11 @@ def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
             lower=True,
             text=lowest,
             bad=ratio < low,
-            **common,
+            unit=unit,
         ),
-        Verdict(code="root_height_max", value=float(ratio.max()), limit=high, text=highest, bad=ratio > high, **common),
+        Verdict(
+            code="root_height_max", value=float(ratio.max()), limit=high, text=highest, bad=ratio > high, unit=unit
+        ),
     )
 
 

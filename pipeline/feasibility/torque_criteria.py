@@ -115,7 +115,7 @@ def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSetti
             unit="of frames",
             text=f"{names[most]} needs more than its torque limit in {100 * share[most]:.1f} % of the frames, at most "
             f"{ratio[:, most].max():.2f} times as much",
-            bad=over[:, share > settings.over_share].any(axis=1),
+            bad=np.any(over[:, share > settings.over_share], axis=1, keepdims=True)[:, 0],
         ),
         Verdict(
             code="torque_over_run_s",
