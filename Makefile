@@ -6,6 +6,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+export VIRTUAL_ENV := $(CURDIR)/$(VENV)
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+
 .PHONY: setup expert_db test check dev motions clean
 
 setup: $(STAMP)
@@ -16,21 +19,21 @@ $(STAMP): pyproject.toml constraints.txt
 	touch $(STAMP)
 
 expert_db: setup
-	PATH="$(CURDIR)/$(BIN):$$PATH" dagster asset materialize --select expert_db
+	dagster asset materialize --select expert_db
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup
 	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+	$(BIN)/ruff format --check pipeline assets tests benchmarks
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/dagster definitions validate
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/dg check defs
+	dg check defs
 
 dev: setup
-	PATH="$(CURDIR)/$(BIN):$$PATH" dagster dev
+	dagster dev
 
 motions: setup
 	$(BIN)/python -m pipeline.generator data/motions

@@ -66,6 +66,12 @@ def materialize_database(
     context.log.info(f"'{plan.key.to_user_string()}' is written: {why}")
     robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
     folder = PROJECT.expert_db(robot.name)
+    if not feasible.entries:
+        raise dg.Failure(
+            "no clip is left after KP5, so there is no database to write; the last one stays. The tables of the assets "
+            "upstream say why each clip was rejected.",
+            allow_retries=False,
+        )
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings)
     yield dg.MaterializeResult(
         asset_key=plan.key,

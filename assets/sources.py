@@ -10,6 +10,9 @@ from pipeline.readers import Source, list_motion_files
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
 
+DATA_VERSION_TAG = "dagster/data_version"
+"""Tag of a materialization: its data version."""
+
 raw_motions = dg.AssetSpec(
     RAW_MOTIONS,
     group_name="motions",
@@ -37,16 +40,19 @@ def _content(path: Path, source: Source) -> str:
     return digest.of_json([[digest.of_file(each) for each in (path, *skeletons)], source.about(path)])
 
 
-def observe(instance: dg.DagsterInstance, project: Project) -> str:
-    """Note the folders' content in the history if it changed since it was last noted; its digest."""
+def note_content(instance: dg.DagsterInstance, project: Project) -> str:
+    """Note the folders' content in the history if it changed since it was last noted; its digest.
+
+    As a materialization that happened outside: Dagster holds an external asset's versions against these.
+    """
     files = motion_files(project)
     version = digest.of_json([(name, content) for name, _, content, _ in files])
-    last = instance.get_latest_data_version_record(RAW_MOTIONS)
-    known = last.asset_observation.tags.get("dagster/data_version") if last and last.asset_observation else None
-    if known != version:
-        event = dg.AssetObservation(
+    last = instance.get_latest_materialization_event(RAW_MOTIONS)
+    noted = last.asset_materialization.tags if last and last.asset_materialization else None
+    if (noted or {}).get(DATA_VERSION_TAG) != version:
+        event = dg.AssetMaterialization(
             asset_key=RAW_MOTIONS,
-            tags={"dagster/data_version": version},
+            tags={DATA_VERSION_TAG: version},
             metadata={"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))},
         )
         instance.report_runless_asset_event(event)
