@@ -26,7 +26,7 @@ def find_broken_bones(pos_w: Positions, settings: DetectionSettings) -> list[Def
     frames = np.flatnonzero(broken.any(axis=1))
     patterns, which = np.unique(broken[frames], axis=0, return_inverse=True) if len(frames) else (broken[:0], frames)
     for number, pattern in enumerate(patterns):
-        blamed[np.ix_(frames[which.reshape(-1) == number], _to_blame(pattern))] = True
+        blamed[frames[which.reshape(-1) == number, None], _to_blame(pattern)] = True
     limit = f"{{names}} off: a bone's length differs by more than {settings.bone_change:.0%} from the clip's median"
     return spans("bone_length", limit, blamed, pos=blamed, rot=blamed)
 

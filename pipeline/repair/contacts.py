@@ -73,8 +73,8 @@ def label_contacts(
     columns = []
     for foot in feet:
         low = foot.height < settings.height
-        sure = (low & (foot.speed < on_m_s)).any(axis=1)
-        possible = (low & (foot.speed < off_m_s)).any(axis=1)
+        sure = np.any(low & (foot.speed < on_m_s), axis=1)
+        possible = np.any(low & (foot.speed < off_m_s), axis=1)
         columns.append(_without_short_runs(_grown(sure, possible), shortest))
     return np.stack(columns, axis=-1)
 

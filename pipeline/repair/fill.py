@@ -78,7 +78,7 @@ def _through(values: np.ndarray, before: np.ndarray, after: np.ndarray, frames: 
     if not len(before) or not len(after):
         return np.repeat(values[[after[0] if len(after) else before[-1]]], len(frames), axis=0)
     zero = int(frames[0])
-    operator = _operator(tuple(before - zero), tuple(after - zero), len(frames))
+    operator = _operator(tuple((before - zero).tolist()), tuple((after - zero).tolist()), len(frames))
     return operator @ values[np.concatenate([before, after])]
 
 

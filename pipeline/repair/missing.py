@@ -19,13 +19,14 @@ SHORTEST_BONE = 0.02
 def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
     """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
     pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
-    missing_pos = ~np.isfinite(pos_w).all(axis=-1)
-    missing_rot = ~np.isfinite(quat_w).all(axis=-1)
+    missing_pos = np.any(~np.isfinite(pos_w), axis=-1)
+    missing_rot = np.any(~np.isfinite(quat_w), axis=-1)
+    missing = np.logical_or(missing_pos, missing_rot)
     zeroed = _zeroed(np.where(missing_pos[..., None], np.nan, pos_w))
     norm = np.linalg.norm(np.where(missing_rot[..., None], 1.0, quat_w), axis=-1)
     no_rotation = ~missing_rot & (np.abs(np.where(missing_rot, 1.0, norm) - 1.0) > settings.quat_norm_change)
     return (
-        spans("missing", "{names} missing (not a number)", missing_pos | missing_rot, pos=missing_pos, rot=missing_rot)
+        spans("missing", "{names} missing (not a number)", missing, pos=missing_pos, rot=missing_rot)
         + spans("zeroed", "{names} at zero", zeroed, pos=zeroed, rot=zeroed)
         + spans("no_rotation", "quaternion of {names} is not unit", no_rotation, pos=None, rot=no_rotation)
     )

@@ -94,7 +94,7 @@ def _pieces(
         feet = both_feet(labelled, floor.height)
         contacts = label_contacts(feet, clip.fps, settings.contact)
         part = slice(first - low, last - low)
-        slip = stance_slip(tuple(foot.cut(part) for foot in feet), contacts[part])
+        slip = stance_slip((feet[0].cut(part), feet[1].cut(part)), contacts[part])
         speed_m_s = _ground_speed(labelled.pos("pelvis")[part], clip.fps)
         refused = reasons.of_contacts(contacts[part], slip, speed_m_s, first, last, clip.fps, settings.contact)
         told += refused

@@ -72,7 +72,7 @@ def of_contacts(
                 **where,
             )
         )
-    flights = time_series.runs(~contacts.any(axis=1))
+    flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps
     if longest > settings.longest_flight_s:
         text = (

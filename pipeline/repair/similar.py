@@ -38,7 +38,7 @@ def fill_similar(
     start: int,
     stop: int,
     fps: float,
-) -> tuple[Positions, Orientations] | None:
+) -> tuple[Float[np.ndarray, "gap 19 3"], Float[np.ndarray, "gap 19 4"]] | None:
     """Positions and orientations of frames [start, stop), every body; None where nothing is similar.
 
     The clip comes with all gaps bridged; `lost` says which of its samples were not there.
