@@ -37,6 +37,9 @@ MOST_UNCHANGED_S = 15.0
 MOST_MAIN_MB_PER_CLIP = 0.5
 """[MB] What the command's process may grow by for each further clip: names, numbers and reasons, never frames."""
 
+LEAST_ARRIVED = 90.0
+"""[%] Of the clips, all sound: a stage that drops them would look fast."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
@@ -132,6 +135,10 @@ def _bars_of(same: list[Case]) -> list[Bar]:
     if first.scenario == ONE_CHANGED:
         more = max(run.unexpected for run in runs)
         found.append(Bar(name=f"{first.name}: clips recomputed but its own", value=more, sense="<=", bound=0))
+    if first.scenario == COLD:
+        arrived = 100.0 * min(run.arrived for run in runs) / first.clips
+        name = f"{first.name}: clips with something in the database"
+        found.append(Bar(name=name, value=arrived, unit="%", sense=">=", bound=LEAST_ARRIVED))
     if COLD in first.scenario:
         found += [
             Bar(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import dagster as dg
+import pandas as pd
 
 from benchmarks.process_tree import Watched
 
@@ -50,6 +51,8 @@ class CommandRun:
     cpu_s: float
     main_mb: float
     tree_mb: float
+    arrived: int
+    """Motion files of which something is in the database."""
     stages: dict[str, StageRun]
     """Those that ran, and `start and between`."""
 
@@ -82,7 +85,14 @@ def read_run(root: Path, watched: Watched, changed: str = "") -> CommandRun:
     before = watched.peak(0.0, min(start_s for start_s, _ in spans.values()))
     stages[BETWEEN] = StageRun(seconds=between_s, main_mb=before[0], tree_mb=before[1])
     main_mb, tree_mb = watched.peak()
-    return CommandRun(wall_s=watched.wall_s, cpu_s=watched.cpu_s, main_mb=main_mb, tree_mb=tree_mb, stages=stages)
+    return CommandRun(
+        wall_s=watched.wall_s,
+        cpu_s=watched.cpu_s,
+        main_mb=main_mb,
+        tree_mb=tree_mb,
+        arrived=pd.read_parquet(root / "data/expert_db/t1/index.parquet")["source_file"].nunique(),
+        stages=stages,
+    )
 
 
 @contextlib.contextmanager

@@ -1,0 +1,115 @@
+"""A run holds names, numbers and reasons of all clips, but the frames of one at a time; and what the memo survives."""
+
+import dataclasses
+import json
+import logging
+import tracemalloc
+
+import pytest
+
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_files, run_stage
+from pipeline.clips.outcome import Outcome, Piece
+from tests.factories.clips import robot_clip
+
+LOG = logging.getLogger("test")
+FRAMES = 4000
+CLIP_BYTES = FRAMES * 8 * (3 + 4 + len(robot_clip(frames=2).joint_names))
+FEW, MANY = 4, 24
+
+
+def raise_a_little(clip, numbers):
+    """Another clip of the same size."""
+    lifted = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + 0.001)
+    return Outcome(pieces=(Piece(clip=lifted, numbers={"seconds": clip.duration_s}),))
+
+
+def from_file(path, name):
+    """As many frames as the others have, made from a file."""
+    return raise_a_little(robot_clip(frames=FRAMES, name=name), {})
+
+
+def stage(function) -> Stage:
+    return Stage(name=function.__name__, version="1", function=function)
+
+
+def stored(store: Store, count: int) -> Manifest:
+    entries = []
+    for index in range(count):
+        name = f"clip{index:03d}"
+        clip = robot_clip(frames=FRAMES, name=name)
+        moved = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + index)
+        entries.append(Entry(clip=name, blob=store.put_clip(moved), numbers={"seconds": clip.duration_s}))
+    return Manifest(stage="before", entries=tuple(entries), judged=())
+
+
+def peak_of(work) -> int:
+    """Most bytes allocated at a time by `work()`, arrays included, over what was there before."""
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        result = work()
+        peak = tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+    assert result.recomputed == len(result.entries) > 0
+    return peak
+
+
+@pytest.mark.parametrize("pool", [ClipPool(backend="sequential"), ClipPool(workers=2)], ids=["here", "processes"])
+def test_memory_does_not_grow_by_the_clips_that_pass_through(tmp_path, pool):
+    peaks = {}
+    for count in (FEW, MANY):
+        store = Store(root=tmp_path / str(count))
+        before = stored(store, count)
+        peaks[count] = peak_of(
+            lambda before=before, store=store: run_stage(stage(raise_a_little), before, store, pool, LOG)
+        )
+    assert peaks[MANY] - peaks[FEW] < 2 * CLIP_BYTES < (MANY - FEW) * CLIP_BYTES / 5
+
+
+def test_memory_does_not_grow_by_the_files_that_are_read(tmp_path):
+    peaks, pool = {}, ClipPool(backend="sequential")
+    for count in (FEW, MANY):
+        files = [(f"file{index:03d}", tmp_path, str(index), ()) for index in range(count)]
+        store = Store(root=tmp_path / str(count))
+        peaks[count] = peak_of(lambda files=files, store=store: run_files(stage(from_file), files, store, pool, LOG))
+    assert peaks[MANY] - peaks[FEW] < 2 * CLIP_BYTES
+
+
+def test_the_command_s_process_never_holds_frames_when_others_work(tmp_path):
+    store = Store(root=tmp_path)
+    before = stored(store, FEW)
+    assert peak_of(lambda: run_stage(stage(raise_a_little), before, store, ClipPool(workers=2), LOG)) < CLIP_BYTES
+
+
+@pytest.mark.parametrize("torn", [b"", b"\0" * 64, b"\xff\xfe", "half"], ids=["empty", "zeros", "no text", "half"])
+def test_an_answer_that_a_power_cut_tore_is_asked_for_again(tmp_path, torn):
+    store, pool = Store(root=tmp_path), ClipPool(backend="sequential")
+    before = stored(store, 2)
+    first = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    answer = next(iter(sorted((tmp_path / "memo").rglob("*.json"))))
+    answer.write_bytes(answer.read_bytes()[: answer.stat().st_size // 2] if torn == "half" else torn)
+    again = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    assert again.recomputed == 1
+    assert again.digest == first.digest
+
+
+def test_the_digest_of_a_manifest_read_back_is_that_of_its_content(tmp_path):
+    store = Store(root=tmp_path)
+    made = run_stage(stage(raise_a_little), stored(store, 2), store, ClipPool(backend="sequential"), LOG)
+    store.save("made", made)
+    read = store.load("made")
+    assert read.digest == made.digest
+    assert dataclasses.replace(read, stage="other").digest != made.digest
+    path = store.manifest_path("made")
+    path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1', 1))
+    assert store.load("made").digest != made.digest
+
+
+def test_a_manifest_is_json_with_a_line_a_clip(tmp_path):
+    store = Store(root=tmp_path)
+    made = run_stage(stage(raise_a_little), stored(store, 3), store, ClipPool(backend="sequential"), LOG)
+    value = json.loads(made.to_text())
+    assert [entry["clip"] for entry in value["entries"]] == ["clip000", "clip001", "clip002"]
+    lines = [line for line in made.to_text().splitlines() if '"blob"' in line]
+    assert len(lines) == 3
