@@ -147,6 +147,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         from pipeline.feasibility import FeasibilitySettings, balance, process
         from pipeline.robot import load_robot
         from pipeline.viewing.plots import command_coverage, lost_seconds
+        from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
@@ -157,7 +158,8 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         manifest = manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in weights.items()})
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
         metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "robot speed, feasible clips"))
-        metadata["worst clips"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+        metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
+        metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
         return materialized(plan, manifest, metadata)
 
     return feasible_motions
