@@ -35,6 +35,7 @@ def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: Det
     place_limit = _limits(measured.place, settings.position_jump * rate, settings.jump_spread)
     place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * rate, settings.jump_spread)[0]
     turn_limit = _limits(measured.turn, settings.angle_jump * rate, settings.jump_spread)
+    turn_limit[0] = _limits(measured.turn[:, :1], settings.angle_jump, settings.jump_spread)[0]  # steady at any rate
     ends = np.ones((len(pos_w), 1))
     ends[[1, -1]] = AT_THE_ENDS
     place, turn = measured.place > place_limit * ends, measured.turn > turn_limit * ends

@@ -55,56 +55,38 @@ def of_contacts(
 ) -> list[Reason]:
     """Whether the feet of a piece [first, last), whose pelvis has a mean speed, slide or never stand."""
     limit = settings.slip_limit_m_s + settings.slip_per_speed * speed_m_s
-    told = []
-    where = {"start_s": first / fps, "stop_s": last / fps}
-    if slip > limit:
-        text = (
-            f"frames {first}-{last - 1}: standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
-        )
-        told.append(
-            Reason(
-                code="foot_skate",
-                text=text,
-                effect="rejected",
-                value=slip,
-                limit=limit,
-                unit="m/s",
-                **where,
-            )
-        )
     flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps
+    told = []
+    if slip > limit:
+        text = f"standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
+        told.append(_refused("foot_skate", text, (first, last), fps, slip, limit, "m/s"))
     if longest > settings.longest_flight_s:
-        text = (
-            f"frames {first}-{last - 1}: no foot is on the ground for {longest:.2f} s, "
-            f"allowed are {settings.longest_flight_s:g} s"
-        )
-        told.append(
-            Reason(
-                code="no_contact",
-                text=text,
-                effect="rejected",
-                value=longest,
-                limit=settings.longest_flight_s,
-                unit="s",
-                **where,
-            )
-        )
+        text = f"no foot is on the ground for {longest:.2f} s, allowed are {settings.longest_flight_s:g} s"
+        told.append(_refused("no_contact", text, (first, last), fps, longest, settings.longest_flight_s, "s"))
     return told
 
 
 def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:
     """A stretch that is left over between defects."""
     seconds = (last - first) / fps
+    text = f"{seconds:.2f} s are left, at least {min_seconds:g} s are needed"
+    return _refused("too_short", text, (first, last), fps, seconds, min_seconds, "s")
+
+
+def _refused(
+    code: str, text: str, frames: tuple[int, int], fps: float, value: float, limit: float, unit: str
+) -> Reason:
+    """A stretch of frames [first, last) that does not go on."""
     return Reason(
-        code="too_short",
-        text=f"frames {first}-{last - 1}: {seconds:.2f} s are left, at least {min_seconds:g} s are needed",
+        code=code,
+        text=f"frames {frames[0]}-{frames[1] - 1}: {text}",
         effect="rejected",
-        start_s=first / fps,
-        stop_s=last / fps,
-        value=seconds,
-        limit=min_seconds,
-        unit="s",
+        start_s=frames[0] / fps,
+        stop_s=frames[1] / fps,
+        value=value,
+        limit=limit,
+        unit=unit,
     )
 
 

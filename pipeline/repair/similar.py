@@ -56,21 +56,27 @@ def fill_similar(
         span = slice(first, first + high - low)
         pos, quat = _onto(pos_w[span], quat_w[span], pos_w[low:high], known)
         made_pos.append(pos)
-        made_quat.append(quat * np.sign(np.sum(quat * (made_quat[0] if made_quat else quat), axis=-1, keepdims=True)))
+        made_quat.append(_same_sign(quat, made_quat[0]) if made_quat else quat)
         weights.append(1.0 / (miss + 1e-3) ** 2)
     share = np.array(weights) / np.sum(weights)
     pos = np.tensordot(share, np.stack(made_pos), axes=1)
     quat = rotation.normalize(np.tensordot(share, np.stack(made_quat), axes=1))
-    target = quat_w[low:high] * np.where(np.sum(quat * quat_w[low:high], axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
-    inside = slice(context, context + stop - start)
     gap = np.zeros(high - low, dtype=bool)
-    gap[inside] = True
-    count = len(gap)
-    pos = pos + bridge((pos_w[low:high] - pos).reshape(count, -1), gap, fps, MISS_CONTEXT_S).reshape(pos.shape)
-    quat = rotation.normalize(
-        quat + bridge((target - quat).reshape(count, -1), gap, fps, MISS_CONTEXT_S).reshape(quat.shape)
-    )
-    return pos[inside], quat[inside]
+    gap[context:-context] = True
+    return _fitted(pos, pos_w[low:high], gap, fps)[gap], rotation.normalize(
+        _fitted(quat, _same_sign(quat_w[low:high], quat), gap, fps)
+    )[gap]
+
+
+def _fitted(made: np.ndarray, target: np.ndarray, gap: Bool[np.ndarray, " m"], fps: float) -> np.ndarray:
+    """`made` (m, ...) plus what it misses of `target` around the gap, bridged across it."""
+    miss = (target - made).reshape(len(gap), -1)
+    return made + bridge(miss, gap, fps, MISS_CONTEXT_S).reshape(made.shape)
+
+
+def _same_sign(quat: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """The same rotations, each on the side of `other`."""
+    return np.where(np.sum(quat * other, axis=-1, keepdims=True) < 0.0, -quat, quat)
 
 
 def _similar(
