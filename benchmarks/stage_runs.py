@@ -90,7 +90,7 @@ def read_run(root: Path, watched: Watched, changed: str = "") -> CommandRun:
         cpu_s=watched.cpu_s,
         main_mb=main_mb,
         tree_mb=tree_mb,
-        arrived=pd.read_parquet(root / "data/expert_db/t1/index.parquet")["source_file"].nunique(),
+        arrived=len(set(pd.read_parquet(root / "data/expert_db/t1/index.parquet")["source_file"])),
         stages=stages,
     )
 

@@ -9,15 +9,16 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
-from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
 
@@ -33,6 +34,9 @@ class Stage:
     """Code version: digest of the sources the answer depends on."""
     function: Callable[..., Outcome]
     """`function(clip, numbers) -> Outcome`; for files `function(path, *arguments) -> Outcome`. Must be importable."""
+    prepare: Callable[..., Any] | None = None
+    """`prepare(clip)`: what is alike for all windows of a clip. It is worked out once for clips of the same motion,
+    which then go to one process, and `function` gets it as `prepared`. Must be importable."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Plain settings, for key and provenance."""
     depends: dict[str, str] = field(default_factory=dict)
@@ -49,11 +53,13 @@ class Stage:
 
 @dataclass(frozen=True, kw_only=True)
 class _Job:
-    """One question: what the judged row is called, its memo key, the worker's arguments, what to carry on."""
+    """One question: what the judged row is called, its memo key, what it is about, what to carry on."""
 
     clip: str
     key: str
-    work: tuple
+    about: Any
+    group: str
+    """Jobs of one group are worked on by one call, one after the other."""
     numbers: dict[str, Any] = field(default_factory=dict)
     record: tuple[dict[str, Any], ...] = ()
 
@@ -66,13 +72,15 @@ def run_stage(
         _Job(
             clip=entry.clip,
             key=stage.key(entry.clip, entry.blob, entry.numbers),
-            work=(_work_on_clip, stage.function, store, entry),
+            about=entry,
+            group=entry.blob if stage.prepare else entry.clip,
             numbers=entry.numbers,
             record=entry.record,
         )
         for entry in sorted(entries or previous.entries, key=lambda entry: entry.clip)
     ]
-    return _gather(stage, jobs, store, pool, log, previous.settings)
+    work = partial(_work_on_clips, stage.function, stage.prepare, store)
+    return _gather(stage, jobs, work, store, pool, log, previous.settings)
 
 
 def run_files(
@@ -87,21 +95,29 @@ def run_files(
         _Job(
             clip=name,
             key=stage.key(name, content),
-            work=(_work_on_file, stage.function, store, name, path, arguments),
+            about=(name, path, arguments),
+            group=name,
         )
         for name, path, content, arguments in sorted(files, key=lambda file: file[0])
     ]
-    return _gather(stage, jobs, store, pool, log, {})
+    return _gather(stage, jobs, partial(_work_on_files, stage.function, store), store, pool, log, {})
 
 
 def _gather(
-    stage: Stage, jobs: list[_Job], store: Store, pool: ClipPool, log: logging.Logger, settings: dict[str, Any]
+    stage: Stage,
+    jobs: list[_Job],
+    work: Callable[[list[Any]], list[dict[str, Any]]],
+    store: Store,
+    pool: ClipPool,
+    log: logging.Logger,
+    settings: dict[str, Any],
 ) -> Manifest:
+    """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
     answers = {job.key: store.recall(job.key) for job in jobs}
     todo = [job for job in jobs if answers[job.key] is None]
     log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
     last = started = time.monotonic()
-    for count, (job, answer) in enumerate(zip(todo, pool.map(_call, [job.work for job in todo]), strict=True), 1):
+    for count, (job, answer) in enumerate(_worked_on(todo, work, pool), 1):
         answers[job.key] = answer
         if not answer["failed"]:
             store.remember(job.key, answer)
@@ -113,16 +129,7 @@ def _gather(
     for job in jobs:
         answer = answers[job.key]
         assert answer is not None
-        done = {
-            "stage": stage.name,
-            "version": stage.version,
-            "settings": stage.settings_digest,
-            "reasons": answer["reasons"],
-        }
-        for piece in answer["pieces"]:
-            numbers = {**job.numbers, **piece["numbers"]}
-            record = (*job.record, done)
-            entries.append(Entry(clip=piece["clip"], blob=piece["blob"], numbers=numbers, record=record))
+        entries += _entries(stage, job, answer)
         names = tuple(piece["clip"] for piece in answer["pieces"])
         judged.append(Judged(clip=job.clip, pieces=names, reasons=tuple(answer["reasons"]), numbers=answer["numbers"]))
     _refuse_double_names(stage.name, entries)
@@ -130,6 +137,33 @@ def _gather(
     return Manifest(
         stage=stage.name, entries=tuple(entries), judged=tuple(judged), settings=settings, recomputed=len(todo)
     )
+
+
+def _worked_on(
+    jobs: list[_Job], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool
+) -> Iterator[tuple[_Job, dict[str, Any]]]:
+    """Each job with its answer, as they come; a group of jobs is one call."""
+    groups: dict[str, list[_Job]] = {}
+    for job in jobs:
+        groups.setdefault(job.group, []).append(job)
+    calls = [([job.about for job in group],) for group in groups.values()]
+    for group, answers in zip(groups.values(), pool.map(work, calls), strict=True):
+        yield from zip(group, answers, strict=True)
+
+
+def _entries(stage: Stage, job: _Job, answer: dict[str, Any]) -> list[Entry]:
+    """The clips that go on from one answer."""
+    done = {
+        "stage": stage.name,
+        "version": stage.version,
+        "settings": stage.settings_digest,
+        "reasons": answer["reasons"],
+    }
+    record = (*job.record, done)
+    return [
+        Entry(clip=piece["clip"], blob=piece["blob"], numbers={**job.numbers, **piece["numbers"]}, record=record)
+        for piece in answer["pieces"]
+    ]
 
 
 def _refuse_double_names(stage: str, entries: list[Entry]) -> None:
@@ -140,20 +174,31 @@ def _refuse_double_names(stage: str, entries: list[Entry]) -> None:
         seen.add(entry.clip)
 
 
-def _call(worker: Callable[..., dict[str, Any]], *arguments: Any) -> dict[str, Any]:
-    return worker(*arguments)
+def _work_on_clips(
+    function: Callable[..., Outcome], prepare: Callable[..., Any] | None, store: Store, entries: list[Entry]
+) -> list[dict[str, Any]]:
+    """Answers for clips of one motion, prepared when the first needs it; where that fails, each fails by itself."""
+    prepared: list[Any] = []
+
+    def work(clip: Clip, numbers: dict[str, Any]) -> Outcome:
+        if prepare is None:
+            return function(clip, numbers)
+        if not prepared:
+            prepared.append(prepare(clip))
+        return function(clip, numbers, prepared=prepared[0])
+
+    answers = []
+    for entry in entries:
+        clip = store.get_clip(entry.blob, entry.clip)
+        seconds_in = entry.numbers.get("seconds", clip.duration_s)
+        answers.append(_answer(partial(work, clip, entry.numbers), store, entry.clip, seconds_in))
+    return answers
 
 
-def _work_on_clip(function: Callable[..., Outcome], store: Store, entry: Entry) -> dict[str, Any]:
-    clip = store.get_clip(entry.blob, entry.clip)
-    seconds_in = entry.numbers.get("seconds", clip.duration_s)
-    return _answer(lambda: function(clip, entry.numbers), store, entry.clip, seconds_in)
-
-
-def _work_on_file(
-    function: Callable[..., Outcome], store: Store, name: str, path: Path, arguments: tuple
-) -> dict[str, Any]:
-    return _answer(lambda: function(path, name, *arguments), store, name, None)
+def _work_on_files(
+    function: Callable[..., Outcome], store: Store, files: list[tuple[str, Path, tuple]]
+) -> list[dict[str, Any]]:
+    return [_answer(partial(function, path, name, *arguments), store, name, None) for name, path, arguments in files]
 
 
 def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:
