@@ -7,23 +7,30 @@ clip needs frame by frame: products, sign continuity, twist, interpolation, angu
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-Quats = Float[np.ndarray, "*n 4"]
-Vectors = Float[np.ndarray, "*n 3"]
+Quats = Float[np.ndarray, "... 4"]
+Vectors = Float[np.ndarray, "... 3"]
+Matrices = Float[np.ndarray, "... 3 3"]
+if TYPE_CHECKING:
+    Angles = np.ndarray
+else:  # one angle is a numpy scalar, as from numpy's own functions, whose stubs promise an array as well
+    Angles = Float[np.ndarray | np.floating, "..."]
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def normalize(vectors: np.ndarray) -> np.ndarray:
+def normalize(vectors: Float[np.ndarray, "*n d"]) -> Float[np.ndarray, "*n d"]:
     """Unit vectors along the last axis. A zero vector stays zero."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0.0, length, 1.0)
 
 
-def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def multiply(a: Quats, b: Quats) -> Quats:
     """Hamilton product a b of quaternions (..., 4), broadcasting; R(ab) = R(a) R(b)."""
     aw, ax, ay, az = np.moveaxis(a, -1, 0)
     bw, bx, by, bz = np.moveaxis(b, -1, 0)
@@ -38,19 +45,19 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     )
 
 
-def conjugate(quat: np.ndarray) -> np.ndarray:
+def conjugate(quat: Quats) -> Quats:
     """Inverse of unit quaternions (..., 4)."""
     return quat * np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def rotate(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+def rotate(quat: Quats, vector: Vectors) -> Vectors:
     """Rotate vectors (..., 3) by quaternions (..., 4), broadcasting over leading axes."""
     w, xyz = quat[..., :1], quat[..., 1:]
     cross = 2.0 * np.cross(xyz, vector)
     return vector + w * cross + np.cross(xyz, cross)
 
 
-def rotate_inverse(quat: np.ndarray, vector: np.ndarray) -> np.ndarray:
+def rotate_inverse(quat: Quats, vector: Vectors) -> Vectors:
     """Rotate vectors (..., 3) by the inverse of quaternions (..., 4): world to body."""
     return rotate(conjugate(quat), vector)
 
@@ -64,13 +71,13 @@ def make_continuous(quat: Float[np.ndarray, "t *n 4"]) -> Float[np.ndarray, "t *
     return np.concatenate([quat[:1], quat[1:] * signs])
 
 
-def from_matrix(matrix: Float[np.ndarray, "*n 3 3"]) -> np.ndarray:
+def from_matrix(matrix: Matrices) -> Quats:
     """Quaternions wxyz (..., 4) of rotation matrices (..., 3, 3)."""
     flat = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_quat()
     return np.roll(flat, 1, axis=-1).reshape(*matrix.shape[:-2], 4)
 
 
-def to_matrix(quat: np.ndarray) -> np.ndarray:
+def to_matrix(quat: Quats) -> Matrices:
     """Rotation matrices (..., 3, 3) of quaternions wxyz (..., 4)."""
     w, x, y, z = np.moveaxis(quat, -1, 0)
     rows = [
@@ -81,13 +88,13 @@ def to_matrix(quat: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def from_rotvec(rotvec: np.ndarray) -> np.ndarray:
+def from_rotvec(rotvec: Vectors) -> Quats:
     """Quaternions wxyz (..., 4) of rotation vectors (..., 3) [rad]."""
     angle = np.linalg.norm(rotvec, axis=-1, keepdims=True)
     return np.concatenate([np.cos(angle / 2), rotvec * np.sinc(angle / (2 * np.pi)) / 2], axis=-1)
 
 
-def to_rotvec(quat: np.ndarray) -> np.ndarray:
+def to_rotvec(quat: Quats) -> Vectors:
     """Rotation vectors (..., 3) [rad] of quaternions wxyz (..., 4), the shorter way round."""
     quat = np.where(quat[..., :1] < 0.0, -quat, quat)
     sine = np.linalg.norm(quat[..., 1:], axis=-1, keepdims=True)
@@ -96,33 +103,33 @@ def to_rotvec(quat: np.ndarray) -> np.ndarray:
     return quat[..., 1:] * scale
 
 
-def from_axis_angle(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
+def from_axis_angle(axis: Vectors, angle: Angles | float) -> Quats:
     """Quaternions wxyz (..., 4) of a rotation by `angle` [rad] (...) about a unit `axis` (3,)."""
     half = np.asarray(angle)[..., None] / 2.0
     return np.concatenate([np.cos(half), np.sin(half) * np.asarray(axis)], axis=-1)
 
 
-def about_z(yaw: np.ndarray | float) -> np.ndarray:
+def about_z(yaw: Angles | float) -> Quats:
     """Quaternions wxyz (..., 4) of rotations by `yaw` [rad] (...) about z."""
     return from_axis_angle(np.array([0.0, 0.0, 1.0]), yaw)
 
 
-def yaw_of(quat: np.ndarray) -> np.ndarray:
+def yaw_of(quat: Quats) -> Angles:
     """Twist about world z [rad] (...), in (-pi, pi], of quaternions wxyz (..., 4) (swing-twist)."""
     return wrap(2.0 * np.arctan2(quat[..., 3], quat[..., 0]))
 
 
-def wrap(angle: np.ndarray | float) -> np.ndarray:
+def wrap(angle: Angles | float) -> Angles:
     """The same angle [rad] in (-pi, pi]."""
     return -(np.mod(-np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi)
 
 
-def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def angle_between(a: Quats, b: Quats) -> Angles:
     """Angle [rad] (...) of the rotation from quaternions `a` to `b` (..., 4); knows that q = -q."""
     return np.linalg.norm(to_rotvec(multiply(conjugate(a), b)), axis=-1)
 
 
-def slerp(a: np.ndarray, b: np.ndarray, fraction: np.ndarray | float) -> np.ndarray:
+def slerp(a: Quats, b: Quats, fraction: Angles | float) -> Quats:
     """Spherical interpolation from `a` to `b` (..., 4) at `fraction` (...), the shorter way."""
     step = to_rotvec(multiply(conjugate(a), b))
     return multiply(a, from_rotvec(step * np.asarray(fraction)[..., None]))
