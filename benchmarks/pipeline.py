@@ -34,7 +34,7 @@ MOST_SHIPPED_S = 300.0
 """[s] The main job on the shipped motions, on two cores."""
 MOST_UNCHANGED_S = 15.0
 """[s] The command repeated with nothing changed."""
-MOST_MAIN_MB_PER_CLIP = 0.5
+MOST_MAIN_MB_PER_CLIP = 1.0
 """[MB] What the command's process may grow by for each further clip: names, numbers and reasons, never frames."""
 
 LEAST_ARRIVED = 90.0
