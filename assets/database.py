@@ -11,9 +11,11 @@ from assets.plan import FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, table_of
 from pipeline.batch import Manifest
+from pipeline.files import settings
 
 WHOLE = "whole_database"
 COVERED = "every_skill_has_seconds"
+COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
 
 
@@ -31,6 +33,11 @@ def database_checks(plan: Plan) -> dg.AssetChecksDefinition:
             asset=plan.key,
             description=f"Each of the ten skills has at least {MIN_SKILL_SECONDS:g} s before mirroring.",
         ),
+        dg.AssetCheckSpec(
+            COMMANDS,
+            asset=plan.key,
+            description="The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
+        ),
     ]
 
     @dg.multi_asset_check(name="_".join([*plan.key.path, "checks"]), specs=specs)
@@ -47,6 +54,7 @@ def database_checks(plan: Plan) -> dg.AssetChecksDefinition:
         found = {"clips": len(database.index)}
         yield dg.AssetCheckResult(asset_key=plan.key, check_name=WHOLE, passed=True, metadata=found)
         yield _every_skill(plan, database.index)
+        yield _every_command(plan, database.index)
 
     return checks
 
@@ -99,7 +107,8 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
 
 
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
-    from pipeline.viewing.plots import command_coverage
+    from pipeline.feasibility.command_seconds import by_command
+    from pipeline.viewing.plots import command_seconds
 
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
@@ -113,7 +122,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "dagster/row_count": manifest["clips"],
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
         "clips of the database": table_of(index.sort_values("clip"), columns),
-        "coverage": picture(command_coverage(index, f"{manifest['robot']} expert database")),
+        "coverage": picture(command_seconds(by_command(index), f"{manifest['robot']} expert database")),
     }
 
 
@@ -133,4 +142,26 @@ def _every_skill(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
         passed=not poor,
         severity=dg.AssetCheckSeverity.WARN,
         metadata={"found": ", ".join(poor) or "all"},
+    )
+
+
+def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
+    from pipeline.feasibility import FeasibilitySettings, coverage
+
+    found = coverage(index, settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings))
+    axes = found.cells[found.cells["axis"] != "forward_yaw"]
+    plane = found.cells[found.cells["axis"] == "forward_yaw"]
+    columns = ["axis", "low", "high", "seconds", "effective_seconds", "clips"]
+    return dg.AssetCheckResult(
+        asset_key=plan.key,
+        check_name=COMMANDS,
+        passed=not found.missing,
+        severity=dg.AssetCheckSeverity.WARN,
+        metadata={
+            "missing": " ".join(found.missing) or "nothing",
+            "seconds by command": table_of(axes, columns),
+            "seconds by forward speed and yaw rate": table_of(
+                plane, ["low", "high", "low_2", "high_2", "seconds", "effective_seconds", "clips"]
+            ),
+        },
     )

@@ -145,8 +145,9 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
         from pipeline.feasibility import FeasibilitySettings, balance, process
+        from pipeline.feasibility.command_seconds import by_command
         from pipeline.robot import load_robot
-        from pipeline.viewing.plots import command_coverage, lost_seconds
+        from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
@@ -157,7 +158,9 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         weights = dict(zip(balanced["clip"], balanced["weight"], strict=True))
         manifest = manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in weights.items()})
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "robot speed, feasible clips"))
+        if manifest.entries:
+            spent = by_command(manifest.entry_table())
+            metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
         return materialized(plan, manifest, metadata)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from pipeline.feasibility import collision_criteria, foot_criteria, joint_criteria, root_criteria, torque_criteria
+from pipeline.feasibility.command_seconds import command_seconds_text
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
@@ -39,10 +40,13 @@ class Assessment:
                 bad |= verdict.bad
         return bad
 
-    def numbers(self) -> dict[str, float | bool]:
-        """A number a criterion, whether forces explain the motion, and the robot's velocity as a command has it."""
+    def numbers(self) -> dict[str, float | bool | str]:
+        """A number a criterion, whether forces explain the motion, and the robot's velocity as a command has it: its
+        mean, and as `command_seconds` the seconds in each cell of the command space."""
         found = {verdict.code: verdict.value for verdict in self.verdicts}
-        return {**found, "dynamic": self.dynamic, **vars(self.motion.velocity)}
+        motion = self.motion
+        spent = command_seconds_text(motion.commands, motion.clip.fps)
+        return {**found, "dynamic": self.dynamic, **vars(motion.velocity), "command_seconds": spent}
 
 
 def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:

@@ -1,13 +1,16 @@
 """`MotionWeight`: how often a clip is drawn, so that commands and gaits are covered evenly.
 
 A trainer draws a clip by its weight and then a time within it, so a clip's weight is the weight of a second in
-it times its seconds. A second's weight is the product of three parts:
+it times its seconds. A clip's second weighs the mean of what its seconds do, cell by cell of the command space that
+the robot is in during them. There it is the product of three parts:
 
-- coverage: the seconds of a cell of the command space share 1 (or a power of it); cells with little get more,
-  up to a bound;
+- coverage: the seconds of a cell share 1 (or a power of it); cells with little get more, up to a bound;
 - diversity: seconds that are variants of one motion (mirrored, played faster, pieces of it) and lie in the same
   cell count as one motion between them: every parent has an equal part of its cell;
 - smoothness: 1 / (1 + (jerk / jerk_0)^2).
+
+A cell or a motion in it with less than `missing_seconds` has its part in proportion, so that passing through for a
+moment is no presence.
 """
 
 from __future__ import annotations
@@ -19,10 +22,11 @@ import pandas as pd
 
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_cells import cell_of
-from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.settings import BalanceSettings, FeasibilitySettings
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
-"""Columns that are looked at; `parent` too where it is there."""
+"""Columns that are looked at; `parent` and `command_seconds` too where they are there."""
 
 
 class BalanceError(PipelineError):
@@ -30,7 +34,8 @@ class BalanceError(PipelineError):
 
 
 def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
-    """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips) and `cell`.
+    """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips) and `cell`, the one it is in
+    for longest.
 
     One row a clip. The result doesn't depend on the rows' order, which it keeps. Raises BalanceError where a
     column is missing, a clip is there twice or a number is not finite.
@@ -38,21 +43,29 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
     if rows.empty:
         return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str))
     _check(rows)
-    limits = settings.balance
-    ordered = rows.sort_values("clip", kind="stable")
-    cell = cell_of(ordered, limits.commands)
-    parent = parents(ordered)
+    ordered = rows.sort_values("clip", kind="stable").reset_index(names="place")
+    spent = by_command(ordered.assign(parent=parents(ordered)))
+    spent = spent.assign(cell=cell_of(spent, settings.balance.commands))
+    worth = _second_weight(spent, settings.balance) * spent["seconds"].to_numpy(dtype=float)
     seconds = ordered["seconds"].to_numpy(dtype=float)
-    grouped = pd.DataFrame({"cell": cell, "parent": parent, "seconds": seconds}, index=ordered.index)
-    cell_seconds = grouped.groupby("cell")["seconds"].transform("sum").to_numpy(dtype=float)
-    family_seconds = grouped.groupby(["cell", "parent"])["seconds"].transform("sum").to_numpy(dtype=float)
-    families = grouped.groupby("cell")["parent"].transform("nunique").to_numpy(dtype=float)
-    coverage = cell_seconds**-limits.cell_power
-    diversity = cell_seconds / (families * family_seconds)
-    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].to_numpy(dtype=float) / limits.smooth_jerk) ** 2)
-    second = _bounded(coverage * diversity * smoothness, seconds, limits.max_ratio)
-    weight = pd.Series(second * seconds / np.mean(second * seconds), index=ordered.index)
+    mean_second = np.bincount(spent["row"], weights=worth, minlength=len(ordered)) / seconds
+    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].to_numpy(dtype=float) / settings.balance.smooth_jerk) ** 2)
+    second = _bounded(mean_second * smoothness, seconds, settings.balance.max_ratio)
+    weight = pd.Series(second * seconds / np.mean(second * seconds), index=ordered["place"])
+    longest = spent.groupby(["row", "cell"])["seconds"].sum().groupby("row").idxmax()
+    cell = pd.Series([name for _, name in longest], index=ordered["place"])
     return rows.assign(weight=weight.reindex(rows.index), cell=cell.reindex(rows.index))
+
+
+def _second_weight(spent: pd.DataFrame, limits: BalanceSettings) -> np.ndarray:
+    """Coverage times diversity of a second of each row (n,) of a table by command with `cell` and `parent`."""
+    least = limits.missing_seconds
+    seconds = spent.groupby(["cell", "parent"])["seconds"].sum()
+    presence = seconds.clip(upper=least)
+    part = presence / presence.groupby("cell").transform("sum")
+    cell_seconds = seconds.groupby("cell").transform("sum")
+    cell_weight = cell_seconds ** (1.0 - limits.cell_power) * (cell_seconds / least).clip(upper=1.0)
+    return (part * cell_weight / seconds).loc[pd.MultiIndex.from_frame(spent[["cell", "parent"]])].to_numpy(dtype=float)
 
 
 def parents(rows: pd.DataFrame) -> pd.Series:

@@ -16,6 +16,7 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
     frame = int(np.argmax(found.depth))
     pair = " and ".join(found.pairs[frame] or ("no shapes",))
     overlap = found.depth > settings.contact_depth
+    share = float(motion.share(overlap))
     return (
         Verdict(
             code="self_collision_depth",
@@ -27,10 +28,10 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
         ),
         Verdict(
             code="self_collision_share",
-            value=float(overlap.mean()),
+            value=share,
             limit=settings.share,
             unit="of frames",
-            text=f"parts overlap in {100 * overlap.mean():.0f} % of the frames, most {pair}",
+            text=f"parts overlap in {100 * share:.0f} % of the frames, most {pair}",
             bad=overlap,
         ),
     )

@@ -1,4 +1,4 @@
-"""The cells of the command space: which one a clip's velocity lies in."""
+"""The cells of the command space that weights are balanced over."""
 
 from __future__ import annotations
 
@@ -9,32 +9,34 @@ from pipeline.feasibility.settings import CommandSettings
 
 STANDING = "standing"
 
+Axis = tuple[float, float, float]
+"""Lowest, highest and width of cells."""
 
-def cell_edges(axis: tuple[float, float, float]) -> np.ndarray:
-    """Edges of an axis given as lowest, highest and width."""
-    low, high, width = axis
-    return low + width * np.arange(round((high - low) / width) + 1)
+
+def standing(rows: pd.DataFrame, settings: CommandSettings) -> np.ndarray:
+    """Rows (n,) that are slower than standing allows, in every direction."""
+    speed = np.hypot(rows["forward_m_s"].to_numpy(dtype=float), rows["lateral_m_s"].to_numpy(dtype=float))
+    turning = np.abs(rows["yaw_rate_rad_s"].to_numpy(dtype=float))
+    return (speed < settings.standing_m_s) & (turning < settings.standing_rad_s)
 
 
 def cell_of(rows: pd.DataFrame, settings: CommandSettings) -> pd.Series:
-    """Name of each clip's cell: `standing`, or the forward, lateral and yaw index as `f3 l2 y4`.
+    """Name of each row's cell: `standing`, or the middle of its cell: `0.6 m/s, 0.0 m/s, -0.5 rad/s`.
 
-    Velocities outside the ranges go to the outermost cells, so that no clip is without one.
+    Cells lie about the multiples of their width, so that sway about 0 doesn't split a straight walk. Velocities outside
+    the ranges go to the outermost cells: no row is without one.
     """
-    speed = np.hypot(rows["forward_m_s"], rows["lateral_m_s"])
-    standing = (speed < settings.standing_m_s) & (rows["yaw_rate_rad_s"].abs() < settings.standing_rad_s)
-    parts = []
-    axes = (
-        ("f", "forward_m_s", settings.forward),
-        ("l", "lateral_m_s", settings.lateral),
-        ("y", "yaw_rate_rad_s", settings.yaw_rate),
-    )
-    for letter, column, axis in axes:
-        parts.append(letter + pd.Series(axis_index(rows[column].to_numpy(), axis), index=rows.index).astype(str))
-    return (parts[0] + " " + parts[1] + " " + parts[2]).where(~standing, STANDING)
+    middles = [
+        (_middle(rows["forward_m_s"], settings.forward), "m/s"),
+        (_middle(rows["lateral_m_s"], settings.lateral), "m/s"),
+        (_middle(rows["yaw_rate_rad_s"], settings.yaw_rate), "rad/s"),
+    ]
+    texts = [[f"{value:.1f} {unit}" for value in values] for values, unit in middles]
+    names = pd.Series([", ".join(parts) for parts in zip(*texts, strict=True)], index=rows.index, dtype=object)
+    return names.where(~standing(rows, settings), STANDING)
 
 
-def axis_index(values: np.ndarray, axis: tuple[float, float, float]) -> np.ndarray:
-    """Cell of each value on an axis, the outermost ones open to the outside."""
-    edges = cell_edges(axis)
-    return np.clip(np.searchsorted(edges, np.asarray(values, dtype=float) + 1e-9, side="right") - 1, 0, len(edges) - 2)
+def _middle(values: pd.Series, axis: Axis) -> np.ndarray:
+    low, high, width = axis
+    nearest = np.floor(values.to_numpy(dtype=float) / width + 0.5 + 1e-9) * width
+    return np.clip(nearest, low, high) + 0.0

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from pipeline.feasibility.balance import effective_seconds
-from pipeline.feasibility.command_cells import STANDING, axis_index, cell_edges, cell_of
+from pipeline.feasibility.command_cells import STANDING, Axis, standing
+from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
 from pipeline.feasibility.settings import BalanceSettings, CommandSettings, FeasibilitySettings
+from pipeline.time_series import runs
 
-NEEDED = ("seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
-"""Columns that are looked at; `weight` too where it is there."""
+NEEDED = ("clip", "seconds", *VELOCITIES)
+"""Columns that are looked at; `command_seconds` and `weight` too where they are there."""
+
+AXES = ("forward", "lateral", "yaw")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,124 +26,127 @@ class Coverage:
 
     cells: pd.DataFrame
     """A row a cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
-    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` and, where
+    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` that visit it and, where
     the rows have weights, `weight` and `effective_seconds`: what the seconds count for as they are weighted."""
     missing: tuple[str, ...]
-    """A sentence for each stretch of an axis that has too little."""
+    """A sentence for each stretch of an axis that has too little: a cell wide or wider, or at the end of the range."""
 
 
 def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
-    """Coverage of the paper's command ranges by clips with their mean velocities.
+    """Coverage of the command ranges by the seconds that clips spend at each velocity.
 
-    An axis has the clips whose other velocities lie in the middle of the range: within one cell's width of 0.
-    Clips outside the ranges count for no cell.
+    An axis has the seconds whose other velocities lie in the middle of the range: within one cell's width of 0.
+    Seconds outside the ranges count for no cell.
     """
     commands = settings.balance.commands
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
-    standing = cell_of(rows, commands) == STANDING
-    tables = [_row(STANDING, 0.0, 0.0, _only(rows, standing))]
-    straight = {
-        "forward": (_near(rows, "lateral_m_s", commands.lateral) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
-        "lateral": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "yaw_rate_rad_s", commands.yaw_rate)),
-        "yaw": (_near(rows, "forward_m_s", commands.forward) & _near(rows, "lateral_m_s", commands.lateral)),
-    }
-    for axis, column, limits in _axes(commands):
-        tables += _axis_rows(axis, _only(rows, straight[axis] & ~standing), column, limits)
-    tables += _plane_rows(_only(rows, _near(rows, "lateral_m_s", commands.lateral) & ~standing), commands)
-    cells = pd.DataFrame(tables)
-    return Coverage(cells=cells, missing=_missing(cells, settings.balance))
+    spent = by_command(rows)
+    if "weight" in spent:
+        spent = spent.assign(weight=spent["weight"] * spent["seconds"] / spent["clip_seconds"])
+    still = standing(spent, commands)
+    tables = [_row(STANDING, 0.0, 0.0, _only(spent, still))]
+    for axis in AXES:
+        tables += _axis_rows(axis, _only(spent, _on_axis(spent, axis, commands) & ~still), _limits(axis, commands))
+    tables += _plane_rows(_only(spent, _near(spent, "lateral", commands) & ~still), commands)
+    return Coverage(cells=pd.DataFrame(tables), missing=_missing(spent, settings.balance))
 
 
-def _axes(commands: CommandSettings) -> tuple[tuple[str, str, tuple[float, float, float]], ...]:
-    return (
-        ("forward", "forward_m_s", commands.forward),
-        ("lateral", "lateral_m_s", commands.lateral),
-        ("yaw", "yaw_rate_rad_s", commands.yaw_rate),
-    )
+def _limits(axis: str, commands: CommandSettings) -> Axis:
+    return {"forward": commands.forward, "lateral": commands.lateral, "yaw": commands.yaw_rate}[axis]
 
 
-def _only(rows: pd.DataFrame, wanted: pd.Series | np.ndarray) -> pd.DataFrame:
+def _velocity(rows: pd.DataFrame, axis: str) -> np.ndarray:
+    return rows[VELOCITIES[AXES.index(axis)]].to_numpy(dtype=float)
+
+
+def _near(rows: pd.DataFrame, axis: str, commands: CommandSettings) -> np.ndarray:
+    """Rows (n,) within a cell's width of 0 on an axis."""
+    return np.abs(_velocity(rows, axis)) <= _limits(axis, commands)[2]
+
+
+def _on_axis(rows: pd.DataFrame, axis: str, commands: CommandSettings) -> np.ndarray:
+    """Rows (n,) that have little of the other two velocities."""
+    return np.all([_near(rows, other, commands) for other in AXES if other != axis], axis=0)
+
+
+def _only(rows: pd.DataFrame, wanted: np.ndarray) -> pd.DataFrame:
     """Rows where `wanted` (n,) holds."""
     return rows.loc[np.asarray(wanted, dtype=bool)]
 
 
-def _near(rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> pd.Series:
-    return pd.Series(np.abs(rows[column].to_numpy(dtype=float)) <= axis[2], index=rows.index)
+def _edges(limits: Axis) -> np.ndarray:
+    low, high, width = limits
+    return low + width * np.arange(round((high - low) / width) + 1)
 
 
-def _axis_rows(name: str, rows: pd.DataFrame, column: str, axis: tuple[float, float, float]) -> list[dict]:
-    edges = cell_edges(axis)
-    inside = _only(rows, rows[column].between(axis[0], axis[1]))
-    index = axis_index(inside[column].to_numpy(), axis)
-    return [_row(name, edges[cell], edges[cell + 1], _only(inside, index == cell)) for cell in range(len(edges) - 1)]
+def _axis_rows(axis: str, rows: pd.DataFrame, limits: Axis, name: str = "") -> list[dict]:
+    """A row for each cell [low, high) of an axis."""
+    edges = _edges(limits)
+    index = np.searchsorted(edges, _velocity(rows, axis) + 1e-9, side="right") - 1
+    pairs = enumerate(itertools.pairwise(edges))
+    return [_row(name or axis, low, high, _only(rows, index == cell)) for cell, (low, high) in pairs]
 
 
 def _plane_rows(rows: pd.DataFrame, commands: CommandSettings) -> list[dict]:
-    edges = cell_edges(commands.yaw_rate)
-    inside = _only(rows, rows["yaw_rate_rad_s"].between(commands.yaw_rate[0], commands.yaw_rate[1]))
-    index = axis_index(inside["yaw_rate_rad_s"].to_numpy(), commands.yaw_rate)
+    edges = _edges(commands.yaw_rate)
+    index = np.searchsorted(edges, _velocity(rows, "yaw") + 1e-9, side="right") - 1
     found = []
     for cell in range(len(edges) - 1):
         limits = {"low_2": float(edges[cell]), "high_2": float(edges[cell + 1])}
-        line = _axis_rows("forward_yaw", _only(inside, index == cell), "forward_m_s", commands.forward)
+        line = _axis_rows("forward", _only(rows, index == cell), commands.forward, "forward_yaw")
         found += [{**entry, **limits} for entry in line]
     return found
 
 
 def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
+    seconds = rows["seconds"].to_numpy(dtype=float)
     entry = {
         "axis": axis,
         "low": float(np.round(low, 9)),
         "high": float(np.round(high, 9)),
         "low_2": np.nan,
         "high_2": np.nan,
-        "seconds": float(np.sum(rows["seconds"].to_numpy(dtype=float))),
-        "clips": len(rows),
+        "seconds": float(np.sum(seconds)),
+        "clips": rows["row"].nunique(),
     }
     if "weight" in rows:
-        entry["weight"] = float(np.sum(rows["weight"].to_numpy(dtype=float)))
-        entry["effective_seconds"] = effective_seconds(
-            rows["seconds"].to_numpy(dtype=float), rows["weight"].to_numpy(dtype=float)
-        )
+        weight = rows["weight"].to_numpy(dtype=float)
+        entry["weight"] = float(np.sum(weight))
+        entry["effective_seconds"] = effective_seconds(seconds, weight)
     return entry
 
 
-_SENTENCES: dict[str, Callable[[float, float], str]] = {
-    "forward": lambda low, high: (
-        f"walks forward at {low:.1f} to {high:.1f} m/s"
-        if low >= 0
-        else f"walks back at {abs(high):.1f} to {-low:.1f} m/s"
-    ),
-    "lateral": lambda low, high: (
-        f"walks left at {low:.1f} to {high:.1f} m/s"
-        if low >= 0
-        else f"walks right at {abs(high):.1f} to {-low:.1f} m/s"
-    ),
-    "yaw": lambda low, high: (
-        f"turns left at {low:.1f} to {high:.1f} rad/s"
-        if low >= 0
-        else f"turns right at {abs(high):.1f} to {-low:.1f} rad/s"
-    ),
+_WORDS = {
+    "forward": ("walks forward", "walks back", "m/s"),
+    "lateral": ("walks left", "walks right", "m/s"),
+    "yaw": ("turns left", "turns right", "rad/s"),
 }
+"""What a positive and a negative velocity on an axis is, and its unit."""
 
 
-def _missing(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
-    """Neighbouring empty cells of one direction are one sentence; the cells about 0 are covered by standing."""
-    least = settings.missing_seconds
-    sentences = []
-    if cells.loc[cells["axis"] == STANDING, "seconds"].sum() < least:
-        sentences.append(f"No clip stands for {least:g} s.")
-    for axis in ("forward", "lateral", "yaw"):
-        line = _only(cells, cells["axis"].to_numpy() == axis).sort_values(by="low")
-        for side in (line[line["low"] >= -1e-9], line[line["low"] < -1e-9]):
-            spans: list[list[float]] = []
-            for low, high, seconds in zip(side["low"], side["high"], side["seconds"], strict=True):
-                if seconds >= least:
-                    continue
-                if spans and abs(spans[-1][1] - low) < 1e-6:
-                    spans[-1][1] = high
-                else:
-                    spans.append([low + 0.0, high + 0.0])
-            sentences += [f"No clip {_SENTENCES[axis](low, high)}." for low, high in spans]
+def _missing(spent: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
+    """Sentences for all directions. A box beside 0 is covered by standing too."""
+    commands = settings.commands
+    still_s = float(spent.loc[standing(spent, commands), "seconds"].sum())
+    sentences = [f"No clip stands for {settings.missing_seconds:g} s."] if still_s < settings.missing_seconds else []
+    for column, axis in enumerate(AXES):
+        limits, width = _limits(axis, commands), float(BOX[column])
+        rows = _only(spent, _on_axis(spent, axis, commands))
+        along = _velocity(rows, axis)
+        for sign, range_end, word in zip((1.0, -1.0), (limits[1], -limits[0]), _WORDS[axis], strict=False):
+            seconds = np.histogram(
+                sign * along + 1e-9, np.arange(round(range_end / width) + 1) * width, weights=rows["seconds"]
+            )[0]
+            seconds[0] += still_s
+            there = seconds >= settings.missing_seconds * width / limits[2]
+            gaps = [(low * width, high * width) for low, high in runs(~there)]
+            wide = [gap for gap in gaps if gap[1] - gap[0] > limits[2] - 1e-9 or gap[1] > range_end - 1e-9]
+            sentences += [_sentence(word, low, high, range_end, _WORDS[axis][2]) for low, high in wide]
     return tuple(sentences)
+
+
+def _sentence(word: str, low: float, high: float, range_end: float, unit: str) -> str:
+    if high > range_end - 1e-9:
+        return f"No clip {word} faster than {low:.3g} {unit}."
+    return f"No clip {word} at {low:.3g} to {high:.3g} {unit}."

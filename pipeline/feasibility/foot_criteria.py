@@ -9,6 +9,7 @@ from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FootSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.quality.foot_slip import inner_contacts, lowest_corner_slip
+from pipeline.quality.percentile import percentile_of_least
 from pipeline.quality.sole_contact import contact_from_sole
 
 SIDES = ("left", "right")
@@ -16,7 +17,7 @@ SIDES = ("left", "right")
 
 def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Mean and 95th percentile of slip against limits that grow with the speed over ground."""
-    slip = lowest_corner_slip(motion.sole, motion.contacts)
+    slip = lowest_corner_slip(motion.sole, motion.contacts, motion.least_frames)
     speed = motion.ground_speed
     mean_limit = settings.slip_mean[0] + settings.slip_mean[1] * speed
     p95_limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
@@ -43,7 +44,7 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]
 def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Depth of the lowest corner of each frame below the ground: 95th percentile and most."""
     depth = np.maximum(-motion.sole.height.min(axis=1), 0.0)
-    p95, frame = float(np.percentile(depth, 95)), int(np.argmax(depth))
+    p95, frame = percentile_of_least(depth, 95, motion.least_frames), int(np.argmax(depth))
     return (
         Verdict(
             code="penetration_p95",
@@ -102,7 +103,7 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
 def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
     seen = contact_from_sole(motion.sole)
-    value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
+    value = float(np.mean(motion.share(seen != motion.contacts))) if motion.labelled else 0.0
     return Verdict(
         code="contact_disagreement",
         value=value,

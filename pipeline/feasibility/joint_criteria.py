@@ -46,7 +46,7 @@ def joint_speeds(motion: Motion, settings: JointSettings) -> Verdict:
 
 def joint_acceleration(motion: Motion, settings: JointSettings, cutoff_hz: float) -> Verdict:
     """99th percentile of joint accelerations: high for shaking and for seams."""
-    value = acceleration_p99(motion.clip.joint_pos, motion.clip.fps, cutoff_hz)
+    value = acceleration_p99(motion.clip.joint_pos, motion.clip.fps, cutoff_hz, motion.least_frames)
     return Verdict(
         code="joint_acceleration_p99",
         value=value,

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.settings import FeasibilitySettings
-from pipeline.quality.command_velocity import CommandVelocity, command_velocity
+from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import SoleMotion, sole_motion
 from pipeline.quality.sole_contact import contact_from_sole
 from pipeline.robot import Robot
@@ -30,13 +30,21 @@ class Motion:
     """The clip's labels; told from the soles where it has none."""
     labelled: bool
     velocity: CommandVelocity
+    commands: Float[np.ndarray, "t 3"]
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
     smooth_root_pos_w: Float[np.ndarray, "t 3"]
     smooth_root_quat_w: Float[np.ndarray, "t 4"]
+    least_frames: int
+    """Shares and percentiles are over as many frames at least; those that a shorter clip lacks have no fault."""
 
     @property
     def ground_speed(self) -> float:
-        """Mean speed over ground [m/s]."""
-        return float(np.hypot(self.velocity.forward_m_s, self.velocity.lateral_m_s))
+        """Mean speed over ground [m/s]; a step to the left and one back do not cancel."""
+        return float(np.hypot(self.commands[:, 0], self.commands[:, 1]).mean())
+
+    def share(self, frames: Bool[np.ndarray, "t ..."]) -> Float[np.ndarray, ...]:
+        """Share of the frames, or of `least_frames` if they are fewer."""
+        return np.sum(frames, axis=0) / max(self.clip.frame_count, self.least_frames)
 
     def cut(self, start: int, stop: int, settings: FeasibilitySettings) -> Motion:
         """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
@@ -55,8 +63,10 @@ def motion_of(clip: RobotClip, robot: Robot, settings: FeasibilitySettings) -> M
         contacts=contact_from_sole(sole) if clip.contacts is None else clip.contacts,
         labelled=clip.contacts is not None,
         velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
+        commands=command_velocity_over_time(clip.root_pos_w, clip.root_quat_w, clip.fps),
         smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
         smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
+        least_frames=round(settings.cut.share_s * FPS),
     )
 
 

@@ -16,7 +16,7 @@ from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.settings import CutSettings, FeasibilitySettings
 from pipeline.robot import Robot
 
-STAGE_VERSION = "1"
+STAGE_VERSION = "2"
 
 MAX_CUTS = 3
 """How often what is left of a clip is cut again; a cut moves the ends that filters see."""
@@ -83,11 +83,14 @@ def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple
 
 
 def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Mapping[str, Number]) -> Piece:
+    """A stretch as a clip, with its place in the input [s]: frame k of it is at `stretch_start_s` + k / 50 there."""
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"
     clip = motion.clip.cut(stretch.start, stretch.stop, name)
     found = stretch.assessment.numbers()
-    return Piece(clip=clip, numbers={**numbers, **found, "seconds": clip.duration_s})
+    fps = motion.clip.fps
+    place = {"stretch_start_s": stretch.start / fps, "stretch_stop_s": stretch.stop / fps}
+    return Piece(clip=clip, numbers={**numbers, **found, **place, "seconds": clip.duration_s})
 
 
 def _too_short(offset: int, count: int, fps: float, settings: CutSettings) -> Reason:

@@ -13,6 +13,8 @@ class CutSettings:
     """Shortest stretch that goes on [s]."""
     margin_s: float
     """Cut away with a bad frame on both sides [s]."""
+    share_s: float
+    """Shares of frames and percentiles over a shorter clip are taken as if the rest of this time had no fault [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

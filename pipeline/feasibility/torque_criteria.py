@@ -97,7 +97,7 @@ def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSetti
     names, fps = motion.robot.joint_names, motion.clip.fps
     ratio = np.abs(solution.joint_torque) / motion.robot.torque_limit
     over = ratio > settings.ratio
-    share = over.mean(axis=0)
+    share = motion.share(over)
     most = int(np.argmax(share))
     bad = np.zeros(len(over), dtype=bool)
     longest, where, which = 0.0, 0.0, most
@@ -128,11 +128,21 @@ def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSetti
     )
 
 
+def _windowed_mean(values: Float[np.ndarray, "t 2"], width: int) -> Float[np.ndarray, "t 2"]:
+    """Mean over `width` frames (odd) about each frame. Windows don't shrink at the ends of the clip but lie inside it,
+    as the differences are roughest there; a clip that is shorter than a window is one window."""
+    if len(values) <= width:
+        return np.tile(values.mean(axis=0), (len(values), 1))
+    half = width // 2
+    centre = np.clip(np.arange(len(values)), half, len(values) - 1 - half)
+    return time_series.moving_mean(values, width)[centre]
+
+
 def _residuals(
     motion: Motion, solution: ContactSolution, limits: Residual, settings: TorqueSettings
 ) -> tuple[Verdict, Verdict]:
     width = 2 * round(settings.residual_window_s * motion.clip.fps / 2) + 1
-    share = time_series.moving_mean(_residual(motion, solution), width)
+    share = _windowed_mean(_residual(motion, solution), width)
     force, lever = share.max(axis=0)
     at = share.argmax(axis=0) / motion.clip.fps
     return (

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
+from pipeline.quality.percentile import percentile_of_least
 from pipeline.quality.sole import SoleMotion
 
 
@@ -22,12 +23,15 @@ class FootSlip:
     p95: float
 
 
-def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"]) -> FootSlip:
-    """Horizontal speed of the lowest corner of feet in contact."""
+def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"], least_frames: int = 0) -> FootSlip:
+    """Horizontal speed of the lowest corner of feet in contact.
+
+    The percentile of fewer than `least_frames` foot-frames is taken as if the rest of them did not slide.
+    """
     speed = sole.lowest_corner_speed[inner_contacts(contacts)]
     if speed.size == 0:
         return FootSlip(mean=0.0, p95=0.0)
-    return FootSlip(mean=float(speed.mean()), p95=float(np.percentile(speed, 95)))
+    return FootSlip(mean=float(speed.mean()), p95=percentile_of_least(speed, 95, least_frames))
 
 
 def inner_contacts(contacts: Bool[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:

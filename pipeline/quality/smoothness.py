@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import time_series
+from pipeline.quality.percentile import percentile_of_least
 
 
 def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> float:
@@ -16,9 +17,12 @@ def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> 
     return float(np.linalg.norm(jerk, axis=1).mean())
 
 
-def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float) -> float:
-    """99th percentile of |second derivative| over all frames and columns, low-passed at `cutoff_hz` first."""
+def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float, least_frames: int = 0) -> float:
+    """99th percentile of |second derivative| over all frames and columns, low-passed at `cutoff_hz` first.
+
+    Of fewer than `least_frames` frames it is taken as if the rest of them had none.
+    """
     if len(values) < 3:
         return 0.0
     second = np.diff(time_series.smooth(values, fps, cutoff_hz), n=2, axis=0) * fps**2
-    return float(np.percentile(np.abs(second), 99))
+    return percentile_of_least(np.abs(second).ravel(), 99, least_frames * values.shape[1])

@@ -7,6 +7,7 @@ import io
 import numpy as np
 import pandas as pd
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 SKILL_COLORS = {
@@ -26,6 +27,9 @@ SKILL_COLORS = {
 
 COMMAND_RANGES = {"forward_m_s": (-0.6, 2.0), "lateral_m_s": (-0.6, 0.6), "yaw_rate_rad_s": (-1.5, 1.5)}
 """The paper's command ranges, Table "Command range of the learned locomotion policy"."""
+
+BOX_WIDTHS = {"forward_m_s": 0.1, "lateral_m_s": 0.1, "yaw_rate_rad_s": 0.25}
+"""Widths of the boxes that seconds are counted in."""
 
 LABELS = {"forward_m_s": "forward [m/s]", "lateral_m_s": "left [m/s]", "yaw_rate_rad_s": "yaw rate [rad/s]"}
 
@@ -57,6 +61,35 @@ def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
     handles, labels = figure.axes[1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", fontsize=7, frameon=False)
     return png(figure)
+
+
+def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
+    """Seconds in each box of the command space as a heat map, on two planes; the paper's ranges are framed.
+
+    Args:
+        spent: a row a clip and box, with the box's middle `forward_m_s, lateral_m_s, yaw_rate_rad_s` and `seconds`
+    """
+    figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
+    planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
+    longest = max(float(spent["seconds"].sum()), 1.0)
+    for axes, names in zip(figure.subplots(1, 2), planes, strict=True):
+        edges = [_box_edges(spent[name], COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names]
+        seconds = np.histogram2d(spent[names[0]], spent[names[1]], bins=edges, weights=spent["seconds"])[0]
+        shown = np.ma.masked_less_equal(seconds.T, 0.0)
+        image = axes.pcolormesh(*edges, shown, norm=LogNorm(0.02, longest), cmap="viridis", rasterized=True)
+        (x0, x1), (y0, y1) = (COMMAND_RANGES[name] for name in names)
+        axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color="#d62728", linewidth=1.0)
+        axes.set(xlabel=LABELS[names[0]], ylabel=LABELS[names[1]])
+    figure.colorbar(image, ax=figure.axes, label="seconds")
+    figure.suptitle(f"{title}: {float(spent['seconds'].sum()):.0f} s, by the velocity of each moment")
+    return png(figure)
+
+
+def _box_edges(middles: pd.Series, shown: tuple[float, float], width: float) -> np.ndarray:
+    """Edges of boxes at multiples of their width, over the range that is always shown and all that is there."""
+    low = min(float(middles.min()) if len(middles) else shown[0], shown[0])
+    high = max(float(middles.max()) if len(middles) else shown[1], shown[1])
+    return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
 
 
 def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:

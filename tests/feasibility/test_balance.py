@@ -1,8 +1,10 @@
 """Weights: positive, even over commands, shared by variants, the same whatever the order; and what is missing."""
 
 import dataclasses
+import json
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pandas as pd
 import pytest
@@ -57,6 +59,7 @@ def test_a_rough_motion_weighs_less():
     assert weights["rough"] < weights["smooth"] / 3.0
 
 
+@hypothesis.settings(deadline=None, max_examples=30)
 @given(
     st.lists(
         st.tuples(
@@ -108,9 +111,9 @@ def test_what_is_missing_is_said_in_words():
     rows += [_row(f"y{yaw}", forward=0.0, yaw=yaw) for yaw in (-1.2, -0.7, 0.3, 0.7, 1.2)]
     rows += [_row("stand", forward=0.0)]
     found = coverage(pd.DataFrame(rows), LIMITS).missing
-    assert "No clip walks forward at 1.0 to 1.4 m/s." in found
-    assert "No clip walks left at 0.4 to 0.6 m/s." in found
-    assert not any("turns" in sentence and "1.5" in sentence for sentence in found)
+    assert "No clip walks forward at 1 to 1.5 m/s." in found
+    assert "No clip walks left faster than 0.4 m/s." in found
+    assert not any("turns left" in sentence and "faster" not in sentence for sentence in found)
     assert not any("stands" in sentence for sentence in found)
     assert not any("walks back" in sentence for sentence in found)
 
@@ -145,3 +148,36 @@ def test_half_a_power_balances_half():
     rows = pd.DataFrame([_row(f"common{index}") for index in range(9)] + [_row("rare", forward=1.1)])
     table = balance(rows, half)
     np.testing.assert_allclose(table["weight"], 1.0)
+
+
+def _two_speeds(clip: str, slow_s: float, fast_s: float) -> dict:
+    spent = [[0.55, 0.05, 0.125, slow_s], [1.15, 0.05, 0.125, fast_s]]
+    return _row(clip, slow_s + fast_s, forward=0.8, command_seconds=json.dumps(spent))
+
+
+def test_seconds_count_for_the_cell_they_are_in_not_for_the_clips_mean():
+    cells = coverage(pd.DataFrame([_two_speeds("both", 6.0, 3.0)]), LIMITS).cells
+    forward = cells[cells["axis"] == "forward"].set_index("low")["seconds"]
+    assert forward[0.4] == pytest.approx(6.0)
+    assert forward[1.0] == pytest.approx(3.0)
+    assert forward[0.8] == 0.0
+
+
+def test_a_clip_that_visits_a_rare_cell_weighs_more_a_second():
+    rows = [_row(f"common{index}", 9.0, forward=0.55) for index in range(9)] + [_two_speeds("both", 6.0, 3.0)]
+    weights = _weights(rows)
+    assert weights["both"] > 3.0 * weights["common0"]
+
+
+def test_a_moment_in_a_cell_is_no_presence():
+    rows = [_row(f"slow{index}", 10.0, forward=0.55) for index in range(4)]
+    rows += [_row("fast", 10.0, forward=1.15), _two_speeds("brief", 9.98, 0.02)]
+    weights = _weights(rows)
+    assert weights["brief"] < 1.2 * weights["slow0"]
+
+
+def test_the_ends_of_the_ranges_have_to_be_reached():
+    rows = [_row(f"y{yaw}", forward=0.0, yaw=yaw) for yaw in (-1.3, -1.1, -0.7, -0.3, 0.3, 0.7, 1.1)]
+    found = coverage(pd.DataFrame(rows), LIMITS).missing
+    assert "No clip turns left faster than 1.25 rad/s." in found
+    assert not any("turns right" in sentence for sentence in found)

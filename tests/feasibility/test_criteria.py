@@ -50,8 +50,9 @@ def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: Feas
         "forward_m_s",
         "lateral_m_s",
         "yaw_rate_rad_s",
+        "command_seconds",
     }
-    assert all(np.isfinite(list(found.numbers().values())))
+    assert all(np.isfinite(value) for code, value in found.numbers().items() if code != "command_seconds")
 
 
 def _past_limit(clip: RobotClip, robot: Robot) -> RobotClip:
@@ -166,5 +167,5 @@ def test_verdicts_do_not_change_under_heading_and_place(robot: Robot, limits: Fe
         root_quat_w=rotation.multiply(turn, clip.root_quat_w),
     )
     here, there = _assess(clip, robot, limits).numbers(), _assess(moved, robot, limits).numbers()
-    for code in here:
+    for code in here.keys() - {"command_seconds"}:  # a text; boxes have edges at 0, where rounding decides
         assert there[code] == pytest.approx(here[code], rel=1e-3, abs=1e-6), code

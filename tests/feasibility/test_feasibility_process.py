@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.augment.time_scale import time_scale_clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility import FeasibilitySettings, assess, process
@@ -52,6 +53,9 @@ def test_a_bad_stretch_is_cut_out_and_the_rest_goes_on(robot: Robot, limits: Fea
     assert 100 <= second.frame_count <= 140
     np.testing.assert_array_equal(first.joint_pos, clip.joint_pos[: first.frame_count])
     np.testing.assert_array_equal(second.joint_pos, clip.joint_pos[-second.frame_count :])
+    for piece in outcome.pieces:  # each says where it lies in the input
+        start, stop = (round(50.0 * float(piece.numbers[f"stretch_{end}_s"] or 0.0)) for end in ("start", "stop"))
+        np.testing.assert_array_equal(piece.clip.root_pos_w, clip.root_pos_w[start:stop])
     reason = next(reason for reason in outcome.reasons if reason.code == "joint_limit_excess")
     assert reason.start_s == pytest.approx(2.7, abs=0.15)
     assert reason.stop_s == pytest.approx(3.3, abs=0.15)
@@ -59,14 +63,34 @@ def test_a_bad_stretch_is_cut_out_and_the_rest_goes_on(robot: Robot, limits: Fea
 
 
 def test_what_is_left_too_short_does_not_go_on(robot: Robot, limits: FeasibilitySettings):
-    outcome = process(_bent(standing(robot, 2.0), robot, 40, 60), {}, settings=limits, robot=robot)
+    outcome = process(_bent(standing(robot, 1.2), robot, 20, 40), {}, settings=limits, robot=robot)
     assert outcome.pieces == ()
     assert {reason.effect for reason in outcome.reasons} == {"rejected"}
 
 
 def test_a_clip_that_is_too_short_says_so(robot: Robot, limits: FeasibilitySettings):
-    outcome = process(standing(robot, 0.5), {}, settings=limits, robot=robot)
+    outcome = process(standing(robot, 0.38), {}, settings=limits, robot=robot)
     assert [reason.code for reason in outcome.reasons] == ["too_short"]
+
+
+@pytest.mark.parametrize("fps", [30.0, 50.0, 60.0, 120.0])
+@pytest.mark.parametrize("scale", [0.9, 1.0, 1.1])
+def test_the_shortest_window_goes_on_at_any_rate_and_speed(
+    robot: Robot, limits: FeasibilitySettings, fps: float, scale: float
+):
+    window = time_scale_clip(at_database_rate(standing(robot, 0.5, fps)), scale, "test/stand")
+    outcome = process(window, {}, settings=limits, robot=robot)
+    assert [piece.clip.frame_count for piece in outcome.pieces] == [window.frame_count]
+
+
+def test_a_single_bad_frame_weighs_no_more_in_a_short_clip_than_in_a_long_one(
+    robot: Robot, limits: FeasibilitySettings
+):
+    sunk = np.zeros((25, 3))
+    sunk[12, 2] = -0.015  # past the limit of the 95th percentile, within that of the deepest frame
+    clip = standing(robot, 0.5)
+    found = process(dataclasses.replace(clip, root_pos_w=clip.root_pos_w + sunk), {}, settings=limits, robot=robot)
+    assert found.numbers["penetration_p95"] < limits.feet.penetration_p95 < found.numbers["penetration_max"]
 
 
 def test_a_loosened_threshold_lets_more_through(robot: Robot, limits: FeasibilitySettings):
