@@ -1,6 +1,6 @@
 """KP4: more motions from each one, mirrored and played slower or faster."""
 
-from pipeline.augment.process import STAGE_VERSION, process
+from pipeline.augment.process import process
 from pipeline.augment.settings import AugmentSettings
 
-__all__ = ["STAGE_VERSION", "AugmentSettings", "process"]
+__all__ = ["AugmentSettings", "process"]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.augment.numbers import Number
+from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 
@@ -40,7 +39,7 @@ def mirror_skill(skill: str) -> str:
     return skill
 
 
-def mirror_numbers(numbers: Mapping[str, Number]) -> dict[str, Number]:
+def mirror_numbers(numbers: Numbers) -> dict[str, Number]:
     """What earlier stages said, as it holds for the mirrored clip."""
     mirrored = dict(numbers)
     for name in _ODD_NUMBERS:

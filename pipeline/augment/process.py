@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from pipeline.augment.mirror import mirror_clip, mirror_numbers
-from pipeline.augment.numbers import Number
 from pipeline.augment.settings import AugmentSettings
 from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
-from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.outcome import Numbers, Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 
-STAGE_VERSION = "1"
 
-
-def process(clip: RobotClip, numbers: Mapping[str, Number], *, settings: AugmentSettings, robot: Robot) -> Outcome:
+def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:
     """The clip, its mirror image, and both at other playing speeds, as the settings say.
 
     Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
@@ -39,7 +34,7 @@ def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
 
 
-def _piece(clip: RobotClip, numbers: Mapping[str, Number], parent: str, *, mirrored: bool, scale: float) -> Piece:
+def _piece(clip: RobotClip, numbers: Numbers, parent: str, *, mirrored: bool, scale: float) -> Piece:
     parts = (["mirror"] if mirrored else []) + ([f"x{scale:g}"] if scale != 1.0 else [])
     made = {
         "variant": "~".join(parts) or "original",

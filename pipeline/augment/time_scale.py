@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
 from pipeline import time_series
-from pipeline.augment.numbers import Number
+from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 
 _SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s")
@@ -33,7 +32,7 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
     )
 
 
-def time_scale_numbers(numbers: Mapping[str, Number], scale: float) -> dict[str, Number]:
+def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
     """What earlier stages said, as it holds at `scale` times the speed: speeds, seconds and jerk scale."""
     scaled = dict(numbers)
     powers = {**dict.fromkeys(_SPEEDS, 1), "seconds": -1, "jerk_rad_s3": 3}

@@ -5,12 +5,11 @@
 `catalogue_file` is the stage for a file, `catalogue` the same for what a reader has read.
 """
 
-from pipeline.catalog.catalogue import STAGE_VERSION, Corrected, catalogue, catalogue_file, correct
+from pipeline.catalog.catalogue import Corrected, catalogue, catalogue_file, correct
 from pipeline.catalog.settings import CatalogSettings, TimeBaseSettings
 from pipeline.catalog.time_base import TimeBase, judge
 
 __all__ = [
-    "STAGE_VERSION",
     "CatalogSettings",
     "Corrected",
     "TimeBase",

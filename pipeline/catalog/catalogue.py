@@ -6,17 +6,15 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.catalog.measure import Numbers, measure
+from pipeline.catalog.measure import measure
 from pipeline.catalog.repeated_frames import each_once, times_stored
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.catalog.time_base import TimeBase, judge
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
 from pipeline.readers import ReadMotion, Source, read_motion
-
-STAGE_VERSION = "1"
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
@@ -31,7 +29,7 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
     statement = source.statement_of(path)
     read = read_motion(path, name, statement)
     outcome = catalogue(read, settings=settings, rate_is_stated=statement.fps is not None)
-    origin: Numbers = {
+    origin: dict[str, Number] = {
         "source": source.name,
         "file": within,
         "file_sha256": digest.of_file(path),
@@ -87,7 +85,7 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     return Corrected(clip=clip, times_stored=times, first_frame=first, time_base=time_base, reasons=tuple(reasons))
 
 
-def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> Numbers:
+def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> dict[str, Number]:
     return {
         "kind": "robot" if isinstance(clip, RobotClip) else "human",
         "format": read.format,
@@ -101,7 +99,7 @@ def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> Numbers:
     }
 
 
-def _clocks(time_base: TimeBase | None) -> Numbers:
+def _clocks(time_base: TimeBase | None) -> dict[str, Number]:
     """What physics says of the rate [Hz]; nothing of a robot's."""
     if time_base is None:
         return {}

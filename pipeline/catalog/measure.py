@@ -9,20 +9,19 @@ from pipeline.catalog.flight import find_flights
 from pipeline.catalog.gait import leg_length, step_rate
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.planar_motion import planar_motion
 
-Numbers = dict[str, float | int | str | bool | None]
 
-
-def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> Numbers:
+def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> dict[str, Number]:
     """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
 
     None stands for what cannot be measured.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s)
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
-    numbers: Numbers = {
+    numbers: dict[str, Number] = {
         "frames": clip.frame_count,
         "missing_frames": int(_missing(clip).sum()),
         "speed_mean": _round(speed.mean()) if len(speed) else None,
@@ -42,7 +41,7 @@ def _missing(clip: HumanClip | RobotClip) -> np.ndarray:
     return np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0)
 
 
-def _of_person(clip: HumanClip) -> Numbers:
+def _of_person(clip: HumanClip) -> dict[str, Number]:
     rate = step_rate(clip)
     leg = leg_length(clip)
     return {

@@ -9,6 +9,9 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 
 Clip = HumanClip | RobotClip
+Number = float | int | str | bool | None
+"""What a stage says of a clip in one word: JSON's flat types."""
+Numbers = Mapping[str, Number]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +42,7 @@ class Piece:
     """One clip that goes on to the next stage, with its numbers (flat, JSON types)."""
 
     clip: Clip
-    numbers: Mapping[str, float | int | str | bool | None] = field(default_factory=dict)
+    numbers: Numbers = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +54,7 @@ class Outcome:
 
     pieces: tuple[Piece, ...] = ()
     reasons: tuple[Reason, ...] = ()
-    numbers: Mapping[str, float | int | str | bool | None] = field(default_factory=dict)
+    numbers: Numbers = field(default_factory=dict)
 
     @property
     def accepted(self) -> bool:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 
 import numpy as np
 
 from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
@@ -24,12 +23,8 @@ from pipeline.repair.settings import RepairSettings
 from pipeline.repair.smoothing import smoothed
 from pipeline.robot import Robot
 
-STAGE_VERSION = "1"
-
 CONTEXT_S = 1.0
 """Motion around a window that smoothing and contacts look at [s]."""
-
-Numbers = Mapping[str, float | int | str | bool | None]
 
 
 def process(

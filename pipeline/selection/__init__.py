@@ -8,14 +8,13 @@
 
 from pipeline.selection.choose import choose
 from pipeline.selection.curation import Curation, WindowSettings
-from pipeline.selection.process import STAGE_VERSION, process
+from pipeline.selection.process import process
 from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
 from pipeline.selection.windows import Window, find_windows
 
 __all__ = [
     "LABELS",
     "SKILLS",
-    "STAGE_VERSION",
     "TRANSITION",
     "Curation",
     "SkillBounds",

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.outcome import Numbers, Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.selection.curation import Curation
 from pipeline.selection.skills import LABELS
 from pipeline.selection.windows import Window, find_windows
 
-STAGE_VERSION = "1"
 
-
-def process(clip: HumanClip | RobotClip, numbers: Mapping[str, Any], *, settings: Curation) -> Outcome:
+def process(clip: HumanClip | RobotClip, numbers: Numbers, *, settings: Curation) -> Outcome:
     """One piece a window, named `<clip>@<first>-<last>` by its frames.
 
     A piece holds the whole clip, so that KP2 sees what is before and after the window; `start_frame` and

@@ -1,3 +1,0 @@
-"""The kind of value a stage says of a clip."""
-
-Number = float | int | str | bool | None
