@@ -1,8 +1,10 @@
-"""What all tests share: markers and where the things are that are not in the repository."""
+"""What all tests share: the robot, and where the things are that are not in the repository."""
 
 from pathlib import Path
 
 import pytest
+
+from pipeline.robot import Robot, load_robot
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -14,9 +16,25 @@ def root() -> Path:
 
 
 @pytest.fixture(scope="session")
+def robot() -> Robot:
+    """The robot of the project; the tests of robots themselves run on each."""
+    return load_robot("t1")
+
+
+@pytest.fixture(scope="session")
 def mocap() -> Path:
     """The folder of real recordings beside the checkout; a test that asks for it bears the marker `shared`."""
-    folder = ROOT.parent / "shared" / "mocap"
+    return _shared("mocap", "the real recordings")
+
+
+@pytest.fixture(scope="session")
+def policies() -> Path:
+    """The folder of published policies beside the checkout; a test that asks for it bears the marker `shared`."""
+    return _shared("policies", "the published policies")
+
+
+def _shared(name: str, what: str) -> Path:
+    folder = ROOT.parent / "shared" / name
     if not folder.is_dir():
-        pytest.skip("needs the real recordings of ../shared/mocap, which are not part of the project")
+        pytest.skip(f"needs {what} of ../shared/{name}, which are not part of the project")
     return folder

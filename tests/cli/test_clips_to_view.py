@@ -12,13 +12,7 @@ from pipeline.cli.project import Project
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert.write import ExpertEntry, encode_clip
 from pipeline.readers import NOTHING_STATED
-from pipeline.robot import load_robot
 from tests.factories.figures import gliding_human, standing_robot
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 @pytest.fixture

@@ -8,13 +8,7 @@ import pytest
 from pipeline import rotation
 from pipeline.cli.robot_csv import ROOT_COLUMNS, encode_csv
 from pipeline.readers import read_motion
-from pipeline.robot import load_robot
 from tests.factories.figures import standing_robot, tumbling_robot
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 def test_the_reader_reads_back_what_was_written(robot, tmp_path):

@@ -12,17 +12,11 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.files import settings as settings_files
 from pipeline.repair import RepairSettings, process
-from pipeline.robot import load_robot
 
 
 @pytest.fixture(scope="module")
 def settings(root) -> RepairSettings:
     return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 @pytest.fixture

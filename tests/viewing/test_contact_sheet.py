@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from pipeline import rotation
-from pipeline.robot import load_robot
 from pipeline.viewing import projection
 from pipeline.viewing.contact_sheet import Strip, contact_sheet, worst_clips_sheet
 from pipeline.viewing.figure import Figure, Part, Shape
@@ -18,11 +17,6 @@ from tests.factories.figures import gliding_human, standing_robot, tumbling_robo
 
 MAX_BYTES = 100_000
 MAX_SECONDS = 0.5
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 def _pixels(png: bytes) -> np.ndarray:

@@ -9,15 +9,10 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.human_clip import body
 from pipeline.errors import ClipError
-from pipeline.robot import load_robot, mujoco_model
+from pipeline.robot import mujoco_model
 from pipeline.viewing.human_figure import BONES, human_figure, mirrored
 from pipeline.viewing.robot_figure import DRAWN_GROUP, robot_figure
 from tests.factories.figures import gliding_human, standing_robot, tumbling_robot
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 def test_the_robots_primitives_are_where_mujoco_has_its_geoms(robot):

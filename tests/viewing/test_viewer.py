@@ -8,17 +8,11 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ClipError
-from pipeline.robot import load_robot
 from pipeline.viewing.playback import Playback
 from pipeline.viewing.playlist import Playlist, Shown
 from pipeline.viewing.scene import TILE
 from pipeline.viewing.viewer import Viewer
 from tests.factories.figures import gliding_human, standing_robot
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 @pytest.fixture(scope="module")

@@ -7,17 +7,11 @@ import pytest
 from PIL import Image
 
 from pipeline.batch import Entry, Judged, Manifest, Store
-from pipeline.robot import load_robot
 from pipeline.viewing import worst_clips as module
 from pipeline.viewing.worst_clips import worst_clips
 from tests.factories.figures import standing_robot
 
 LOST_S = {"a": 0.5, "b": 3.0, "b~mirror": 3.5, "c": 0.0, "d": 2.0}
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("t1")
 
 
 @pytest.fixture
