@@ -149,8 +149,7 @@ def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
     from pipeline.feasibility import FeasibilitySettings, coverage
 
     found = coverage(index, settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings))
-    axes = found.cells[found.cells["axis"] != "forward_yaw"]
-    plane = found.cells[found.cells["axis"] == "forward_yaw"]
+    axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")
     columns = ["axis", "low", "high", "seconds", "effective_seconds", "clips"]
     return dg.AssetCheckResult(
         asset_key=plan.key,

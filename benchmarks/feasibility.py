@@ -80,7 +80,7 @@ def main() -> int:
         joblib.delayed(judge)(arguments.policies, command, seed, limits)
         for seed, command in enumerate(commands(arguments.drawn))
     ]
-    judged = [one for one in joblib.Parallel(n_jobs=arguments.jobs)(jobs) if not one.fell]
+    judged = [one for one in joblib.Parallel(n_jobs=arguments.jobs)(jobs) if one is not None and not one.fell]
     bars = [*known_good_bars(judged, criteria(limits)), *fault_bars(judged)]
     return 0 if report(bars, machine=machine(), json=arguments.json) else 1
 

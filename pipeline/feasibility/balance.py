@@ -59,13 +59,14 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
 
 def _second_weight(spent: pd.DataFrame, limits: BalanceSettings) -> np.ndarray:
     """Coverage times diversity of a second of each row (n,) of a table by command with `cell` and `parent`."""
-    least = limits.missing_seconds
-    seconds = spent.groupby(["cell", "parent"])["seconds"].sum()
-    presence = seconds.clip(upper=least)
-    part = presence / presence.groupby("cell").transform("sum")
-    cell_seconds = seconds.groupby("cell").transform("sum")
-    cell_weight = cell_seconds ** (1.0 - limits.cell_power) * (cell_seconds / least).clip(upper=1.0)
-    return (part * cell_weight / seconds).loc[pd.MultiIndex.from_frame(spent[["cell", "parent"]])].to_numpy(dtype=float)
+    least, cell = limits.missing_seconds, spent["cell"].to_numpy()
+    family_seconds = spent.groupby(["cell", "parent"])["seconds"].transform("sum").to_numpy(dtype=float)
+    cell_seconds = spent.groupby("cell")["seconds"].transform("sum").to_numpy(dtype=float)
+    presence = np.minimum(family_seconds, least)
+    share = presence * spent["seconds"].to_numpy(dtype=float) / family_seconds  # adds up to a family's presence
+    cell_presence = pd.Series(share).groupby(cell).transform("sum").to_numpy(dtype=float)
+    cell_weight = cell_seconds ** (1.0 - limits.cell_power) * np.minimum(cell_seconds / least, 1.0)
+    return cell_weight * presence / cell_presence / family_seconds
 
 
 def parents(rows: pd.DataFrame) -> pd.Series:

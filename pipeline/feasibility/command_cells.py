@@ -27,16 +27,16 @@ def cell_of(rows: pd.DataFrame, settings: CommandSettings) -> pd.Series:
     the ranges go to the outermost cells: no row is without one.
     """
     middles = [
-        (_middle(rows["forward_m_s"], settings.forward), "m/s"),
-        (_middle(rows["lateral_m_s"], settings.lateral), "m/s"),
-        (_middle(rows["yaw_rate_rad_s"], settings.yaw_rate), "rad/s"),
+        (_middle(rows["forward_m_s"].to_numpy(dtype=float), settings.forward), "m/s"),
+        (_middle(rows["lateral_m_s"].to_numpy(dtype=float), settings.lateral), "m/s"),
+        (_middle(rows["yaw_rate_rad_s"].to_numpy(dtype=float), settings.yaw_rate), "rad/s"),
     ]
     texts = [[f"{value:.1f} {unit}" for value in values] for values, unit in middles]
     names = pd.Series([", ".join(parts) for parts in zip(*texts, strict=True)], index=rows.index, dtype=object)
     return names.where(~standing(rows, settings), STANDING)
 
 
-def _middle(values: pd.Series, axis: Axis) -> np.ndarray:
+def _middle(values: np.ndarray, axis: Axis) -> np.ndarray:
     low, high, width = axis
-    nearest = np.floor(values.to_numpy(dtype=float) / width + 0.5 + 1e-9) * width
+    nearest = np.floor(values / width + 0.5 + 1e-9) * width
     return np.clip(nearest, low, high) + 0.0

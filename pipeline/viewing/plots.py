@@ -71,21 +71,24 @@ def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
     """
     figure = Figure(figsize=(9.0, 3.6), dpi=80, layout="constrained")
     planes = (("forward_m_s", "lateral_m_s"), ("forward_m_s", "yaw_rate_rad_s"))
-    longest = max(float(spent["seconds"].sum()), 1.0)
+    weights = spent["seconds"].to_numpy(dtype=float)
+    total = float(np.sum(weights))
     for axes, names in zip(figure.subplots(1, 2), planes, strict=True):
-        edges = [_box_edges(spent[name], COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names]
-        seconds = np.histogram2d(spent[names[0]], spent[names[1]], bins=edges, weights=spent["seconds"])[0]
+        edges = [
+            _box_edges(spent[name].to_numpy(dtype=float), COMMAND_RANGES[name], BOX_WIDTHS[name]) for name in names
+        ]
+        seconds = np.histogram2d(spent[names[0]], spent[names[1]], bins=edges, weights=weights)[0]
         shown = np.ma.masked_less_equal(seconds.T, 0.0)
-        image = axes.pcolormesh(*edges, shown, norm=LogNorm(0.02, longest), cmap="viridis", rasterized=True)
+        image = axes.pcolormesh(*edges, shown, norm=LogNorm(0.02, max(total, 1.0)), cmap="viridis", rasterized=True)
         (x0, x1), (y0, y1) = (COMMAND_RANGES[name] for name in names)
         axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color="#d62728", linewidth=1.0)
         axes.set(xlabel=LABELS[names[0]], ylabel=LABELS[names[1]])
     figure.colorbar(image, ax=figure.axes, label="seconds")
-    figure.suptitle(f"{title}: {float(spent['seconds'].sum()):.0f} s, by the velocity of each moment")
+    figure.suptitle(f"{title}: {total:.0f} s, by the velocity of each moment")
     return png(figure)
 
 
-def _box_edges(middles: pd.Series, shown: tuple[float, float], width: float) -> np.ndarray:
+def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) -> np.ndarray:
     """Edges of boxes at multiples of their width, over the range that is always shown and all that is there."""
     low = min(float(middles.min()) if len(middles) else shown[0], shown[0])
     high = max(float(middles.max()) if len(middles) else shown[1], shown[1])

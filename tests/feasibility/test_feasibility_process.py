@@ -90,7 +90,8 @@ def test_a_single_bad_frame_weighs_no_more_in_a_short_clip_than_in_a_long_one(
     sunk[12, 2] = -0.015  # past the limit of the 95th percentile, within that of the deepest frame
     clip = standing(robot, 0.5)
     found = process(dataclasses.replace(clip, root_pos_w=clip.root_pos_w + sunk), {}, settings=limits, robot=robot)
-    assert found.numbers["penetration_p95"] < limits.feet.penetration_p95 < found.numbers["penetration_max"]
+    values = {code: float(found.numbers[code] or 0.0) for code in ("penetration_p95", "penetration_max")}
+    assert values["penetration_p95"] < limits.feet.penetration_p95 < values["penetration_max"]
 
 
 def test_a_loosened_threshold_lets_more_through(robot: Robot, limits: FeasibilitySettings):
