@@ -78,11 +78,11 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
 )
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
-    from pipeline.repair import RepairSettings, process
+    from pipeline.repair import RepairSettings, prepare, process
     from pipeline.viewing.worst_clips import worst_clips
 
     values = settings.read(PROJECT.settings("repair.yaml"), RepairSettings)
-    stage = stage_of(REPAIRED, partial(process, settings=values), values)
+    stage = stage_of(REPAIRED, partial(process, settings=values), values, prepare=partial(prepare, settings=values))
     manifest = run_stage(stage, selected_motions, PROJECT.store, clip_pool.pool(), context.log)
     metadata = stage_metadata(manifest, ["filled_frames", "cut_frames", "floor_m", "stance_slip_m_s"])
     metadata["clips that lost most"] = picture(worst_clips(manifest, selected_motions, PROJECT.store, None))

@@ -12,12 +12,15 @@ from pipeline.batch import Manifest, Stage
 from pipeline.files import settings
 
 
-def stage_of(plan: Plan, function: Callable[..., Any], values: Any) -> Stage:
+def stage_of(
+    plan: Plan, function: Callable[..., Any], values: Any, *, prepare: Callable[..., Any] | None = None
+) -> Stage:
     """The stage of an asset with its settings `values` (a settings dataclass, or None)."""
     return Stage(
         name=plan.name,
         version=plan.code_version(),
         function=function,
+        prepare=prepare,
         settings=settings.plain(values) if values is not None else {},
         depends={"robot": digest_of_robot(PROJECT, plan.robot)} if plan.robot else {},
     )

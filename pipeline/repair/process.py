@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
 from pipeline.repair.contacts import both_feet, label_contacts, stance_slip
+from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
 from pipeline.repair.filling import filled
 from pipeline.repair.floor import Floor, find_floor
@@ -27,25 +29,52 @@ CONTEXT_S = 1.0
 """Motion around a window that smoothing and contacts look at [s]."""
 
 
-def process(
-    clip: HumanClip | RobotClip, numbers: Numbers, *, settings: RepairSettings, robot: Robot | None = None
-) -> Outcome:
-    """The window [`start_frame`, `stop_frame`) of `clip`, repaired, as one piece or several.
+@dataclass(frozen=True, kw_only=True)
+class WholeClip:
+    """What all windows of a source clip share."""
 
-    `clip` is the whole source clip, so that defects, floor and filters have their surroundings; without the two
-    numbers it is the window itself. Times in reasons are those of the source clip. Raises ClipError for a
-    window that is not in the clip.
-    """
-    start, stop = window_of(clip.name, clip.frame_count, numbers)
+    repaired: HumanClip
+    """Filled, over its whole length."""
+    findings: Findings
+    division: Division
+    floor: Floor
+
+
+def prepare(clip: HumanClip | RobotClip, *, settings: RepairSettings) -> WholeClip | None:
+    """Defects, stretches and floor of a source clip; None for a recording of a robot, which is worked on by window."""
     if isinstance(clip, RobotClip):
-        return process_robot(clip, start, stop, settings=settings, robot=robot)
+        return None
     mended, findings = detect(clip, settings.detection)
     division = divide(mended.body_pos_w, findings, clip.fps, settings)
     repaired = filled(mended, findings, division.dropped, settings.fill)
     sound = ~findings.lost.any(axis=1) & ~division.dropped
     floor = find_floor(repaired, settings.floor, sound)
-    told = reasons.of_defects(findings, division, start, stop, clip.fps, settings)
+    return WholeClip(repaired=repaired, findings=findings, division=division, floor=floor)
+
+
+def process(
+    clip: HumanClip | RobotClip,
+    numbers: Numbers,
+    *,
+    settings: RepairSettings,
+    robot: Robot | None = None,
+    prepared: WholeClip | None = None,
+) -> Outcome:
+    """The window [`start_frame`, `stop_frame`) of `clip`, repaired, as one piece or several.
+
+    `clip` is the whole source clip, so that defects, floor and filters have their surroundings; without the two
+    numbers it is the window itself. `prepared` is `prepare(clip)`, for callers with several windows. Times in
+    reasons are those of the source clip. Raises ClipError for a window that is not in the clip.
+    """
+    start, stop = window_of(clip.name, clip.frame_count, numbers)
+    if isinstance(clip, RobotClip):
+        return process_robot(clip, start, stop, settings=settings, robot=robot)
+    whole = prepared or prepare(clip, settings=settings)
+    assert whole is not None
+    division, floor = whole.division, whole.floor
+    told = reasons.of_defects(whole.findings, division, start, stop, clip.fps, settings)
     told += reasons.of_floor(floor, settings.floor)
+    repaired = dataclasses.replace(whole.repaired, name=clip.name)
     pieces, more = _pieces(repaired, start, stop, str(numbers.get("skill") or ""), division, floor, settings)
     inside = slice(start, stop)
     return Outcome(
