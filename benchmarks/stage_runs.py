@@ -120,7 +120,9 @@ def _spans(instance: dg.DagsterInstance, since_s: float) -> dict[str, tuple[floa
 def _recomputed(instance: dg.DagsterInstance, name: str) -> int:
     event = instance.get_latest_materialization_event(dg.AssetKey([name]))
     assert event is not None and event.asset_materialization is not None
-    return int(event.asset_materialization.metadata["clips recomputed"].value)  # type: ignore[arg-type]
+    recomputed = event.asset_materialization.metadata["clips recomputed"].value
+    assert isinstance(recomputed, int)
+    return recomputed
 
 
 def _clips_of(root: Path, stage: str, clip: str) -> int:
