@@ -5,14 +5,14 @@ materialization, when its code, settings or robot changed, or when an input chan
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import dagster as dg
 
-from assets.plan import FINGERPRINT_TAG, Plan
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS
 from pipeline.errors import PipelineError
+from pipeline.files import digest
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
 
@@ -65,11 +65,10 @@ def _why(
 ) -> str:
     if tags is None:
         return "it was never materialized"
-    stored = stored_version(project, plan)
-    if stored is None or stored.version != tags.get(DATA_VERSION_TAG):
+    if stored_version(project, plan) != tags.get(DATA_VERSION_TAG):
         return "what is stored is not the result of its last materialization"
-    if stored.faults:
-        return f"the stage itself failed on {stored.faults} clips, which are tried again"
+    if tags.get(FAULTS_TAG, "0") != "0":
+        return f"the stage itself failed on {tags[FAULTS_TAG]} clips, which are tried again"
     if tags.get(FINGERPRINT_TAG) != plan.fingerprint(project):
         return "its code, settings or robot changed"
     for parent in sorted(parents):
@@ -80,26 +79,16 @@ def _why(
     return ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stored:
-    """What is on disk for an asset."""
-
-    version: str
-    faults: int = 0
-    """Clips that were lost to a fault of the stage itself, not to a verdict."""
-
-
-def stored_version(project: Project, plan: Plan) -> Stored | None:
-    """What is on disk for an asset; None where nothing readable is."""
+def stored_version(project: Project, plan: Plan) -> str | None:
+    """Data version of what is on disk for an asset; None where nothing readable is."""
     try:
         if plan.name == "expert_db":
             from pipeline.expert.version import database_version
 
-            return Stored(version=database_version(project.expert_db(plan.robot or "")))
-        manifest = project.store.load(plan.key.to_user_string())
+            return database_version(project.expert_db(plan.robot or ""))
+        return digest.of_file(project.store.manifest_path(plan.key.to_user_string()))
     except (PipelineError, OSError):
         return None
-    return Stored(version=manifest.digest, faults=manifest.reason_counts("rejected")["failed"])
 
 
 def _tags_of_last_materialization(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:

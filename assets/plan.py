@@ -12,6 +12,9 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 """Tag of a materialization: the asset's fingerprint at that time."""
 
 
+FAULTS_TAG = "booster_lab/faults"
+"""Tag of a materialization: how many clips were lost to a fault of the stage itself, not to a verdict."""
+
 FINGERPRINT_DIGITS = 40
 """Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
 

@@ -6,7 +6,7 @@ from typing import Any
 import dagster as dg
 
 from assets.checks import evaluate
-from assets.plan import FINGERPRINT_TAG, Plan, digest_of_robot
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
 from pipeline.files import settings
@@ -34,5 +34,8 @@ def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) ->
         metadata=metadata,
         check_results=evaluate(plan, manifest),
         data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
+        tags={
+            FINGERPRINT_TAG: plan.fingerprint(PROJECT),
+            FAULTS_TAG: str(manifest.reason_counts("rejected")["failed"]),
+        },
     )
