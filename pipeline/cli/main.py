@@ -6,17 +6,17 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from pipeline.cli import inspect_command, retarget_command, view_command
+from pipeline.cli import inspect_command, retarget_command, score_command, view_command
 from pipeline.errors import PipelineError
 
-DESCRIPTION = "Human motion onto the Booster T1: look at a motion file, retarget it, play it."
+DESCRIPTION = "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it."
 
 EPILOG = (
     "Thresholds are read from the project's data/*.yaml. The database is made with: "
     "dagster asset materialize --select expert_db"
 )
 
-COMMANDS = (inspect_command, retarget_command, view_command)
+COMMANDS = (inspect_command, retarget_command, score_command, view_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pipeline import time_series
+
 BODIES: tuple[str, ...] = (
     "pelvis",
     "spine",
@@ -108,4 +110,18 @@ class HumanClip:
             body_pos_w=self.body_pos_w[start:stop].copy(),
             body_quat_w=self.body_quat_w[start:stop].copy(),
             contacts=None if self.contacts is None else self.contacts[start:stop].copy(),
+        )
+
+    def resampled(self, fps: float) -> HumanClip:
+        """The same motion at another rate, by time; positions linearly, rotations by slerp, contacts from nearest."""
+        if fps == self.fps:
+            return self
+        times_s = time_series.resample_times(self.frame_count, self.fps, fps)
+        contacts = self.contacts
+        return dataclasses.replace(
+            self,
+            fps=fps,
+            body_pos_w=time_series.resample_linear(self.body_pos_w, self.fps, times_s),
+            body_quat_w=time_series.resample_quat(self.body_quat_w, self.fps, times_s),
+            contacts=None if contacts is None else time_series.resample_nearest(contacts, self.fps, times_s),
         )

@@ -62,6 +62,13 @@ def pelvis_heading_error(human: HumanClip, robot_poses: LinkPoses, robot: Robot)
     return np.abs(rotation.wrap(twist - heading))
 
 
+def pelvis_tilt_error(human: HumanClip, robot_poses: LinkPoses, robot: Robot) -> Float[np.ndarray, " t"]:
+    """Angle [rad] between the up axes of the human's pelvis and of the robot's pelvis link: roll and pitch together."""
+    up = np.array([0.0, 0.0, 1.0])
+    robots_w = rotation.rotate(robot_poses.quat_w[:, robot.link(robot.human["pelvis"])], up)
+    return angle_between_vectors(rotation.rotate(human.quat("pelvis"), up), robots_w)
+
+
 def joint_jerk(clip: RobotClip, joints: tuple[str, ...]) -> float:
     """Mean absolute third difference of the named joints' positions times fps^3 [rad/s3]; depends on the rate."""
     if clip.frame_count < 4:
@@ -90,4 +97,4 @@ def stance_drifts(point_pos_w: Float[np.ndarray, "t 3"], contact: Bool[np.ndarra
 
 def angle_between_vectors(a: Float[np.ndarray, "t 3"], b: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, " t"]:
     """Angle [rad] between vectors, accurate near 0 and pi (arctan2 of cross and dot product)."""
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return np.arctan2(np.linalg.norm(rotation.cross(a, b), axis=-1), np.sum(a * b, axis=-1))

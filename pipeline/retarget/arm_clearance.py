@@ -62,7 +62,7 @@ def way_out(
 def _turn_by(arm: Float[np.ndarray, "t 3"], way: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
     """Rotation vector [rad] that moves the end of `arm` [m] by `way` [m], to first order."""
     lever = np.maximum(np.linalg.norm(arm, axis=-1, keepdims=True), SHORTEST_LEVER)
-    return np.cross(arm, way) / lever**2
+    return rotation.cross(arm, way) / lever**2
 
 
 def _larger(a: Float[np.ndarray, "t 3"], b: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:

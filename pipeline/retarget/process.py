@@ -14,14 +14,13 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.report import numbers_of
-from pipeline.retarget.resample import resampled
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
 
-STAGE_VERSION = "1"
+STAGE_VERSION = "2"
 
 
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
@@ -30,7 +29,7 @@ def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSe
     Raises ClipError for a clip with missing samples, without a person's legs, or that the solver fails on.
     """
     _refuse_missing(clip)
-    human = resampled(clip, settings.fps)
+    human = clip.resampled(settings.fps)
     targets, trajectory = retarget(human, settings, robot)
     result = RobotClip(
         name=clip.name,

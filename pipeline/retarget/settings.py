@@ -14,7 +14,9 @@ class StanceSettings:
     toe_speed_m_s: float
     """Highest speed of the toe, all directions [m/s]."""
     shortest_s: float
-    """Stances shorter than this are dropped and gaps shorter than this are closed [s]."""
+    """Shorter stances are dropped [s]."""
+    shortest_swing_s: float
+    """Shorter gaps between two stances of a foot are closed: no foot steps that quickly [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -154,6 +154,7 @@ class _Feed:
         self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
+        self._held: list[tuple[bool, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
         solver = self._solver
@@ -163,17 +164,24 @@ class _Feed:
         solver._waist.set_joints(self._waist[frame])
         solver._posture.set_joints(self._posture[frame])
         for side in range(2):
-            firm, stands = self._firm[frame][side], self._contacts[frame][side]
-            position, orientation = solver._foot_position[side], solver._foot_orientation[side]
-            position.target_world = self._foot_pos[side][frame]
-            solver._foot_height[side].target_world = self._foot_pos[side][frame]
-            orientation.R_world_frame = self._foot_rot[side][frame]
-            position.configure(FEET[side], "soft", weights.stance_position if firm else weights.swing_position)
-            orientation.configure(
-                FEET[side], "soft", weights.stance_orientation if stands else weights.swing_orientation
-            )
+            foot_pos_w = self._foot_pos[side][frame]
+            solver._foot_position[side].target_world = foot_pos_w
+            solver._foot_height[side].target_world = foot_pos_w
+            solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
+            self._hold(side, (self._firm[frame][side], self._contacts[frame][side]), weights)
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
+
+    def _hold(self, side: int, held: tuple[bool, bool], weights: WeightSettings) -> None:
+        """Weights of a foot that is (held firmly, standing); they are told to the solver when they change."""
+        if held == self._held[side]:
+            return
+        self._held[side] = held
+        firm, stands = held
+        position = weights.stance_position if firm else weights.swing_position
+        orientation = weights.stance_orientation if stands else weights.swing_orientation
+        self._solver._foot_position[side].configure(FEET[side], "soft", position)
+        self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
 
 
 def solver_for(robot: Robot) -> Solver:

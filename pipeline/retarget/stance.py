@@ -12,29 +12,29 @@ from pipeline.retarget.settings import StanceSettings
 
 def contacts_of(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
     """Frames in which the plan holds a foot still: the clip's own contacts and where the toe is low and slow."""
-    labels = label(clip, settings)
-    return labels if clip.contacts is None else labels | clip.contacts
+    labels = low_and_slow(clip, settings)
+    if clip.contacts is not None:
+        labels = labels | clip.contacts
+    shortest, swing = (max(1, round(time_s * clip.fps)) for time_s in (settings.shortest_s, settings.shortest_swing_s))
+    return np.stack([without_short_runs(labels[:, side], shortest, swing) for side in range(2)], axis=-1)
 
 
-def label(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
+def low_and_slow(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, "t 2"]:
     """Frames in which the toe is low (over its 5th percentile) and slow."""
     columns = []
     for side in FEET:
         toe_pos_w = clip.pos(f"{side}_toe")
         speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=-1)
         height = toe_pos_w[:, 2] - np.percentile(toe_pos_w[:, 2], 5.0)
-        low_and_slow = (height < settings.toe_height) & (speed < settings.toe_speed_m_s)
-        columns.append(without_short_runs(low_and_slow, max(1, round(settings.shortest_s * clip.fps))))
+        columns.append((height < settings.toe_height) & (speed < settings.toe_speed_m_s))
     return np.stack(columns, axis=-1)
 
 
-def without_short_runs(label: Bool[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " t"]:
-    """`label` with inner gaps shorter than `shortest` frames closed, then runs shorter than that dropped."""
+def without_short_runs(label: Bool[np.ndarray, " t"], shortest: int, swing: int) -> Bool[np.ndarray, " t"]:
+    """`label` with inner gaps shorter than `swing` frames closed, then inner runs shorter than `shortest` dropped."""
     result = label.copy()
-    for start, stop in time_series.runs(~result):
-        if stop - start < shortest and start > 0 and stop < len(label):
-            result[start:stop] = True
-    for start, stop in time_series.runs(result):
-        if stop - start < shortest and start > 0 and stop < len(label):
-            result[start:stop] = False
+    for length, wanted in ((swing, False), (shortest, True)):
+        for start, stop in time_series.runs(result == wanted):
+            if stop - start < length and start > 0 and stop < len(label):
+                result[start:stop] = not wanted
     return result

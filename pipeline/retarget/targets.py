@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.human_clip import body as body_index
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget import foot_plan, foot_spacing, proportions
 from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z
@@ -149,8 +150,9 @@ def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
 
 
 def _smoothed(clip: HumanClip, cutoff_hz: float) -> HumanClip:
-    return dataclasses.replace(
-        clip,
-        body_pos_w=time_series.smooth(clip.body_pos_w, clip.fps, cutoff_hz),
-        body_quat_w=time_series.smooth_quat(clip.body_quat_w, clip.fps, cutoff_hz),
-    )
+    """The clip low-passed; of the orientations the chest's alone, the only one that targets are made of."""
+    chest = body_index("chest")
+    quat_w = clip.body_quat_w.copy()
+    quat_w[:, chest] = time_series.smooth_quat(clip.body_quat_w[:, chest], clip.fps, cutoff_hz)
+    pos_w = time_series.smooth(clip.body_pos_w, clip.fps, cutoff_hz)
+    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)

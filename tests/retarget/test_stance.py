@@ -38,7 +38,13 @@ def test_labels_of_a_walker_agree_with_its_true_contacts(settings):
 def test_short_gaps_are_closed_before_short_runs_are_dropped():
     label = np.array([1, 1, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1, 0, 0, 0], dtype=bool)
     expected = np.array([1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0], dtype=bool)
-    np.testing.assert_array_equal(without_short_runs(label, 2), expected)
+    np.testing.assert_array_equal(without_short_runs(label, 2, 2), expected)
+
+
+def test_gaps_too_short_for_a_swing_are_closed_and_the_clips_ends_stay():
+    label = np.array([0, 0, 1, 1, 1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0], dtype=bool)
+    expected = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0], dtype=bool)
+    np.testing.assert_array_equal(without_short_runs(label, 2, 4), expected)
 
 
 def test_proportions_are_those_the_walker_was_built_with():

@@ -1,0 +1,97 @@
+"""GMR beside the project: the same handed-on human clips through it, in an environment of its own.
+
+GMR takes the joints of a LAFAN1 BVH file, global, z up. A repaired clip is in canonical frames; each body's constant
+rotation from its joint's frame in the file (the skeleton map's rest frame) is taken back out.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.clips.human_clip import HumanClip, body
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.readers.bvh import read_bvh
+from pipeline.readers.local_axes import with_axes_of_map
+from pipeline.readers.skeleton_map import find_map
+from pipeline.robot import Robot
+
+WORKER = Path(__file__).with_name("gmr_worker.py")
+
+BODIES = {
+    "Hips": "pelvis",
+    "Spine2": "chest",
+    "LeftUpLeg": "left_hip",
+    "RightUpLeg": "right_hip",
+    "LeftLeg": "left_knee",
+    "RightLeg": "right_knee",
+    "LeftArm": "left_shoulder",
+    "RightArm": "right_shoulder",
+    "LeftForeArm": "left_elbow",
+    "RightForeArm": "right_elbow",
+    "LeftHand": "left_wrist",
+    "RightHand": "right_wrist",
+}
+"""GMR's names of the bodies that it follows."""
+
+FEET = {"LeftFootMod": ("left_ankle", "left_toe"), "RightFootMod": ("right_ankle", "right_toe")}
+"""Its feet: position of the first, orientation of the second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gmr:
+    """Where GMR is installed."""
+
+    python: Path
+    """Interpreter of its environment."""
+    repo: Path
+    """Its repository, checked out."""
+
+    def retarget(self, human: HumanClip, file: Path, robot: Robot) -> tuple[RobotClip, float]:
+        """GMR's motion for a clip of the BVH `file`, and its processor seconds (planning and inverse kinematics)."""
+        names, pos_w, quat_w = joints_of(human, file)
+        with tempfile.TemporaryDirectory() as folder:
+            source, out = Path(folder) / "human.npz", Path(folder) / "robot.npz"
+            np.savez(source, names=names, pos=pos_w, quat=quat_w)
+            command = [self.python, WORKER, self.repo, source, out]
+            one_core = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+            subprocess.run(command, check=True, env=one_core)
+            with np.load(out) as result:
+                qpos, joints, cpu_s = result["qpos"], result["joint_names"].tolist(), float(result["cpu_s"])
+        return _clip(human, qpos, joints, robot), cpu_s
+
+
+def joints_of(human: HumanClip, file: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """GMR's body names (b,), positions (t, b, 3) [m] and orientations wxyz (t, b, 4) of the file's joints."""
+    motion = read_bvh(file)
+    skeleton = find_map(motion)
+    turned = with_axes_of_map(motion, skeleton)
+    sources = {**{name: (one, one) for name, one in BODIES.items()}, **FEET}
+    pos_w = np.stack([human.body_pos_w[:, body(place)] for place, _ in sources.values()], axis=1)
+    quats = []
+    for _, orientation in sources.values():
+        rest = skeleton.rest_frame(turned, orientation)
+        quats.append(rotation.multiply(human.body_quat_w[:, body(orientation)], rotation.conjugate(rest)))
+    return list(sources), pos_w, np.stack(quats, axis=1)
+
+
+def _clip(human: HumanClip, qpos: np.ndarray, joints: list[str], robot: Robot) -> RobotClip:
+    """The robot's clip; joints that GMR's model does not have (the head's) stay where they are by default."""
+    joint_pos = np.tile(robot.default_joint_pos, (len(qpos), 1))
+    for column, name in enumerate(joints):
+        joint_pos[:, robot.joint(name)] = qpos[:, 7 + column]
+    return RobotClip(
+        name=human.name,
+        fps=human.fps,
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        root_pos_w=qpos[:, :3],
+        root_quat_w=rotation.make_continuous(rotation.normalize(qpos[:, 3:7])),
+        joint_pos=joint_pos,
+    )

@@ -1,0 +1,118 @@
+"""Motion files through the project up to the robot, timed and scored: what the retargeting benchmark measures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.gmr import Gmr
+from pipeline.cli.chain import Chain
+from pipeline.cli.robot_csv import encode_csv
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.outcome import Piece
+from pipeline.readers import Statement
+from pipeline.retarget import RetargetSettings, process
+from pipeline.robot import Robot
+from pipeline.scoring import Score, score
+
+SUFFIXES = (".bvh", ".amc", ".npz", ".txt")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandedOn:
+    """A human clip as repair hands it on, and its file."""
+
+    file: Path
+    human: HumanClip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scored:
+    """Clips of one rate from one retargeter: the robot's frames, processor seconds, a score a clip."""
+
+    frames: int
+    cpu_s: tuple[float, ...]
+    """One a repetition, over all clips."""
+    scores: dict[str, Score]
+    """By the clip's name."""
+
+    @property
+    def frames_per_second(self) -> tuple[float, ...]:
+        """One a repetition, from the slowest up."""
+        return tuple(sorted(self.frames / seconds for seconds in self.cpu_s))
+
+
+def motion_files(paths: Iterable[Path]) -> list[Path]:
+    """The files, and the motion files below the folders; a file that lies beside its AMC is no motion of its own."""
+    found = []
+    for path in paths:
+        below = sorted(each for each in path.rglob("*") if each.suffix in SUFFIXES) if path.is_dir() else [path]
+        found += below
+    return found
+
+
+def handed_on(files: Sequence[Path], chain: Chain, *, raw: bool = False) -> list[HandedOn]:
+    """What reader, catalogue and repair leave of the files, in their order; `raw`: as the catalogue has it."""
+    clips = []
+    for file in files:
+        for whole in chain.catalogued(chain.read(file, Statement())).pieces[:1]:
+            pieces = (whole,) if raw else chain.repaired(whole).pieces
+            clips += [HandedOn(file=file, human=piece.clip) for piece in pieces if isinstance(piece.clip, HumanClip)]
+    return clips
+
+
+def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot, repeat: int = 1) -> Scored:
+    """Every clip retargeted `repeat` times (planning and all passes are timed) and scored once."""
+    cpu_s, scores, frames = [], {}, 0
+    for turn in range(repeat):
+        pieces, start_s = [], time.process_time()
+        for clip in clips:
+            pieces += process(clip.human, {}, settings=settings, robot=robot).pieces
+        cpu_s.append(time.process_time() - start_s)
+        if turn == 0:
+            frames = sum(piece.clip.frame_count for piece in pieces)
+            scores = {
+                clip.human.name: score(clip.human, piece.clip, robot) for clip, piece in zip(clips, pieces, strict=True)
+            }
+    return Scored(frames=frames, cpu_s=tuple(cpu_s), scores=scores)
+
+
+def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot) -> Scored:
+    """The same clips through GMR at a rate; its inverse kinematics alone is timed."""
+    frames, cpu_s, scores = 0, 0.0, {}
+    for clip in clips:
+        human = clip.human.resampled(fps)
+        result, seconds = gmr.retarget(human, clip.file, robot)
+        frames, cpu_s = frames + result.frame_count, cpu_s + seconds
+        scores[human.name] = score(human, result, robot)
+    return Scored(frames=frames, cpu_s=(cpu_s,), scores=scores)
+
+
+def text_to_csv(files: Sequence[Path], chain: Chain, settings: RetargetSettings, robot: Robot) -> dict[str, float]:
+    """Processor seconds of each step from the files' text to CSV text, and the robot's `frames` that came of it."""
+    spent = dict.fromkeys(("read", "catalogue", "repair", "retarget", "write"), 0.0)
+    frames = 0
+    for file in files:
+        times_s = [time.process_time()]
+
+        def lap(step: str, times_s: list[float] = times_s) -> None:
+            times_s.append(time.process_time())
+            spent[step] += times_s[-1] - times_s[-2]
+
+        read = chain.read(file, Statement())
+        lap("read")
+        whole = chain.catalogued(read).pieces[0]
+        lap("catalogue")
+        repaired = chain.repaired(whole).pieces
+        lap("repair")
+        pieces: list[Piece] = []
+        for piece in repaired:
+            pieces += process(piece.clip, {}, settings=settings, robot=robot).pieces
+        lap("retarget")
+        for piece in pieces:
+            encode_csv(piece.clip, {"source": file.name})
+        lap("write")
+        frames += sum(piece.clip.frame_count for piece in pieces)
+    return {**spent, "frames": float(frames)}

@@ -1,0 +1,12 @@
+"""How good a robot's motion is, held against the human's: whoever made it.
+
+    RobotClip + HumanClip -> aligned in time -> samples a figure -> figures, pooled over clips
+
+Nothing here is shared with the planner of KP3: the labels of standing feet are told from the human's toes.
+"""
+
+from pipeline.scoring.align import aligned
+from pipeline.scoring.figures import FIGURES, Figure, Score, pooled
+from pipeline.scoring.score import score
+
+__all__ = ["FIGURES", "Figure", "Score", "aligned", "pooled", "score"]

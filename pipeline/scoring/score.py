@@ -1,0 +1,95 @@
+"""One robot motion against the human motion that it shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import time_series
+from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality import retargeting
+from pipeline.quality.foot_slip import inner_contacts
+from pipeline.robot import Kinematics, LinkPoses, Robot
+from pipeline.scoring.align import aligned
+from pipeline.scoring.figures import Score
+from pipeline.scoring.stance_labels import STRICTNESSES, stance_labels
+from pipeline.simulation.self_collision import self_collision
+
+COLLISION_DEPTH = 0.002
+"""[m] Overlaps up to this deep don't count as self-collision."""
+
+DEEP = 0.01
+"""[m] Soles further than this under the ground count as frames that are too deep."""
+
+Samples = dict[str, Float[np.ndarray, " n"]]
+
+
+def score(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
+    """The samples of every figure of `FIGURES`, at the robot clip's rate.
+
+    Both start at the same time and stand in the same world (`aligned`). Raises ClipError where they can't be compared.
+    """
+    human, clip = aligned(human, clip, robot)
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    samples = _limits(clip, robot) | _feet(human, clip.fps, kinematics, poses, robot)
+    samples |= _smoothness(clip, robot) | _likeness(human, poses, robot)
+    depth = self_collision(clip, robot).depth
+    samples["self_collision_percent"] = 100.0 * (depth > COLLISION_DEPTH)
+    samples["self_collision_max_cm"] = 100.0 * depth
+    return Score(frames=clip.frame_count, samples=samples)
+
+
+def _limits(clip: RobotClip, robot: Robot) -> Samples:
+    """Positions to the last bit; speeds from one frame to the next, head and all."""
+    outside = (clip.joint_pos < robot.joint_lower) | (clip.joint_pos > robot.joint_upper)
+    speed = np.abs(np.diff(clip.joint_pos, axis=0)) * clip.fps
+    return {
+        "position_limit_percent": 100.0 * outside.any(axis=1),
+        "speed_limit_percent": 100.0 * (speed > robot.retarget_speed_limit).any(axis=1),
+    }
+
+
+def _feet(human: HumanClip, fps: float, kinematics: Kinematics, poses: LinkPoses, robot: Robot) -> Samples:
+    """Slip and drift of the sole's centre; depth of the lowest corner after the clip's one height shift."""
+    soles_w = kinematics.site_pos_w(poses, robot.feet)
+    corners_w = kinematics.site_pos_w(poses, (*robot.sole_corners[0], *robot.sole_corners[1]))
+    lowest = corners_w[..., 2].reshape(len(corners_w), 2, -1).min(axis=2)
+    speed = np.linalg.norm(time_series.derivative(soles_w[..., :2], fps), axis=-1)
+    labels = {name: stance_labels(human, strictness) for name, strictness in STRICTNESSES.items()}
+    samples = {f"slip_{name}_m_s": speed[inner_contacts(label)] for name, label in labels.items()}
+    shift = height_shift(lowest, labels["middle"])
+    depth = np.maximum(shift - lowest.min(axis=1), 0.0)
+    drifts = [retargeting.stance_drifts(soles_w[:, side], labels["middle"][:, side]) for side in range(2)]
+    return samples | {
+        "drift_cm": 100.0 * np.concatenate(drifts),
+        "penetration_max_cm": 100.0 * depth,
+        "penetration_over_1cm_percent": 100.0 * (depth > DEEP),
+        "height_shift_mm": np.array([1000.0 * abs(shift)]),
+    }
+
+
+def height_shift(lowest: Float[np.ndarray, "t 2"], stands: Bool[np.ndarray, "t 2"]) -> float:
+    """Height [m] of the ground that the motion stands on: the median of its standing soles' lowest corners.
+
+    0 where no foot stands.
+    """
+    return float(np.median(lowest[stands])) if stands.any() else 0.0
+
+
+def _smoothness(clip: RobotClip, robot: Robot) -> Samples:
+    third = np.abs(np.diff(clip.joint_pos[:, robot.controlled_index], n=3, axis=0)).mean(axis=1) * clip.fps**3
+    return {"jerk_rad_s3": third, "jump_percent": 100.0 * retargeting.jump_frames(clip)}
+
+
+def _likeness(human: HumanClip, poses: LinkPoses, robot: Robot) -> Samples:
+    limbs = np.rad2deg(retargeting.limb_direction_error(human, poses, robot))
+    return {
+        "limb_error_deg": limbs.mean(axis=1),
+        "thigh_error_deg": limbs[:, 0:2].mean(axis=1),
+        "shank_error_deg": limbs[:, 2:4].mean(axis=1),
+        "trunk_error_deg": np.rad2deg(retargeting.trunk_orientation_error(human, poses, robot)),
+        "heading_error_deg": np.rad2deg(retargeting.pelvis_heading_error(human, poses, robot)),
+        "pelvis_tilt_error_deg": np.rad2deg(retargeting.pelvis_tilt_error(human, poses, robot)),
+    }
