@@ -39,7 +39,10 @@ def load(repo: Path) -> tuple[Any, list[str]]:
     package = types.ModuleType("general_motion_retargeting")
     package.__path__ = [str(repo / "general_motion_retargeting")]
     sys.modules["general_motion_retargeting"] = package  # its __init__ would import the viewer
-    from general_motion_retargeting import motion_retarget, params
+    from general_motion_retargeting import (  # pyright: ignore[reportMissingImports]  # lives in GMR's own environment
+        motion_retarget,
+        params,
+    )
 
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder) / "t1.xml"

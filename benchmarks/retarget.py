@@ -93,7 +93,7 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("paths", nargs="*", type=Path, help="motion files, or folders of them")
     parser.add_argument("--fps", type=float, action="append", help="rate [Hz], may be repeated (30 and 50)")
     parser.add_argument("--robot", default="t1")

@@ -11,7 +11,7 @@ from benchmarks.gmr import Gmr
 from pipeline.cli.chain import Chain
 from pipeline.cli.robot_csv import encode_csv
 from pipeline.clips.human_clip import HumanClip
-from pipeline.clips.outcome import Piece
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.readers import Statement
 from pipeline.retarget import RetargetSettings, process
 from pipeline.robot import Robot
@@ -92,7 +92,7 @@ def run_gmr(clips: Sequence[HandedOn], fps: float, gmr: Gmr, robot: Robot) -> Sc
 
 def text_to_csv(files: Sequence[Path], chain: Chain, settings: RetargetSettings, robot: Robot) -> dict[str, float]:
     """Processor seconds of each step from the files' text to CSV text, and the robot's `frames` that came of it."""
-    spent = dict.fromkeys(("read", "catalogue", "repair", "retarget", "write"), 0.0)
+    spent: dict[str, float] = dict.fromkeys(("read", "catalogue", "repair", "retarget", "write"), 0.0)
     frames = 0
     for file in files:
         times_s = [time.process_time()]
@@ -107,12 +107,13 @@ def text_to_csv(files: Sequence[Path], chain: Chain, settings: RetargetSettings,
         lap("catalogue")
         repaired = chain.repaired(whole).pieces
         lap("repair")
-        pieces: list[Piece] = []
-        for piece in repaired:
-            pieces += process(piece.clip, {}, settings=settings, robot=robot).pieces
+        made: list[RobotClip] = []
+        for human in (piece.clip for piece in repaired if isinstance(piece.clip, HumanClip)):
+            pieces = process(human, {}, settings=settings, robot=robot).pieces
+            made += [piece.clip for piece in pieces if isinstance(piece.clip, RobotClip)]
         lap("retarget")
-        for piece in pieces:
-            encode_csv(piece.clip, {"source": file.name})
+        for clip in made:
+            encode_csv(clip, {"source": file.name})
         lap("write")
-        frames += sum(piece.clip.frame_count for piece in pieces)
+        frames += sum(clip.frame_count for clip in made)
     return {**spent, "frames": float(frames)}

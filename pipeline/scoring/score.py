@@ -46,8 +46,8 @@ def _limits(clip: RobotClip, robot: Robot) -> Samples:
     outside = (clip.joint_pos < robot.joint_lower) | (clip.joint_pos > robot.joint_upper)
     speed = np.abs(np.diff(clip.joint_pos, axis=0)) * clip.fps
     return {
-        "position_limit_percent": 100.0 * outside.any(axis=1),
-        "speed_limit_percent": 100.0 * (speed > robot.retarget_speed_limit).any(axis=1),
+        "position_limit_percent": 100.0 * np.any(outside, axis=1),
+        "speed_limit_percent": 100.0 * np.any(speed > robot.retarget_speed_limit, axis=1),
     }
 
 
