@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import dagster as dg
 
 from assets.plan import Plan
+from assets.project import PROJECT
 from pipeline.batch import Manifest
+from pipeline.clips.soundness import faults_of
 
 Verdict = tuple[bool, str]
 
@@ -27,14 +29,19 @@ def check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
     """The checks that an asset declares."""
     return [
         dg.AssetCheckSpec(check.name, asset=plan.key, blocking=check.blocking, description=check.says)
-        for check in STAGE_CHECKS
+        for check in checks_of(plan)
     ]
+
+
+def checks_of(plan: Plan) -> tuple["StageCheck", ...]:
+    """The checks of an asset; frames must be whole from KP2 on, before it samples may be missing."""
+    return STAGE_CHECKS if plan.name in ("motion_catalog", "selected_motions") else (*STAGE_CHECKS, SOUND_FRAMES)
 
 
 def evaluate(plan: Plan, manifest: Manifest) -> list[dg.AssetCheckResult]:
     """The results of the checks on an asset's manifest."""
     results = []
-    for check in STAGE_CHECKS:
+    for check in checks_of(plan):
         passed, found = check.look(manifest)
         results.append(
             dg.AssetCheckResult(
@@ -73,6 +80,15 @@ def _no_fault(manifest: Manifest) -> Verdict:
     return not failed, ", ".join(failed) or "none"
 
 
+def _sound(manifest: Manifest) -> Verdict:
+    faults = [
+        f"{entry.clip}: {fault}"
+        for entry in manifest.entries
+        for fault in faults_of(PROJECT.store.get_clip(entry.blob, entry.clip))
+    ]
+    return not faults, "; ".join(faults[:20]) if faults else f"{len(manifest.entries)} clips"
+
+
 STAGE_CHECKS = (
     StageCheck(
         name="every_clip_accounted_for",
@@ -93,4 +109,11 @@ STAGE_CHECKS = (
         look=_no_fault,
         blocking=False,
     ),
+)
+
+SOUND_FRAMES = StageCheck(
+    name="sound_frames",
+    says="Every stored frame is finite, every quaternion unit, contacts are labelled.",
+    look=_sound,
+    blocking=True,
 )

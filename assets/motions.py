@@ -5,6 +5,7 @@ from functools import partial
 import dagster as dg
 
 from assets.checks import check_specs
+from assets.plainly import plainly
 from assets.plan import SHARED
 from assets.project import PROJECT
 from assets.report import picture, stage_metadata
@@ -25,6 +26,7 @@ CATALOG, SELECTED, REPAIRED = SHARED
     code_version=CATALOG.code_version(),
     check_specs=check_specs(CATALOG),
 )
+@plainly
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
@@ -45,6 +47,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     code_version=SELECTED.code_version(),
     check_specs=check_specs(SELECTED),
 )
+@plainly
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.clips.outcome import Reason
@@ -76,6 +79,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     code_version=REPAIRED.code_version(),
     check_specs=check_specs(REPAIRED),
 )
+@plainly
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process

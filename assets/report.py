@@ -1,7 +1,7 @@
 """What a person sees of a stage: numbers that plot over time, a table of clips, pictures."""
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import dagster as dg
@@ -66,8 +66,3 @@ def _cell(value: Any) -> str:
 def picture(png: bytes) -> dg.MarkdownMetadataValue:
     """A PNG inside the event, for `Show Markdown`."""
     return dg.MetadataValue.md(f"![picture](data:image/png;base64,{base64.b64encode(png).decode()})")
-
-
-def summary(numbers: Mapping[str, Any]) -> str:
-    """One line for the log."""
-    return ", ".join(f"{name} {value}" for name, value in numbers.items() if isinstance(value, int | float))

@@ -8,7 +8,9 @@ from contextlib import contextmanager
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
+from assets.plainly import told_plainly
 from assets.project import PROJECT
+from assets.run_locks import alive, tell_dead_runs
 from pipeline.batch import ClipPool, Manifest
 
 
@@ -40,9 +42,12 @@ class StoreIOManager(dg.ConfigurableIOManager):
         if run is None or instance is None or BOOTSTRAP_TAG in run.tags:
             yield self
             return
-        with _one_run_at_a_time(context):
-            if self.bootstrap:
-                bring_up_to_date(instance, run, PROJECT, context.log)
+        runs = PROJECT.store.root / "runs"
+        with alive(runs, run.run_id), _one_run_at_a_time(context):
+            with told_plainly():
+                tell_dead_runs(instance, runs)
+                if self.bootstrap:
+                    bring_up_to_date(instance, run, PROJECT, context.log)
             yield self
 
     def handle_output(self, context: dg.OutputContext, obj: Manifest) -> None:

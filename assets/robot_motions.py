@@ -8,6 +8,7 @@ import dagster as dg
 
 from assets.checks import check_specs
 from assets.database import database_checks, materialize_database
+from assets.plainly import plainly, told_plainly
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, stage_metadata, table_of
@@ -62,6 +63,7 @@ def _robot_model(plan: Plan) -> Any:
             )
         ],
     )
+    @plainly
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
         from assets.model_report import joint_table, models_agree
@@ -87,6 +89,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         **_declared(plan, "placo", "3", {"repaired_motions": dg.AssetIn(repaired), **_from(robot_model=model)}),
         check_specs=check_specs(plan),
     )
+    @plainly
     def retargeted_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -113,6 +116,7 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model)),
         check_specs=check_specs(plan),
     )
+    @plainly
     def augmented_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -133,10 +137,18 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
 
 
 def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
+    satisfied = dg.AssetCheckSpec(
+        "satisfies_its_own_file",
+        asset=plan.key,
+        blocking=True,
+        description="Every clip that goes on, judged anew from its stored bytes, holds all of data/feasibility.yaml.",
+    )
+
     @dg.asset(
         **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, robot_model=model)),
-        check_specs=check_specs(plan),
+        check_specs=[*check_specs(plan), satisfied],
     )
+    @plainly
     def feasible_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -146,6 +158,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
         from pipeline.feasibility import FeasibilitySettings, balance, process
         from pipeline.feasibility.command_seconds import by_command
+        from pipeline.feasibility.recheck import recheck
         from pipeline.robot import load_robot
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
@@ -163,7 +176,20 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
-        return materialized(plan, manifest, metadata)
+        again = stage_of(plan, partial(recheck, settings=values, robot=robot), values, name="recheck")
+        broken = [
+            row.clip
+            for row in run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged
+            if row.reasons
+        ]
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=satisfied.name,
+            passed=not broken,
+            metadata={"found": ", ".join(broken) or f"{len(manifest.entries)} clips hold"},
+        )
+        result = materialized(plan, manifest, metadata)
+        return result._replace(check_results=[*result.check_results, check])
 
     return feasible_motions
 
@@ -177,6 +203,7 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
         context: dg.AssetExecutionContext, feasible_motions: Manifest, robot_model: Manifest
     ) -> Iterator[dg.MaterializeResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
-        yield from materialize_database(context, plan, feasible_motions)
+        with told_plainly():
+            yield from materialize_database(context, plan, feasible_motions)
 
     return expert_db

@@ -13,16 +13,24 @@ from pipeline.files import settings
 
 
 def stage_of(
-    plan: Plan, function: Callable[..., Any], values: Any, *, prepare: Callable[..., Any] | None = None
+    plan: Plan,
+    function: Callable[..., Any],
+    values: Any,
+    *,
+    prepare: Callable[..., Any] | None = None,
+    name: str = "",
 ) -> Stage:
-    """The stage of an asset with its settings `values` (a settings dataclass, or None)."""
+    """The stage of an asset with its settings `values` (a settings dataclass, or None).
+
+    `name` is for a second question that the asset asks of its clips.
+    """
     return Stage(
-        name=plan.name,
+        name=name or plan.name,
         version=plan.code_version(),
         function=function,
         prepare=prepare,
         settings=settings.plain(values) if values is not None else {},
-        depends={"robot": digest_of_robot(PROJECT, plan.robot)} if plan.robot else {},
+        depends={"robot_files": digest_of_robot(PROJECT, plan.robot)} if plan.robot else {},
     )
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from pipeline.files import digest
 
 PACKAGE = Path(__file__).resolve().parent.parent
-BELOW_ALL_STAGES = ("clips", "robot", "quality", "simulation")
-LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow")
+BELOW_ALL_STAGES = ("batch", "clips", "files", "quality", "robot", "simulation")
+LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow", "pandas")
 
 
 @functools.cache

@@ -3,12 +3,10 @@
 from pipeline.feasibility.assess import Assessment, assess
 from pipeline.feasibility.balance import balance
 from pipeline.feasibility.coverage import Coverage, coverage
-from pipeline.feasibility.process import STAGE_VERSION, process
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
 
 __all__ = [
-    "STAGE_VERSION",
     "Assessment",
     "Coverage",
     "FeasibilitySettings",

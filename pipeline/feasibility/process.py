@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline import time_series
-from pipeline.clips.outcome import Outcome, Piece, Reason
+from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess
@@ -16,12 +15,8 @@ from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.settings import CutSettings, FeasibilitySettings
 from pipeline.robot import Robot
 
-STAGE_VERSION = "2"
-
 MAX_CUTS = 3
 """How often what is left of a clip is cut again; a cut moves the ends that filters see."""
-
-Number = float | int | str | bool | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +28,7 @@ class _Stretch:
     assessment: Assessment
 
 
-def process(clip: RobotClip, numbers: Mapping[str, Number], *, settings: FeasibilitySettings, robot: Robot) -> Outcome:
+def process(clip: RobotClip, numbers: Numbers, *, settings: FeasibilitySettings, robot: Robot) -> Outcome:
     """What of a clip the robot can do, with a number a criterion and every reason against the rest.
 
     A clip that holds goes on whole and under its name. Else the frames that broken criteria blame are cut out
@@ -82,7 +77,7 @@ def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple
     return [(start, stop) for start, stop in time_series.runs(~wide) if stop - start >= shortest]
 
 
-def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Mapping[str, Number]) -> Piece:
+def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> Piece:
     """A stretch as a clip, with its place in the input [s]: frame k of it is at `stretch_start_s` + k / 50 there."""
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"

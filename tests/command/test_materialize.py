@@ -1,9 +1,13 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
+import os
+import re
 import shutil
+import signal
 
 import pytest
 
+from pipeline.expert import read_database
 from tests.factories.checkout import ASSETS, Checkout
 
 pytestmark = pytest.mark.command
@@ -38,16 +42,13 @@ def test_nothing_stale_is_said_and_nothing_is_done(materialized):
     assert materialized.database() == database
 
 
-def test_a_clip_added_is_worked_on_alone_and_a_deleted_one_leaves_the_database(materialized, root):
+def test_a_clip_added_is_worked_on_alone_and_a_deleted_one_leaves_the_database(materialized):
     database = materialized.database()
     motions = materialized.root / "data/motions"
     shutil.copy2(motions / "side_left.bvh", motions / "added.bvh")
     materialized.materialize()
     assert "added.bvh" in materialized.clips()
-    recomputed = materialized.recomputed()
-    assert recomputed["motion_catalog"] == 1
-    assert recomputed["selected_motions"] == 1
-    assert 0 < recomputed["feasible_motions"] < materialized.history()["feasible_motions"][0]["clips in"]
+    assert materialized.recomputed() == materialized.clips_from("added")
     (motions / "added.bvh").unlink()
     materialized.materialize()
     assert "added.bvh" not in materialized.clips()
@@ -55,13 +56,20 @@ def test_a_clip_added_is_worked_on_alone_and_a_deleted_one_leaves_the_database(m
     assert materialized.database() == database
 
 
-def test_a_clip_changed_is_worked_on_alone(materialized):
-    path = materialized.root / "data/motions/stand.bvh"
+def test_a_clip_changed_is_worked_on_alone_at_every_stage(materialized):
+    path = materialized.root / "data/motions/curve_left.bvh"
     text = path.read_text()
-    path.write_text(text.replace("Frame Time: ", "Frame Time:  "))
+    head, rows = text.split("Frame Time:", 1)
+    lines = rows.splitlines()
+    first = lines[1].split()
+    lines[1:] = [" ".join([f"{float(line.split()[0]) + 12.5:.5f}", *line.split()[1:]]) for line in lines[1:]]
+    path.write_text(head + "Frame Time:" + "\n".join(lines) + "\n")
+    assert lines[1].split()[1:] == first[1:]
+    before = materialized.database()
     materialized.materialize()
-    recomputed = materialized.recomputed()
-    assert recomputed["motion_catalog"] == 1
+    assert materialized.recomputed() == materialized.clips_from("curve_left")
+    after = materialized.database()
+    assert {name for name in after if after[name] != before.get(name) and "curve_left" not in name} <= {"index.parquet"}
     path.write_text(text)
     materialized.materialize()
     assert set(materialized.recomputed().values()) == {0}
@@ -79,7 +87,7 @@ def test_a_threshold_changed_recomputes_from_its_stage_on(materialized):
     before = materialized.counts()
     path = materialized.root / "data/feasibility.yaml"
     text = path.read_text()
-    path.write_text(text.replace("min_seconds: 0.5", "min_seconds: 0.6"))
+    path.write_text(re.sub(r"min_seconds: [0-9.]+", "min_seconds: 0.77", text))
     assert path.read_text() != text
     materialized.materialize()
     made = {name for name, count in materialized.counts().items() if count > before[name]}
@@ -126,3 +134,30 @@ def test_an_empty_folder_of_the_environment_is_named_in_one_sentence(materialize
     )
     assert done.returncode != 0
     assert "BOOSTER_LAB_MOTIONS names it, but it is not a folder" in done.stdout + done.stderr
+
+
+def test_a_run_that_was_killed_leaves_the_last_version_and_is_told_failed_by_the_next(materialized):
+    database = materialized.database()
+    path = materialized.root / "data/feasibility.yaml"
+    text = path.read_text()
+    path.write_text(re.sub(r"min_seconds: [0-9.]+", "min_seconds: 0.66", text))
+    process = materialized.start("dagster", "asset", "materialize", "--select", "expert_db")
+    marker = "feasible_motions: "
+    assert any(marker in line for line in process.stdout), "the run ended before KP5"
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert materialized.database() == database
+    read_database(materialized.root / "data/expert_db/t1")
+    materialized.materialize()
+    assert materialized.started_runs() == []
+    path.write_text(text)
+
+
+def test_a_broken_settings_file_is_told_in_one_sentence(materialized):
+    path = materialized.root / "data/repair.yaml"
+    text = path.read_text()
+    path.write_text(text.replace("min_seconds:", "min_secnods:"))
+    done = materialized.run("dagster", "asset", "materialize", "--select", "expert_db")
+    path.write_text(text)
+    assert done.returncode != 0
+    assert "repair.yaml: unknown key 'min_secnods'" in done.stdout + done.stderr

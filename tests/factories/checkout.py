@@ -2,13 +2,18 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import dagster as dg
+
+from pipeline.batch import Store
 
 ASSETS = (
     "motion_catalog",
@@ -43,16 +48,32 @@ class Checkout:
 
     def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """A command typed in the root with the project's environment active."""
-        clean = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
-        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         return subprocess.run(
             command,
             cwd=self.root,
-            env={**clean, "PATH": path, "PYTHONPATH": str(self.root), **environment},
+            env={**self.environment(), **environment},
             capture_output=True,
             text=True,
             check=False,
             timeout=300,
+        )
+
+    def environment(self) -> dict[str, str]:
+        """Variables of a shell with the project's environment active and this checkout's code."""
+        clean = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        return {**clean, "PATH": path, "PYTHONPATH": str(self.root)}
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        """A command in a process group of its own, for killing; what it prints can be read line by line."""
+        return subprocess.Popen(
+            command,
+            cwd=self.root,
+            env=self.environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
         )
 
     def materialize(self, **environment: str) -> str:
@@ -63,11 +84,23 @@ class Checkout:
 
     def history(self) -> dict[str, list[dict]]:
         """Metadata of each asset's materializations as `dagster dev` would see them, the newest first."""
+        with self.instance() as instance:
+            return {name: _materializations(instance, name) for name in ASSETS}
+
+    def started_runs(self) -> list[str]:
+        """Runs that the history believes to be at work."""
+        with self.instance() as instance:
+            runs = instance.get_runs(filters=dg.RunsFilter(statuses=[dg.DagsterRunStatus.STARTED]))
+        return [run.run_id for run in runs]
+
+    @contextmanager
+    def instance(self) -> Iterator[dg.DagsterInstance]:
+        """The checkout's history; its paths are relative, so the working directory is the checkout meanwhile."""
         before = Path.cwd()
         os.chdir(self.root)
         try:
             with dg.DagsterInstance.from_config(str(self.root)) as instance:
-                return {name: _materializations(instance, name) for name in ASSETS}
+                yield instance
         finally:
             os.chdir(before)
 
@@ -79,6 +112,13 @@ class Checkout:
         """Clips that the newest materialization of each clip stage worked on."""
         history = self.history()
         return {name: each[0]["clips recomputed"] for name, each in history.items() if "clips recomputed" in each[0]}
+
+    def clips_from(self, motion: str) -> dict[str, int]:
+        """How many clips of a motion file each clip stage was given."""
+        store = Store(root=self.root / "data/store")
+        stages = [name for name in ASSETS if name not in ("robot_model", "expert_db")]
+        own = re.compile(rf"booster_lab/{re.escape(motion)}(@|$)")
+        return {name: sum(bool(own.match(row.clip)) for row in store.load(name).judged) for name in stages}
 
     def database(self) -> dict[str, str]:
         """Files of the T1 database and their digests."""

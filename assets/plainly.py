@@ -1,0 +1,30 @@
+"""Errors that are one sentence stay one: a PipelineError becomes a Failure with that sentence, no traceback of ours."""
+
+import functools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import dagster as dg
+
+from pipeline.errors import PipelineError
+
+
+@contextmanager
+def told_plainly() -> Iterator[None]:
+    """Turn a PipelineError into a Failure that says its sentence and is not tried again."""
+    try:
+        yield
+    except PipelineError as error:
+        raise dg.Failure(str(error), allow_retries=False) from None
+
+
+def plainly(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`told_plainly` around the body of an asset."""
+
+    @functools.wraps(function)
+    def wrapped(*arguments: Any, **named: Any) -> Any:
+        with told_plainly():
+            return function(*arguments, **named)
+
+    return wrapped

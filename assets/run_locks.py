@@ -1,0 +1,52 @@
+"""Which runs are alive: each holds a lock on a file of its own, which the system releases when its process dies.
+
+A killed run stays STARTED in Dagster's history for ever; here it is told failed by the next run.
+"""
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import dagster as dg
+
+from assets.bootstrap import BOOTSTRAP_TAG
+
+
+@contextmanager
+def alive(folder: Path, run_id: str) -> Iterator[None]:
+    """Say that a run is alive for as long as the context lasts."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / run_id
+    with path.open("w") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        stream.write(f"process {os.getpid()}")
+        stream.flush()
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)
+
+
+def tell_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
+    """Report as failed the started runs whose process is gone, and what they had started; their ids."""
+    dead = {path.name for path in folder.glob("*") if not _is_held(path)}
+    started = instance.get_runs(filters=dg.RunsFilter(statuses=[dg.DagsterRunStatus.STARTED]))
+    told = [run for run in started if run.run_id in dead or run.tags.get(BOOTSTRAP_TAG) in dead]
+    for run in told:
+        instance.report_run_failed(run, "Its process died without a word; the last good version of every asset stays.")
+    for run_id in dead:
+        (folder / run_id).unlink(missing_ok=True)
+    return [run.run_id for run in told]
+
+
+def _is_held(path: Path) -> bool:
+    try:
+        with path.open() as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except FileNotFoundError:
+        return True
+    return False
