@@ -47,12 +47,19 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
         raise_on_error=False,
     )
     if not result.success:
-        failed = [event.step_key for event in result.all_events if event.is_step_failure]
+        failed = [f"'{event.step_key}': {_cause(event)}" for event in result.all_events if event.is_step_failure]
         raise dg.Failure(
-            f"what lies upstream could not be brought up to date: {', '.join(map(str, failed))} failed in run "
-            f"{result.run_id}; its log says why.",
+            f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
         )
+
+
+def _cause(event: dg.DagsterEvent) -> str:
+    """The sentence of the innermost error of a failed step."""
+    error = event.step_failure_data.error
+    while error is not None and error.cause is not None:
+        error = error.cause
+    return "no error was told" if error is None else error.message.split(": ", 1)[-1].strip()
 
 
 def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:

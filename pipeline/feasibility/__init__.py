@@ -3,6 +3,7 @@
 from pipeline.feasibility.assess import Assessment, assess
 from pipeline.feasibility.balance import balance
 from pipeline.feasibility.coverage import Coverage, coverage
+from pipeline.feasibility.process import process
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
 
