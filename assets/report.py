@@ -13,8 +13,11 @@ MAX_ROWS = 200
 """Rows of a table that are shown; the manifest has all."""
 
 
-def stage_metadata(manifest: Manifest, columns: Sequence[str]) -> dict[str, Any]:
-    """Counts, seconds and reasons of a stage, and its clips with the named numbers, the worst first."""
+def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: str = "") -> dict[str, Any]:
+    """Counts, seconds and reasons of a stage, and its clips with the named numbers, the worst first.
+
+    Clips that went on are in the manifest's order, or those with the largest number `highest_first` come first.
+    """
     fates = [row.fate for row in manifest.judged]
     table = manifest.judged_table()
     metadata: dict[str, Any] = {
@@ -27,7 +30,9 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str]) -> dict[str, Any]
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
-        "what went on": table_of(manifest.entry_table(), ["clip", "skill", "seconds", *columns]),
+        "what went on": table_of(
+            _highest_first(manifest.entry_table(), highest_first), ["clip", "skill", "seconds", *columns]
+        ),
         "what was said of each clip": table_of(
             _worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]
         ),
@@ -43,6 +48,12 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str]) -> dict[str, Any]
 def _worst_first(table: pd.DataFrame) -> pd.DataFrame:
     order = [("rejected", "partly", "accepted").index(fate) for fate in table["fate"]]
     return table.assign(order=order).sort_values(by=["order", "clip"]).drop(columns="order")
+
+
+def _highest_first(table: pd.DataFrame, column: str) -> pd.DataFrame:
+    if column not in table.columns:
+        return table
+    return table.sort_values(by=[column, "clip"], ascending=[False, True], na_position="last")
 
 
 def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:

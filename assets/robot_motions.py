@@ -105,8 +105,10 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
         stage = stage_of(plan, partial(onto_robot, settings=values, robot=robot), values)
         manifest = run_stage(stage, repaired_motions, PROJECT.store, clip_pool.pool(), context.log)
-        numbers = ["leg_ratio", "slip_m_s", "penetration_m", "limb_error_deg", "trunk_error_deg", "jerk_rad_s3"]
-        return materialized(plan, manifest, stage_metadata(manifest, numbers))
+        numbers = ["worst_figure", "times_its_bar", "leg_ratio", "slip_m_s", "slip_strict_m_s", "drift_m"]
+        numbers += ["penetration_m", "height_shift_m", "limb_error_deg", "thigh_error_deg", "shank_error_deg"]
+        numbers += ["trunk_error_deg", "heading_error_deg", "jerk_rad_s3", "jump_percent"]
+        return materialized(plan, manifest, stage_metadata(manifest, numbers, highest_first="times_its_bar"))
 
     return retargeted_motions
 

@@ -36,30 +36,6 @@ from pipeline.scoring import FIGURES, pooled  # noqa: E402
 TIMES_GMR, TIMES_GMR_FROM_TEXT = 25.0, 15.0
 """Least speed of retargeting, and from BVH text to CSV, against GMR's inverse kinematics."""
 
-BARS = {
-    "position_limit_percent": 0.0,
-    "speed_limit_percent": 0.0,
-    "slip_strict_m_s": 0.012,
-    "slip_middle_m_s": 0.010,
-    "drift_cm": 0.5,
-    "penetration_max_cm": 1.5,
-    "penetration_over_1cm_percent": 0.3,
-    "jerk_rad_s3": 220.0,
-    "jump_percent": 0.4,
-    "self_collision_percent": 1.0,
-    "self_collision_max_cm": 2.0,
-    "limb_error_deg": 2.5,
-    "thigh_error_deg": 4.0,
-    "shank_error_deg": 4.0,
-    "trunk_error_deg": 3.5,
-    "heading_error_deg": 2.0,
-    "height_shift_mm": 5.0,
-}
-"""The most each figure may be."""
-
-RATE_BOUND = ("jerk_rad_s3", "jump_percent")
-"""Figures that depend on the rate; their bars are for 30 Hz."""
-
 IN_EACH_CLIP = ("self_collision_percent", "self_collision_max_cm")
 """Figures that must hold in every single clip too."""
 
@@ -122,9 +98,7 @@ def _bars(ours: Scored, theirs: Scored | None, fps: float) -> list[Bar]:
     if theirs:
         scores["GMR: "] = pooled(list(theirs.scores.values())).figures()
     for figure in FIGURES:
-        bound = BARS.get(figure.key)
-        if fps != 30.0 and figure.key in RATE_BOUND:
-            bound = None
+        bound = None if figure.at_30_hz and fps != 30.0 else figure.bar
         for who, figures in scores.items():
             bars.append(_bar(f"{at}, {who}{figure.title}", figures[figure.key], figure.unit, None if who else bound))
         if figure.key in IN_EACH_CLIP:

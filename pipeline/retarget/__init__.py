@@ -6,7 +6,7 @@
 works frame by frame.
 """
 
-from pipeline.retarget.process import STAGE_VERSION, process
+from pipeline.retarget.process import process
 from pipeline.retarget.settings import RetargetSettings
 
-__all__ = ["STAGE_VERSION", "RetargetSettings", "process"]
+__all__ = ["RetargetSettings", "process"]

@@ -20,8 +20,6 @@ from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
 
-STAGE_VERSION = "2"
-
 
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
     """The robot's motion for a repaired human clip, one piece under the clip's name.
@@ -41,7 +39,7 @@ def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSe
         joint_pos=trajectory.joint_pos,
         contacts=targets.contacts,
     )
-    measured = numbers_of(result, human, targets, robot)
+    measured = numbers_of(result, human, targets.leg_ratio, robot)
     return Outcome(pieces=(Piece(clip=result, numbers=measured),), numbers={"seconds": clip.duration_s})
 
 

@@ -150,7 +150,8 @@ class _Feed:
         self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
         waist = names[solver.body.waist]
         self._waist = [{waist: angle} for angle in targets.waist_pos.tolist()]
-        self._posture = [dict(zip(names, row, strict=True)) for row in posture.tolist()]
+        rows = posture[:1] if _is_constant(posture) else posture
+        self._posture = [dict(zip(names, row, strict=True)) for row in rows.tolist()]
         self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
@@ -162,7 +163,8 @@ class _Feed:
         solver._pelvis_height.target_world = self._pelvis[frame]
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joints(self._waist[frame])
-        solver._posture.set_joints(self._posture[frame])
+        if frame < len(self._posture):
+            solver._posture.set_joints(self._posture[frame])
         for side in range(2):
             foot_pos_w = self._foot_pos[side][frame]
             solver._foot_position[side].target_world = foot_pos_w
@@ -182,6 +184,11 @@ class _Feed:
         orientation = weights.stance_orientation if stands else weights.swing_orientation
         self._solver._foot_position[side].configure(FEET[side], "soft", position)
         self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
+
+
+def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:
+    """A posture that stays is told to the solver once."""
+    return bool((posture == posture[0]).all())
 
 
 def solver_for(robot: Robot) -> Solver:

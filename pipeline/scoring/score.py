@@ -31,14 +31,29 @@ def score(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
     Both start at the same time and stand in the same world (`aligned`). Raises ClipError where they can't be compared.
     """
     human, clip = aligned(human, clip, robot)
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
-    samples = _limits(clip, robot) | _feet(human, clip.fps, kinematics, poses, robot)
-    samples |= _smoothness(clip, robot) | _likeness(human, poses, robot)
+    samples = samples_without_collisions(human, clip, robot)
     depth = self_collision(clip, robot).depth
     samples["self_collision_percent"] = 100.0 * (depth > COLLISION_DEPTH)
     samples["self_collision_max_cm"] = 100.0 * depth
     return Score(frames=clip.frame_count, samples=samples)
+
+
+def score_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
+    """The same for two clips that are frame by frame the same motion, without what takes longest to find.
+
+    The figures of self-collision are NaN.
+    """
+    samples = samples_without_collisions(human, clip, robot)
+    nothing = {key: np.zeros(0) for key in ("self_collision_percent", "self_collision_max_cm")}
+    return Score(frames=clip.frame_count, samples=samples | nothing)
+
+
+def samples_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) -> Samples:
+    """Every sample that the two motions alone give; both at one rate and equally long."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    samples = _limits(clip, robot) | _feet(human, clip.fps, kinematics, poses, robot)
+    return samples | _smoothness(clip, robot) | _likeness(human, poses, robot)
 
 
 def _limits(clip: RobotClip, robot: Robot) -> Samples:
