@@ -65,7 +65,9 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
     """The stages of one robot."""
     return (
         Plan(name="robot_model", packages=("robot",), robot=robot),
-        Plan(name="retargeted_motions", packages=("retarget",), settings_files=("retarget.yaml",), robot=robot),
+        Plan(
+            name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
+        ),
         Plan(name="augmented_motions", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
         Plan(name="feasible_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
         Plan(name="expert_db", packages=("expert",), robot=robot),
