@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
+from pipeline.quality.gap_bridge import bridge_positions
 from pipeline.readers import ReadMotion, Source, read_motion
 
 
@@ -47,8 +49,10 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
         rate_is_stated: a person states the rate; physics may doubt it then, but not change it
     """
     corrected = correct(read, settings=settings, rate_is_stated=rate_is_stated)
-    clip, reasons = corrected.clip, (*read.notes, *corrected.reasons)
-    numbers = {**_identity(read, clip), **measure(clip, settings), **_clocks(corrected.time_base)}
+    clip = corrected.clip
+    measured = measure(clip, settings)
+    reasons = (*read.notes, *corrected.reasons, *_too_little_recorded(clip, measured, settings))
+    numbers = {**_identity(read, clip), **measured, **_clocks(corrected.time_base)}
     numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
     rejected = any(reason.effect == "rejected" for reason in reasons)
     pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
@@ -76,13 +80,30 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     if times > 1:
         reasons.append(_repeated(clip, times))
         clip = each_once(clip, times, first)
-    time_base = judge(clip, read.skeleton, settings.time_base) if isinstance(clip, HumanClip) else None
+    time_base = None
+    if isinstance(clip, HumanClip):
+        time_base = judge(bridge_positions(clip, settings.bridge_s), read.skeleton, settings.time_base)
     if time_base is not None and time_base.contradicted:
         reason = _contradicted(clip, time_base, rate_is_stated)
         reasons.append(reason)
         if reason.effect == "repaired" and time_base.fps is not None:
             clip = dataclasses.replace(clip, fps=time_base.fps)
     return Corrected(clip=clip, times_stored=times, first_frame=first, time_base=time_base, reasons=tuple(reasons))
+
+
+def _too_little_recorded(
+    clip: HumanClip | RobotClip, measured: Mapping[str, Number], settings: CatalogSettings
+) -> tuple[Reason, ...]:
+    """The reason why a file can't be judged; none for a file that can."""
+    share, least = float(measured["recorded_share"] or 0.0), settings.least_recorded_share
+    if share >= least:
+        return ()
+    if measured["speed_mean"] is None:
+        seen = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s that tells a speed"
+    else:
+        seen = f"where a speed can be told {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
+    text = f"{seen}; root or hips are missing in the others"
+    return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
 
 
 def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> dict[str, Number]:

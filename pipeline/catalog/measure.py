@@ -11,25 +11,31 @@ from pipeline.catalog.settings import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.gap_bridge import bridge_positions
 from pipeline.quality.planar_motion import planar_motion
 
 
 def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> dict[str, Number]:
     """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
 
-    None stands for what cannot be measured.
+    `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
+
+    Short gaps are bridged first. None stands for what cannot be measured.
     """
-    motion = planar_motion(clip, settings.velocity_s, settings.facing_s)
+    motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
     numbers: dict[str, Number] = {
         "frames": clip.frame_count,
         "missing_frames": int(_missing(clip).sum()),
+        "recorded_share": _round(motion.recorded[motion.valid].mean()) if len(speed) else 0.0,
         "speed_mean": _round(speed.mean()) if len(speed) else None,
         "speed_max": _round(speed.max()) if len(speed) else None,
         "yaw_rate_mean": _round(yaw_rate.mean()) if len(speed) else None,
         "yaw_rate_max": _round(np.abs(yaw_rate).max()) if len(speed) else None,
     }
-    return {**numbers, **_of_person(clip)} if isinstance(clip, HumanClip) else numbers
+    if not isinstance(clip, HumanClip):
+        return numbers
+    return {**numbers, **_of_person(bridge_positions(clip, settings.bridge_s))}
 
 
 def _missing(clip: HumanClip | RobotClip) -> np.ndarray:

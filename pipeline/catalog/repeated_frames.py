@@ -16,6 +16,8 @@ NO_STEP = 1e-7
 """Steps up to this [m or rad] are none: the same numbers went through another arithmetic."""
 LEAST_MOVED = 0.5
 """Share of the distinct frames that have to differ from the one before: a frozen clip shows no pattern."""
+LEAST_SEEN = 0.5
+"""Share of the other steps that have to be known: a step beside a missing frame is not known to be none."""
 
 
 def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
@@ -24,13 +26,15 @@ def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
     `(1, 0)` for a sound clip, and for one that hardly moves. `share` of all moves have to be in the pattern.
     """
     step = _steps(clip)
-    moved = np.nan_to_num(step) > NO_STEP
+    moved, known = np.nan_to_num(step) > NO_STEP, np.isfinite(step)
     if len(step) < 2 * MOST_TIMES or not moved.any():
         return 1, 0
     for times in range(MOST_TIMES, 1, -1):
         counts = np.array([moved[phase::times].sum() for phase in range(times)])
         phase = int(np.argmax(counts))
-        slots = np.isfinite(step[phase::times]).sum()
+        slots = known[phase::times].sum()
+        if known.sum() - slots < LEAST_SEEN * (len(step) - slots):
+            continue
         if counts[phase] >= share * counts.sum() and counts[phase] >= LEAST_MOVED * slots:
             return times, (phase + 1) % times
     return 1, 0

@@ -44,6 +44,10 @@ class CatalogSettings:
     """Width of the moving mean on the root's velocity [s]."""
     facing_s: float
     """Width of the moving mean on the facing [s]."""
+    bridge_s: float
+    """Longest gap of the recording that is interpolated before anything is measured [s]."""
+    least_recorded_share: float
+    """Of the frames whose motion is known once gaps are bridged at least this share has to be recorded."""
     repeated_share: float
     """Share of all moves from frame to frame that are in the pattern where frames are stored several times."""
     time_base: TimeBaseSettings

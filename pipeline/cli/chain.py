@@ -74,7 +74,7 @@ class Chain:
     def speeds(self, clip: Clip) -> Float[np.ndarray, " n"]:
         """Horizontal speed of the root [m/s] in the frames where it is known, smoothed as for the windows."""
         windows = self._curation.windows
-        motion = planar_motion(clip, windows.velocity_s, windows.facing_s)
+        motion = planar_motion(clip, windows.velocity_s, windows.facing_s, windows.bridge_s)
         return motion.speed[motion.valid]
 
     @cached_property

@@ -81,11 +81,17 @@ def as_text(found: Inspection) -> str:
         "true rate": f"{found.fps:.6g} Hz",
         "length": f"{found.seconds:.2f} s, {found.frames} frames",
         "leg length": None if found.leg_length is None else f"{found.leg_length:.3f} m (thigh and shank)",
-        "speed": f"mean {found.speed_mean:.2f} m/s, highest {found.speed_max:.2f} m/s",
+        "speed": _speed(found),
         "usable": f"{found.usable_seconds:.2f} s in {pieces}",
     }
     findings = f"found\n{_reasons(found)}" if found.reasons else "found: nothing wrong"
     return "\n\n".join([name_values(facts), f"windows of one skill\n{_windows(found)}", findings])
+
+
+def _speed(found: Inspection) -> str:
+    if found.speed_mean is None or found.speed_max is None:
+        return "not known, too little was recorded"
+    return f"mean {found.speed_mean:.2f} m/s, highest {found.speed_max:.2f} m/s"
 
 
 def _windows(found: Inspection) -> str:

@@ -39,9 +39,9 @@ class Inspection:
     seconds: float
     leg_length: float | None
     """Thigh plus shank [m]; None for a robot."""
-    speed_mean: float
-    """Horizontal speed of the root [m/s]."""
-    speed_max: float
+    speed_mean: float | None
+    """Horizontal speed of the root [m/s]; None where too little was recorded to tell it."""
+    speed_max: float | None
     usable_seconds: float
     """What is left after repair [s]."""
     usable_pieces: int
@@ -84,8 +84,8 @@ def inspect_file(chain: Chain, path: Path, stated: Statement) -> Inspection:
         frames=clip.frame_count,
         seconds=clip.duration_s,
         leg_length=leg_length(clip) if isinstance(clip, HumanClip) else None,
-        speed_mean=float(speed.mean()) if len(speed) else 0.0,
-        speed_max=float(speed.max()) if len(speed) else 0.0,
+        speed_mean=float(speed.mean()) if len(speed) else None,
+        speed_max=float(speed.max()) if len(speed) else None,
         usable_seconds=usable_s,
         usable_pieces=pieces,
         windows=windows,

@@ -1,6 +1,6 @@
 """How a body travels over the ground, frame by frame: forward, to the left, turning.
 
-    clip -> missing samples bridged -> continuous stretches -> facing, heading-frame velocity, yaw rate
+    clip -> short gaps bridged -> continuous stretches -> facing, heading-frame velocity, yaw rate
 
 A stretch ends where the root makes a step that no person and no robot makes; signals are smoothed within a
 stretch and never across its end.
@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.gap_bridge import bridge, short_gaps
 
 TELEPORT_M_S = 15.0
 """Speed of the root that is no motion but a break in the recording [m/s]: the fastest sprint is at 12.4 m/s."""
@@ -26,7 +27,7 @@ TELEPORT_STEP = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarMotion:
-    """Signals of one clip at its own rate. Where `valid` is false they are bridged and mean nothing."""
+    """Signals of one clip at its own rate. Where `valid` is false they mean nothing."""
 
     forward: Float[np.ndarray, " t"]
     """Velocity of the root along the facing [m/s]."""
@@ -36,8 +37,10 @@ class PlanarMotion:
     """Facing about the world's z, unwrapped [rad]."""
     yaw_rate: Float[np.ndarray, " t"]
     """[rad/s], left is positive."""
+    recorded: Bool[np.ndarray, " t"]
+    """The root and the facing were recorded here."""
     valid: Bool[np.ndarray, " t"]
-    """The root and the facing were recorded here, and the stretch is long enough for a velocity."""
+    """They were, or a short gap was bridged, and the stretch is long enough for a velocity."""
 
     @property
     def speed(self) -> Float[np.ndarray, " t"]:
@@ -45,37 +48,51 @@ class PlanarMotion:
         return np.hypot(self.forward, self.lateral)
 
 
-def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: float) -> PlanarMotion:
+def planar_motion(clip: HumanClip | RobotClip, velocity_s: float, facing_s: float, bridge_s: float) -> PlanarMotion:
     """The clip's planar motion.
 
     Args:
         velocity_s: width of the moving mean on the root's velocity [s]
         facing_s: width of the moving mean on the facing [s]; of a person it is the normal of the line between the
             hips, of a robot the heading of its root
+        bridge_s: longest gap of the recording that is interpolated before anything is measured [s]
     """
     root_w, facing_w = _root_and_facing(clip)
     recorded = np.asarray(np.isfinite(np.concatenate([root_w, facing_w], axis=1)).all(axis=1))
-    count = clip.frame_count
-    zero = np.zeros(count)
-    if not recorded.any():
-        return PlanarMotion(forward=zero, lateral=zero, yaw=zero, yaw_rate=zero, valid=np.zeros(count, dtype=bool))
-    velocity_w, yaw, yaw_rate = np.zeros((count, 2)), np.zeros(count), np.zeros(count)
-    valid = np.zeros(count, dtype=bool)
-    for start, stop in _stretches(root_w, recorded, clip.fps):
-        if stop - start < max(2, round(velocity_s * clip.fps)):
+    turned = np.zeros(clip.frame_count)
+    turned[recorded] = np.unwrap(np.arctan2(facing_w[recorded, 1], facing_w[recorded, 0]))
+    path = bridge(np.column_stack([root_w, turned]), recorded, clip.fps, bridge_s)
+    known = np.logical_or(recorded, short_gaps(recorded, clip.fps, bridge_s))
+    return _measured(path[:, :3], path[:, 3], recorded, known, clip.fps, velocity_s, facing_s)
+
+
+def _measured(
+    root_w: Float[np.ndarray, "t 3"],
+    turned: Float[np.ndarray, " t"],
+    recorded: Bool[np.ndarray, " t"],
+    known: Bool[np.ndarray, " t"],
+    fps: float,
+    velocity_s: float,
+    facing_s: float,
+) -> PlanarMotion:
+    """The signals from path and unwrapped facing in the frames that are `known`."""
+    velocity_w, yaw, yaw_rate = np.zeros((len(known), 2)), np.zeros(len(known)), np.zeros(len(known))
+    valid = np.zeros(len(known), dtype=bool)
+    for start, stop in _stretches(root_w, known, fps):
+        if stop - start < max(2, round(velocity_s * fps)):
             continue
         part = slice(start, stop)
         valid[part] = True
-        velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], clip.fps), velocity_s, clip.fps)
-        turned = np.unwrap(np.arctan2(facing_w[part, 1], facing_w[part, 0]))
-        yaw[part] = _mean_of_trend(turned, facing_s, clip.fps)
-        yaw_rate[part] = time_series.derivative(yaw[part], clip.fps)
+        velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], fps), velocity_s, fps)
+        yaw[part] = _mean_of_trend(turned[part], facing_s, fps)
+        yaw_rate[part] = time_series.derivative(yaw[part], fps)
     cos, sin = np.cos(yaw), np.sin(yaw)
     return PlanarMotion(
         forward=cos * velocity_w[:, 0] + sin * velocity_w[:, 1],
         lateral=cos * velocity_w[:, 1] - sin * velocity_w[:, 0],
         yaw=yaw,
         yaw_rate=yaw_rate,
+        recorded=recorded,
         valid=valid,
     )
 
@@ -89,12 +106,12 @@ def _root_and_facing(clip: HumanClip | RobotClip) -> tuple[np.ndarray, np.ndarra
     return clip.pos("pelvis"), rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
 
 
-def _stretches(root_w: np.ndarray, recorded: np.ndarray, fps: float) -> list[tuple[int, int]]:
-    """Frame ranges that are recorded throughout and without a teleport."""
-    step = np.linalg.norm(np.diff(np.where(recorded[:, None], root_w, 0.0), axis=0), axis=1)
+def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:
+    """Frame ranges that are known throughout and without a teleport."""
+    step = np.linalg.norm(np.diff(np.where(known[:, None], root_w, 0.0), axis=0), axis=1)
     breaks = np.flatnonzero((step > TELEPORT_STEP) & (step * fps > TELEPORT_M_S)) + 1
     pieces = []
-    for start, stop in time_series.runs(recorded):
+    for start, stop in time_series.runs(known):
         edges = [start, *breaks[(breaks > start) & (breaks < stop)].tolist(), stop]
         pieces += list(itertools.pairwise(edges))
     return pieces

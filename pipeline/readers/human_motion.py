@@ -12,7 +12,7 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.errors import FileError
 from pipeline.readers.frame_rate import frame_rate
 from pipeline.readers.local_axes import with_axes_of_map
-from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion
+from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.skeleton_map import SkeletonMap, find_map
 from pipeline.readers.statement import Statement
 from pipeline.readers.unit import find_unit
@@ -41,7 +41,7 @@ def to_human(motion: RawMotion, name: str, statement: Statement) -> Canonical:
     """
     path = motion.files[0]
     if len(motion.joint_pos_w) < MIN_FRAMES:
-        raise FileError(path, f"the file has {len(motion.joint_pos_w)} frame(s), which is no motion.")
+        raise FileError(path, f"the file has {counted(len(motion.joint_pos_w))}, which is no motion.")
     skeleton = find_map(motion, statement.skeleton)
     motion = with_axes_of_map(motion, skeleton)
     unit, metres = find_unit(path, _leg_length(motion, skeleton), statement.unit or motion.unit)

@@ -15,6 +15,11 @@ MIN_FRAMES = 2
 """A file with fewer frames holds a pose, not a motion."""
 
 
+def counted(frames: int) -> str:
+    """`1 frame`, `12 frames`."""
+    return "1 frame" if frames == 1 else f"{frames} frames"
+
+
 @dataclass(frozen=True, kw_only=True)
 class RawMotion:
     """T frames of a tree of J joints; lengths in the file's unit, axes as in the file.

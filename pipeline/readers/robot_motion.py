@@ -14,7 +14,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.quaternion_order import check_unit
-from pipeline.readers.raw_motion import MIN_FRAMES
+from pipeline.readers.raw_motion import MIN_FRAMES, counted
 from pipeline.robot import Kinematics, Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
@@ -59,7 +59,7 @@ def to_robot_clip(motion: RobotMotion, name: str, fps: float) -> RobotClip:
     """The clip, joints in the robot's order. Raises FileError, AmbiguousFileError for joints without names."""
     path = motion.path
     if len(motion.joint_pos) < MIN_FRAMES:
-        raise FileError(path, f"the file has {len(motion.joint_pos)} frame(s), which is no motion.")
+        raise FileError(path, f"the file has {counted(len(motion.joint_pos))}, which is no motion.")
     robot, columns = _robot_of(motion)
     check_unit(path, motion.root_quat_w, "the root's quaternion")
     _check_upright(path, motion.root_quat_w)
@@ -117,7 +117,12 @@ def _check_links(motion: RobotMotion, robot: Robot, clip: RobotClip) -> None:
     """Every link of our model has a body of the file where our kinematics put it; proves order and signs."""
     if motion.body_pos_w is None:
         return
-    frames = np.unique(np.linspace(0, clip.frame_count - 1, 20).astype(int))
+    whole = [each.reshape(clip.frame_count, -1) for each in (clip.root_pos_w, clip.root_quat_w, clip.joint_pos)]
+    whole.append(motion.body_pos_w.reshape(clip.frame_count, -1))
+    complete = np.flatnonzero(np.isfinite(np.concatenate(whole, axis=1)).all(axis=1))
+    if not len(complete):
+        raise FileError(motion.path, "no frame is complete: every row holds values that are not numbers.")
+    frames = np.unique(complete[np.linspace(0, len(complete) - 1, 20).astype(int)])
     poses = Kinematics(robot).forward(clip.root_pos_w[frames], clip.root_quat_w[frames], clip.joint_pos[frames])
     gaps = np.linalg.norm(poses.pos_w[:, :, None] - motion.body_pos_w[frames][:, None], axis=-1).min(axis=2)
     error = np.median(gaps, axis=0)

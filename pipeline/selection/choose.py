@@ -14,7 +14,8 @@ from pipeline.selection.curation import Curation
 from pipeline.selection.skills import LABELS
 
 COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
-"""What a row must tell. `off_skill_m_s` (purity) and `notes` (codes, comma-separated) are used where present."""
+"""What a row must tell. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are
+used where present."""
 
 
 class CurationError(PipelineError):
@@ -64,6 +65,10 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
         yield f"skill '{row['skill']}' is not among the skills wanted"
     if row["seconds"] < curation.shortest_s:
         yield f"{row['seconds']:.2f} s is shorter than {curation.shortest_s:g} s"
+    share = row.get("recorded_share")
+    if share is not None and share < curation.least_recorded_share:
+        least = curation.least_recorded_share
+        yield f"{share:.0%} of its frames were recorded, at least {least:.0%} are needed to tell what they show"
     licence = row["licence"] if isinstance(row["licence"], str) else ""
     if not any(fnmatchcase(licence.lower(), pattern.lower()) for pattern in curation.licences):
         yield f"licence '{licence}' is not among those allowed ({', '.join(curation.licences) or 'none'})"

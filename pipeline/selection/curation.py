@@ -22,7 +22,7 @@ class WindowSettings:
     shortest_transition_s: float
     """Shortest transition; what is shorter is given to the windows beside it [s]."""
     bridge_s: float
-    """Gaps of the recording up to this long are given to the windows beside them, longer ones are transitions [s]."""
+    """Gaps of the recording up to this long are interpolated for the labels, longer ones are transitions [s]."""
     transition_cost: float
     """What a frame costs as transition: so far outside a skill's region may its frames lie on average [m/s]."""
     cut_price: float
@@ -41,6 +41,8 @@ class Curation:
     """Skill -> most seconds that are taken of it; a skill that is not named has no bound."""
     shortest_s: float
     """Windows shorter than this are not taken [s]."""
+    least_recorded_share: float
+    """Windows of which a smaller share of the frames was recorded are not taken: their label is a guess."""
     licences: tuple[str, ...]
     """Patterns (`*`, `?`, case does not matter) of licences that may be used."""
     excluded_clips: tuple[str, ...]

@@ -21,7 +21,7 @@ NEVER = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """Frames [start, stop) of a clip that show one skill, with means over the frames that were recorded."""
+    """Frames [start, stop) of a clip that show one skill, with means over the frames whose motion is known."""
 
     skill: str
     start: int
@@ -34,7 +34,7 @@ class Window:
     off_skill_m_s: float
     """Mean distance of the frames from the skill's region; 0 for a transition."""
     recorded_share: float
-    """Share of the frames whose motion is known."""
+    """Share of the frames in which root and facing were recorded."""
 
 
 def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tuple[Window, ...]:
@@ -43,7 +43,7 @@ def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tu
     Only a clip that is shorter as a whole, or what is left beside a long gap of the recording, becomes a shorter
     transition. Missing frames and teleports don't stop it: short ones are bridged, long ones are transitions.
     """
-    motion = planar_motion(clip, settings.velocity_s, settings.facing_s)
+    motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     cost = _costs(motion, clip.fps, settings)
     shortest = np.array([settings.shortest_s] * len(SKILLS) + [settings.shortest_transition_s])
     frames = np.maximum(np.round(shortest * settings.label_hz).astype(int), 1)
@@ -89,7 +89,7 @@ def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings:
             lateral_m_s=0.0,
             yaw_rate_rad_s=0.0,
             off_skill_m_s=0.0,
-            recorded_share=0.0,
+            recorded_share=float(motion.recorded[start:stop].mean()),
         )
     forward, lateral, yaw_rate = motion.forward[known], motion.lateral[known], motion.yaw_rate[known]
     off = 0.0
@@ -103,5 +103,5 @@ def _measured(motion: PlanarMotion, label: str, start: int, stop: int, settings:
         lateral_m_s=float(lateral.mean()),
         yaw_rate_rad_s=float(yaw_rate.mean()),
         off_skill_m_s=off,
-        recorded_share=len(known) / (stop - start),
+        recorded_share=float(motion.recorded[start:stop].mean()),
     )

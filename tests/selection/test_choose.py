@@ -74,6 +74,13 @@ def test_a_bound_is_never_passed_and_each_skill_has_its_own():
     assert seconds["stand"] == pytest.approx(table[table["skill"] == "stand"]["seconds"].sum())
 
 
+def test_a_window_of_which_too_little_was_recorded_is_not_taken():
+    rows = [window("seen", recorded_share=0.9), window("guessed", recorded_share=0.3), window("untold")]
+    taken, why = chosen(rows)
+    assert taken == {"seen", "untold"}
+    assert why["guessed"] == "30% of its frames were recorded, at least 50% are needed to tell what they show"
+
+
 def test_clips_and_windows_are_excluded_by_pattern():
     rows = [window("lafan1/dance1@0-99"), window("lafan1/walk1@0-99"), window("lafan1/walk1@100-199")]
     taken, why = chosen(rows, excluded_clips=("*/dance*", "lafan1/walk1@100-*"))
