@@ -17,8 +17,8 @@ from pipeline.files import atomic
 from pipeline.readers import ReadMotion, Statement
 from pipeline.robot import Robot
 
-DATABASE_FPS = 50.0
-"""Rate of the result when none is asked for [Hz]: that of the database."""
+CSV_FPS = 30.0
+"""Rate of the result when none is asked for [Hz]: as most recordings have it."""
 
 FRAME_NOTE = "world, z up; the clip starts above the origin, facing +x"
 
@@ -49,7 +49,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--out", metavar="OUT.csv", type=Path, required=True, help="where to write")
     parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
     parser.add_argument(
-        "--fps", metavar="HZ", type=positive, default=DATABASE_FPS, help="rate of OUT.csv (default: 50)"
+        "--fps", metavar="HZ", type=positive, default=CSV_FPS, help="rate of OUT.csv (default: 30)"
     )
     add_statement(parser)
     parser.set_defaults(run=run)

@@ -53,7 +53,7 @@ def walk(motions, tmp_path):
 
 def test_retarget_writes_a_motion_of_the_robot_that_the_reader_reads(walk, tmp_path, capsys):
     out = tmp_path / "new folder" / "out.csv"
-    assert main(["retarget", str(walk), "--fps", "30", "--out", str(out)]) == 0
+    assert main(["retarget", str(walk), "--out", str(out)]) == 0
     clip = read_motion(out, "out").clip
     assert clip.fps == 30.0 and clip.robot == "t1"
     assert clip.duration_s == pytest.approx(3.0, abs=0.05)
