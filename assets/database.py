@@ -113,6 +113,7 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
     from pipeline.feasibility.command_seconds import by_command
     from pipeline.viewing.plots import command_seconds
 
+    title = f"{manifest['robot']} expert database"
     seconds = manifest["seconds_by_skill"]
     by_skill = pd.DataFrame({"skill": list(seconds), "seconds": [float(value) for value in seconds.values()]})
     columns = ["clip", "skill", "seconds", "weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
@@ -123,9 +124,9 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "strictest licence": manifest["licence"]["strictest"],
         "allowed use": manifest["licence"]["allowed_use"],
         "dagster/row_count": manifest["clips"],
+        **({"coverage": picture(command_seconds(by_command(index), title))} if len(index) else {}),
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
         "clips of the database": table_of(index.sort_values("clip"), columns),
-        "coverage": picture(command_seconds(by_command(index), f"{manifest['robot']} expert database")),
     }
 
 

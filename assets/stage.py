@@ -35,11 +35,11 @@ def stage_of(
 
 
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
-    """The result Dagster notes: content as data version, what it depended on as a tag, checks."""
+    """The result Dagster notes: content as data version, what it depended on as a tag, checks; tables come last."""
     return dg.MaterializeResult(
         asset_key=plan.key,
         value=manifest,
-        metadata=metadata,
+        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
         check_results=evaluate(plan, manifest),
         data_version=dg.DataVersion(manifest.digest),
         tags={
