@@ -113,7 +113,7 @@ STAGE_CHECKS = (
 
 SOUND_FRAMES = StageCheck(
     name="sound_frames",
-    says="Every stored frame is finite, every quaternion unit, contacts are labelled.",
+    says="Every stored frame is finite, every quaternion unit; contacts of human clips are labelled.",
     look=_sound,
     blocking=True,
 )

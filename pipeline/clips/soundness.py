@@ -12,7 +12,10 @@ UNIT_TOLERANCE = 1e-6
 
 
 def faults_of(clip: Clip) -> list[str]:
-    """Every fault of a clip's frames, each a sentence with the first frame it is found at; none for a sound clip."""
+    """Every fault of a clip's frames, each a sentence with the first frame it is found at; none for a sound clip.
+
+    A human clip must have its contacts labelled, a recording of a robot may not know them.
+    """
     if isinstance(clip, HumanClip):
         arrays, quats = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}, clip.body_quat_w
     else:
@@ -27,7 +30,7 @@ def faults_of(clip: Clip) -> list[str]:
     if (off > UNIT_TOLERANCE).any():
         frame = int(np.argmax(off > UNIT_TOLERANCE))
         faults.append(f"frame {frame}: a quaternion's length is off by {off[frame]:.1e}")
-    if clip.contacts is None:
+    if clip.contacts is None and isinstance(clip, HumanClip):
         faults.append("contacts are not labelled")
     if clip.frame_count < 2 or not clip.fps > 0.0:
         faults.append(f"{clip.frame_count} frames at {clip.fps} frames/s are no motion")
