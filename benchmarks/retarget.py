@@ -36,6 +36,9 @@ from pipeline.scoring import FIGURES, pooled  # noqa: E402
 TIMES_GMR, TIMES_GMR_FROM_TEXT = 25.0, 15.0
 """Least speed of retargeting, and from BVH text to CSV, against GMR's inverse kinematics."""
 
+AT_ANY_RATE = ("limit", "slip", "drift", "penetration", "self_collision", "height_shift")
+"""Parts of the keys of figures whose bars hold at any rate; those of the others are for 30 Hz."""
+
 IN_EACH_CLIP = ("self_collision_percent", "self_collision_max_cm")
 """Figures that must hold in every single clip too."""
 
@@ -98,7 +101,7 @@ def _bars(ours: Scored, theirs: Scored | None, fps: float) -> list[Bar]:
     if theirs:
         scores["GMR: "] = pooled(list(theirs.scores.values())).figures()
     for figure in FIGURES:
-        bound = None if figure.at_30_hz and fps != 30.0 else figure.bar
+        bound = figure.bar if fps == 30.0 or any(part in figure.key for part in AT_ANY_RATE) else None
         for who, figures in scores.items():
             bars.append(_bar(f"{at}, {who}{figure.title}", figures[figure.key], figure.unit, None if who else bound))
         if figure.key in IN_EACH_CLIP:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Range, check, increasing
+
 
 @dataclass(frozen=True, kw_only=True)
 class StanceSettings:
@@ -17,6 +19,15 @@ class StanceSettings:
     """Shorter stances are dropped [s]."""
     shortest_swing_s: float
     """Shorter gaps between two stances of a foot are closed: no foot steps that quickly [s]."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            toe_height=NOT_NEGATIVE,
+            toe_speed_m_s=NOT_NEGATIVE,
+            shortest_s=NOT_NEGATIVE,
+            shortest_swing_s=NOT_NEGATIVE,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +57,23 @@ class FootSettings:
     spacing_s: float
     """Time over which a swinging foot gives way to the other one [s]."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            increasing(self, "lowest_pitch", "highest_pitch"),
+            ball_share=SHARE,
+            heel_rise_share=Range(0.0, 2.0),
+            heel_strike_share=Range(0.0, 2.0),
+            heel_rise_free=NOT_NEGATIVE,
+            highest_pitch=Range(-1.6, 1.6),
+            lowest_pitch=Range(-1.6, 1.6),
+            slope_s=NOT_NEGATIVE,
+            clearance=NOT_NEGATIVE,
+            spacing=NOT_NEGATIVE,
+            wary=NOT_NEGATIVE,
+            spacing_s=NOT_NEGATIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClearanceSettings:
@@ -63,6 +91,17 @@ class ClearanceSettings:
     """Least distance of the hand from the trunk's middle line [m]."""
     spread_s: float
     """Time over which corrections come and go [s]."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            correction_share=SHARE,
+            highest_correction=NOT_NEGATIVE,
+            foot_gap=NOT_NEGATIVE,
+            arm_distance=NOT_NEGATIVE,
+            trunk_distance=NOT_NEGATIVE,
+            spread_s=NOT_NEGATIVE,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +135,9 @@ class WeightSettings:
     posture_second: float
     """Toward the smoothed first pass, second pass [cost/rad2]."""
 
+    def __post_init__(self) -> None:
+        check(self, **dict.fromkeys(vars(self), NOT_NEGATIVE))
+
 
 @dataclass(frozen=True, kw_only=True)
 class RetargetSettings:
@@ -117,3 +159,14 @@ class RetargetSettings:
     feet: FootSettings
     clearance: ClearanceSettings
     weights: WeightSettings
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            fps=RATE_HZ,
+            leg_scale=Range(0.1, 2.0),
+            speed_share=PART,
+            smooth_hz=Range(0.5, 1000.0),
+            posture_smooth_hz=Range(0.5, 1000.0),
+            settle_iterations=COUNT,
+        )
