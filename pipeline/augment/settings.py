@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.errors import PipelineError
+from pipeline.clips.skill import LABELS
+from pipeline.files.ranges import OneOf, Range, check
 
 
-class TimeScaleError(PipelineError):
-    """A time scale that no variant can be made with."""
+@dataclass(frozen=True)
+class _Scale(Range):
+    """A time scale that changes something."""
 
-    def __init__(self, scale: float):
-        super().__init__(f"time scale {scale:g} is not allowed; it must lie in 0.5 to 2 and not be 1")
+    def problem(self, value: float) -> str | None:
+        return "is 1, which is the original" if value == 1.0 else super().problem(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,4 @@ class AugmentSettings:
     """Skills that are only mirrored: their speed is what makes them."""
 
     def __post_init__(self) -> None:
-        for scale in self.time_scales:
-            if not 0.5 <= scale <= 2.0 or scale == 1.0:
-                raise TimeScaleError(scale)
+        check(self, time_scales=_Scale(0.5, 2.0), unscaled_skills=OneOf(LABELS))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Keys, Pattern, Range, check
+
 
 @dataclass(frozen=True, kw_only=True)
 class TimeBaseSettings:
@@ -35,6 +37,24 @@ class TimeBaseSettings:
     shortest_step: float
     """Steps shorter than this share of the leg's length do not count: shuffling follows no rule."""
 
+    def __post_init__(self) -> None:
+        ratio = Range(1.0, 10.0, open_low=True)
+        check(
+            self,
+            standard_rates_hz=RATE_HZ,
+            gravity_ratio=ratio,
+            gait_ratio=ratio,
+            certain_gait_ratio=ratio,
+            fewest_flights=COUNT,
+            flight_spread=PART,
+            gravity_tolerance=PART,
+            gait_tolerance=PART,
+            same_rate=SHARE,
+            usual_rates_hz=Keys(keys=Pattern(), values=RATE_HZ),
+            fewest_steps=COUNT,
+            shortest_step=NOT_NEGATIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogSettings:
@@ -51,3 +71,14 @@ class CatalogSettings:
     repeated_share: float
     """Share of all moves from frame to frame that are in the pattern where frames are stored several times."""
     time_base: TimeBaseSettings
+
+    def __post_init__(self) -> None:
+        seconds = Range(0.01, 5.0)
+        check(
+            self,
+            velocity_s=seconds,
+            facing_s=seconds,
+            bridge_s=Range(0.0, 5.0),
+            least_recorded_share=SHARE,
+            repeated_share=PART,
+        )

@@ -1,7 +1,8 @@
 """Settings files: YAML that is checked against a frozen dataclass, every fault named at once.
 
 The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers
-like `1e3` (a string to YAML 1.1) are read by the field's type.
+like `1e3` (a string to YAML 1.1) are read by the field's type. What values are allowed the dataclass checks itself
+(`pipeline.files.ranges`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, TypeVar
 import yaml
 
 from pipeline.errors import SettingsError
+from pipeline.files.ranges import RangeError
 
 MAX_BYTES = 1_000_000
 
@@ -135,10 +137,28 @@ def _build_dataclass(kind: Any, value: Any, where: str, faults: list[str]) -> An
     prefix = f"{where}." if where else ""
     for unknown in sorted(set(map(str, value)) - set(fields)):
         faults.append(f"unknown key '{prefix}{unknown}', there are: {', '.join(fields)}")
-    built = {}
+    built, before = {}, len(faults)
     for name, field in fields.items():
         if name in value:
             built[name] = _build(hints[name], value[name], f"{prefix}{name}", faults)
-        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+        elif _is_required(field):
             faults.append(f"'{prefix}{name}' is missing")
-    return None if faults else kind(**built)
+    try:
+        if len(faults) == before:
+            return kind(**built)
+        _check_what_is_there(kind, built)
+    except RangeError as error:
+        faults += [f"'{prefix}{key}' {problem}" for key, problem in error.faults]
+    return None
+
+
+def _check_what_is_there(kind: Any, built: dict[str, Any]) -> None:
+    """Ranges of an object that can't be made as some of its values are missing or refused. Raises RangeError."""
+    if hasattr(kind, "__post_init__"):
+        incomplete = object.__new__(kind)
+        vars(incomplete).update(built)
+        incomplete.__post_init__()
+
+
+def _is_required(field: dataclasses.Field) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING

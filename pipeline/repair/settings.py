@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.clips.skill import LABELS
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, OneOf, Range, check, increasing
+
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSettings:
@@ -34,6 +37,23 @@ class DetectionSettings:
     still_frames: int
     """Smallest number of equal frames of a single joint that count as frozen."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            bone_change=PART,
+            loose_bone_change=PART,
+            quat_norm_change=PART,
+            position_jump=POSITIVE,
+            root_jump=POSITIVE,
+            angle_jump=POSITIVE,
+            angular_speed=POSITIVE,
+            jump_spread=Range(1.0),
+            longest_spike_s=NOT_NEGATIVE,
+            opening_s=NOT_NEGATIVE,
+            still_step=POSITIVE,
+            still_frames=COUNT,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class FillSettings:
@@ -43,6 +63,11 @@ class FillSettings:
     """Up to this a gap is filled by a polynomial through its surroundings."""
     longest_gap_s: float
     """Up to this a gap is filled from similar moments of the same clip, and flagged; longer is cut."""
+
+    def __post_init__(self) -> None:
+        check(
+            self, increasing(self, "short_gap_s", "longest_gap_s"), short_gap_s=NOT_NEGATIVE, longest_gap_s=NOT_NEGATIVE
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +83,9 @@ class FloorSettings:
     drift_limit: float
     """Change of the stance height over the clip that is noted [m]."""
 
+    def __post_init__(self) -> None:
+        check(self, ball_height=Range(0.0, 0.2), band=POSITIVE, slow_m_s=POSITIVE, drift_limit=NOT_NEGATIVE)
+
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothSettings:
@@ -68,6 +96,9 @@ class SmoothSettings:
     fast_cutoff_hz: float
     """For the fast skills."""
     fast_skills: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        check(self, cutoff_hz=Range(0.5, 1000.0), fast_cutoff_hz=Range(0.5, 1000.0), fast_skills=OneOf(LABELS))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +122,20 @@ class ContactSettings:
     longest_flight_s: float
     """Both feet off the ground for longer than this is no gait of a person."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            increasing(self, "speed_floor_m_s", "speed_on_m_s", "speed_off_m_s"),
+            height=POSITIVE,
+            speed_floor_m_s=NOT_NEGATIVE,
+            speed_on_m_s=POSITIVE,
+            speed_off_m_s=POSITIVE,
+            shortest_s=NOT_NEGATIVE,
+            slip_limit_m_s=NOT_NEGATIVE,
+            slip_per_speed=NOT_NEGATIVE,
+            longest_flight_s=NOT_NEGATIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotSettings:
@@ -102,6 +147,9 @@ class RobotSettings:
     """Speed limit where no robot is given [rad/s]."""
     clamp: float
     """Joint limits passed by no more than this are clamped [rad]."""
+
+    def __post_init__(self) -> None:
+        check(self, speed_limit_share=POSITIVE, default_speed_limit=POSITIVE, clamp=NOT_NEGATIVE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,3 +166,6 @@ class RepairSettings:
     """Shorter pieces are dropped."""
     heading_s: float
     """The piece's heading is the mean facing of its first seconds."""
+
+    def __post_init__(self) -> None:
+        check(self, min_seconds=Range(0.0, 60.0, open_low=True), heading_s=NOT_NEGATIVE)

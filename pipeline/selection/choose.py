@@ -9,17 +9,11 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.errors import PipelineError
 from pipeline.selection.curation import Curation
-from pipeline.selection.skills import LABELS
 
 COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
 """What a row must tell. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are
 used where present."""
-
-
-class CurationError(PipelineError):
-    """A curation that asks for a skill that there is not."""
 
 
 def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
@@ -28,10 +22,7 @@ def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
     What the curation excludes goes first. Of what is left each skill's seconds are filled in turns: source by
     source, in a source file by file, in a file the longest window first and of equals the purest; a window that does
     not fit any more is left out and shorter ones may follow. The order of the rows does not matter.
-
-    Raises CurationError for unknown skills in the curation.
     """
-    _check(curation)
     result = rows.copy()
     if rows.empty:
         return result.reindex(columns=[*dict.fromkeys([*COLUMNS, *rows.columns]), "taken", "why"])
@@ -51,12 +42,6 @@ def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
     result["taken"] = [clip in taken for clip in rows["clip"]]
     result["why"] = [why[clip] for clip in rows["clip"]]
     return result
-
-
-def _check(curation: Curation) -> None:
-    unknown = sorted({*curation.skills, *curation.most_seconds} - set(LABELS))
-    if unknown:
-        raise CurationError(f"the curation names the skills {', '.join(unknown)}; there are: {', '.join(LABELS)}")
 
 
 def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:

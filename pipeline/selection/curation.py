@@ -4,6 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.clips.skill import LABELS
+from pipeline.files.ranges import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Keys,
+    OneOf,
+    Pattern,
+    Range,
+    check,
+)
 from pipeline.selection.skills import SkillBounds
 
 
@@ -30,6 +41,19 @@ class WindowSettings:
     bounds: SkillBounds
     """The regions of the skills."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            velocity_s=Range(0.01, 5.0),
+            facing_s=Range(0.01, 5.0),
+            label_hz=Range(5.0, 1000.0),
+            shortest_s=Range(0.0, 60.0, open_low=True),
+            shortest_transition_s=Range(0.0, 60.0, open_low=True),
+            bridge_s=Range(0.0, 5.0),
+            transition_cost=POSITIVE,
+            cut_price=NOT_NEGATIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Curation:
@@ -51,3 +75,15 @@ class Curation:
     """Codes of notes (catalogue, readers) whose files are left out."""
     windows: WindowSettings
     """How a clip is cut into windows."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            skills=OneOf(LABELS),
+            most_seconds=Keys(keys=OneOf(LABELS), values=NOT_NEGATIVE),
+            shortest_s=NOT_NEGATIVE,
+            least_recorded_share=SHARE,
+            licences=Pattern(),
+            excluded_clips=Pattern(),
+            excluded_notes=Pattern(),
+        )

@@ -13,24 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-SKILLS: tuple[str, ...] = (
-    "stand",
-    "turn_left",
-    "turn_right",
-    "side_left",
-    "side_right",
-    "back",
-    "walk_slow",
-    "walk",
-    "walk_fast_jog",
-    "run",
-)
-"""What a window can show."""
+from pipeline.clips.skill import LABELS, SKILLS, TRANSITION
+from pipeline.files.ranges import POSITIVE, Range, check, increasing
 
-TRANSITION = "transition"
-"""What lies between two skills and is neither."""
-
-LABELS: tuple[str, ...] = (*SKILLS, TRANSITION)
+__all__ = ["LABELS", "SKILLS", "TRANSITION", "SkillBounds", "distances"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +43,24 @@ class SkillBounds:
     """Forward speed at which jogging becomes running [m/s]."""
     turn_radius: float
     """What turns rad/s into m/s, so that distances can be added [m]."""
+
+    def __post_init__(self) -> None:
+        slow_to_fast = increasing(self, "stand_speed", "walk_slow_speed", "walk_speed", "jog_speed")
+        speed, turn_deg_s = Range(0.0, 15.0, open_low=True), Range(0.0, 360.0, open_low=True)
+        check(
+            self,
+            slow_to_fast,
+            stand_speed=speed,
+            stand_yaw_rate_deg_s=turn_deg_s,
+            turn_speed=speed,
+            turn_yaw_rate_deg_s=turn_deg_s,
+            side_ratio=Range(1.0, 10.0),
+            ahead_ratio=Range(1.0, 10.0),
+            walk_slow_speed=speed,
+            walk_speed=speed,
+            jog_speed=speed,
+            turn_radius=POSITIVE,
+        )
 
 
 def distances(

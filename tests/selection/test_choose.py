@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from pipeline.files import settings as settings_file
+from pipeline.files.ranges import RangeError
 from pipeline.selection import LABELS, Curation, choose
-from pipeline.selection.choose import CurationError
 from tests.conftest import ROOT
 
 CURATION = settings_file.read(ROOT / "data" / "curation.yaml", Curation)
@@ -140,5 +140,5 @@ def test_no_windows_give_an_empty_choice():
 
 
 def test_unknown_skills_in_the_curation_are_named():
-    with pytest.raises(CurationError, match="moonwalk"):
-        choose(pd.DataFrame([window("one")]), dataclasses.replace(CURATION, skills=("walk", "moonwalk")))
+    with pytest.raises(RangeError, match=r"'skills\[1\]' is 'moonwalk', there are: stand"):
+        dataclasses.replace(CURATION, skills=("walk", "moonwalk"))
