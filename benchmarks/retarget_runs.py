@@ -72,6 +72,7 @@ def run_ours(clips: Sequence[HandedOn], settings: RetargetSettings, robot: Robot
     scores, frames = {}, 0
     for clip in clips:
         (piece,) = process(clip.human, {}, settings=settings, robot=robot).pieces
+        assert isinstance(piece.clip, RobotClip)
         frames += piece.clip.frame_count
         scores[clip.human.name] = score(clip.human, piece.clip, robot)
     cpu_s = []

@@ -58,16 +58,16 @@ class Solver:
         solver, human, zero, identity = self._solver, self.robot.human, np.zeros(3), np.eye(3)
         pelvis = _frame_on(self.robot, human["pelvis"])
         self._pelvis_horizontal = solver.add_position_task(pelvis, zero)
-        self._pelvis_horizontal.mask.set_axises("xy")
+        self._pelvis_horizontal.mask.set_axises("xy", "task")
         self._pelvis_height = solver.add_position_task(pelvis, zero)
-        self._pelvis_height.mask.set_axises("z")
+        self._pelvis_height.mask.set_axises("z", "task")
         self._trunk = solver.add_orientation_task(human["trunk"], identity)
         self._waist, self._posture = solver.add_joints_task(), solver.add_joints_task()
         self._foot_position = [solver.add_position_task(human[f"{side}_foot"], zero) for side in FEET]
         self._foot_height = [solver.add_position_task(human[f"{side}_foot"], zero) for side in FEET]
         for horizontal, height in zip(self._foot_position, self._foot_height, strict=True):
-            horizontal.mask.set_axises("xy")
-            height.mask.set_axises("z")
+            horizontal.mask.set_axises("xy", "task")
+            height.mask.set_axises("z", "task")
         self._foot_orientation = [solver.add_orientation_task(human[f"{side}_foot"], identity) for side in FEET]
         self._limbs = [
             solver.add_axisalign_task(human[limb], axis, axis)
