@@ -16,11 +16,11 @@ from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
 from pipeline.quality.gap_bridge import bridge_positions
-from pipeline.readers import ReadMotion, Source, read_motion
+from pipeline.readers import ReadMotion, Source, read_motion, refuse_outside_link
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
-    """Read a source's file as the clip `name` and catalogue it. Raises FileError for what cannot be read.
+    """Read a source's file as the clip `name` and catalogue it. Raises FileError for what cannot or must not be read.
 
     Args:
         path: the file
@@ -28,8 +28,10 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
         source: the folder it belongs to, with licence and statements
         within: path of the file in that folder
     """
+    refuse_outside_link(path, source.folder)
     statement = source.statement_of(path)
     read = read_motion(path, name, statement)
+    read = dataclasses.replace(read, notes=(*read.notes, *source.notes_of(path)))
     outcome = catalogue(read, settings=settings, rate_is_stated=statement.fps is not None)
     origin: dict[str, Number] = {
         "source": source.name,

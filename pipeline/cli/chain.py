@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,6 +52,7 @@ class Chain:
         source = self.project.source_of(path, stated)
         within = path.relative_to(source.folder).with_suffix("").as_posix()
         motion = read_motion(path, f"{source.name}/{within}", source.statement_of(path))
+        motion = dataclasses.replace(motion, notes=(*motion.notes, *source.notes_of(path)))
         return FileRead(path=path, source=source, motion=motion)
 
     def catalogued(self, read: FileRead) -> Outcome:

@@ -13,7 +13,7 @@ from pipeline.cli.project import find_project
 from pipeline.cli.statement_arguments import add_statement, statement_of
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.errors import FileError, PipelineError
-from pipeline.readers import Source, Statement, list_motion_files
+from pipeline.readers import Source, Statement, list_motion_files, refuse_outside_link
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -52,6 +52,7 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
     for file in files:
         within = file.relative_to(path).as_posix()
         try:
+            refuse_outside_link(file, path)
             found = inspect_file(chain, file, stated)
         except PipelineError as error:
             values.append({"file": str(file), "error": str(error)})

@@ -51,7 +51,7 @@ class Project:
                 return dataclasses.replace(
                     source,
                     statement=_over(source.statement_of(path), stated),
-                    licence=source.licence_of(path),
+                    licence=source.stated_licence_of(path),
                     files=(),
                 )
         return Source(name=path.parent.name or "file", folder=path.parent, statement=stated)
@@ -59,7 +59,7 @@ class Project:
     def _sources(self) -> tuple[Source, ...]:
         file = self.root / "data" / "sources.yaml"
         listed = read_sources(file) if file.is_file() else ()
-        return listed + sources_of_environment(os.environ.get(MOTIONS_VARIABLE, ""))
+        return listed + sources_of_environment(os.environ.get(MOTIONS_VARIABLE, ""), known=listed)
 
 
 def find_project() -> Project:

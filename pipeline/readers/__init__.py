@@ -1,6 +1,8 @@
 """Readers: motion files of every known format in, clips on the canonical skeleton out."""
 
+from pipeline.readers.content import content_digest
 from pipeline.readers.listing import list_motion_files
+from pipeline.readers.outside_link import refuse_outside_link
 from pipeline.readers.read_motion import ReadMotion, read_motion
 from pipeline.readers.source import FileStatement, Source, read_sources, sources_of_environment
 from pipeline.readers.statement import NOTHING_STATED, Statement
@@ -11,8 +13,10 @@ __all__ = [
     "ReadMotion",
     "Source",
     "Statement",
+    "content_digest",
     "list_motion_files",
     "read_motion",
     "read_sources",
+    "refuse_outside_link",
     "sources_of_environment",
 ]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
 from pipeline.readers.statement import NOTHING_STATED, Statement
@@ -57,10 +58,20 @@ class Source:
 
     def licence_of(self, path: Path) -> str:
         """Licence of one file: stated; or as its sidecar, `index.csv` or a licence file says; or `unknown`."""
-        stated = [one.licence for one in self._matching(path) if one.licence is not None]
-        if stated or self.licence is not None:
-            return stated[-1] if stated else str(self.licence)
+        stated = self.stated_licence_of(path)
+        if stated is not None:
+            return stated
         return _sidecar(path) or _index(self.folder, path) or _licence_file(self.folder, path) or UNKNOWN_LICENCE
+
+    def stated_licence_of(self, path: Path) -> str | None:
+        """Licence of one file where a person states it, whatever lies in the folder."""
+        of_file = [one.licence for one in self._matching(path) if one.licence is not None]
+        return of_file[-1] if of_file else self.licence
+
+    def notes_of(self, path: Path) -> tuple[Reason, ...]:
+        """What is wrong with what is said of one file and does not count for that; nothing for most."""
+        fault = None if self.stated_licence_of(path) is not None else _sidecar_fault(path)
+        return () if fault is None else (Reason(code="broken_sidecar", text=fault, effect="noted"),)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
         """Everything that this source says of one file, flat, for digests and provenance."""
@@ -123,33 +134,58 @@ def _with_paths(statement: Stated, folder: Path) -> Stated:
     return dataclasses.replace(statement, **changed)
 
 
-def sources_of_environment(value: str) -> tuple[Source, ...]:
-    """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there."""
+def sources_of_environment(value: str, known: tuple[Source, ...] = ()) -> tuple[Source, ...]:
+    """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there.
+
+    `known`: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and no
+    name is given twice.
+    """
     sources: list[Source] = []
     for text in filter(None, (part.strip() for part in value.split(":"))):
         folder = Path(text).expanduser().resolve()
         if not folder.is_dir():
             raise FileError(text, "BOOSTER_LAB_MOTIONS names it, but it is not a folder.", "Correct the variable.")
-        if any(source.folder == folder for source in sources):
+        if any(source.folder.resolve() == folder for source in (*known, *sources)):
             continue
-        taken = {source.name for source in sources}
+        taken = {source.name for source in (*known, *sources)}
         base = "".join("_" if letter in "/\\@+~:" else letter for letter in folder.name) or "motions"
-        names = [base, *(f"{base}-{number}" for number in range(2, len(sources) + 3))]
+        names = [base, *(f"{base}-{number}" for number in range(2, len(taken) + 3))]
         sources.append(Source(name=next(name for name in names if name not in taken), folder=folder))
     return tuple(sources)
 
 
 def _sidecar(path: Path) -> str | None:
-    """The `licence` in the YAML file beside a motion."""
+    """The `licence` in the YAML file beside a motion; None where there is none or it is broken."""
+    try:
+        return _sidecar_licence(path)
+    except SettingsError:
+        return None
+
+
+def _sidecar_fault(path: Path) -> str | None:
+    """What is wrong with the YAML file beside a motion, with its line; None if nothing is."""
+    try:
+        _sidecar_licence(path)
+    except SettingsError as error:
+        return f"the file beside the motion says nothing of its licence: {error}"
+    return None
+
+
+def _sidecar_licence(path: Path) -> str | None:
+    """The `licence` in the YAML file beside a motion. Raises SettingsError for one that can't be understood."""
     sidecar = path.with_suffix(".yaml")
     if not sidecar.is_file():
         return None
     try:
         value = settings.read_yaml(sidecar)
-    except SettingsError:
-        return None
+    except OSError as error:
+        raise SettingsError(sidecar, f"it can't be read ({error.strerror}).") from error
     licence = value.get("licence") if isinstance(value, dict) else None
-    return licence if isinstance(licence, str) and licence else None
+    if licence is None:
+        return None
+    if not isinstance(licence, str) or not licence.strip():
+        raise SettingsError(sidecar, f"'licence' is {licence!r}, wanted a text.", "Put it in quotes.")
+    return licence
 
 
 def _index(folder: Path, path: Path) -> str | None:

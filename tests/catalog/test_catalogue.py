@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from pipeline.catalog import CatalogSettings, catalogue, catalogue_file
 from pipeline.clips.outcome import Reason
+from pipeline.errors import FileError
 from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.readers import ReadMotion, Source, Statement, read_motion
@@ -186,3 +188,21 @@ def test_of_the_real_files_only_those_with_such_a_defect_are_touched(mocap):
         "isaaclab_amp/humanoid_walk.npz": ("doubled_frames", 30.0),
     }
     assert rejected == {"cmu_asfamc/02_01.amc"}
+
+
+def test_a_file_that_is_a_link_out_of_its_source_is_not_read(tmp_path):
+    folder = tmp_path / "motions"
+    folder.mkdir()
+    (folder / "walk.bvh").symlink_to(ROOT / "data" / "motions" / "walk.bvh")
+    with pytest.raises(FileError, match="leaves the source's folder"):
+        catalogue_file(folder / "walk.bvh", "walk", Source(name="m", folder=folder), "walk.bvh", settings=SETTINGS)
+
+
+def test_a_broken_sidecar_is_among_the_reasons_and_the_notes(tmp_path):
+    shutil.copy(ROOT / "data" / "motions" / "stand.bvh", tmp_path)
+    (tmp_path / "stand.yaml").write_text("licence: [1")
+    source = Source(name="mine", folder=tmp_path)
+    outcome = catalogue_file(tmp_path / "stand.bvh", "stand", source, "stand.bvh", settings=SETTINGS)
+    assert "broken_sidecar" in {reason.code for reason in outcome.reasons}
+    assert "broken_sidecar" in str(outcome.pieces[0].numbers["notes"])
+    assert outcome.numbers["licence"] == "unknown"

@@ -1,11 +1,22 @@
 """Sources: folders, licences, statements, and which files are motions."""
 
+import dataclasses
+import re
 from pathlib import Path
 
 import pytest
 
 from pipeline.errors import FileError, SettingsError
-from pipeline.readers import Source, Statement, list_motion_files, read_motion, read_sources, sources_of_environment
+from pipeline.readers import (
+    Source,
+    Statement,
+    content_digest,
+    list_motion_files,
+    read_motion,
+    read_sources,
+    refuse_outside_link,
+    sources_of_environment,
+)
 from tests.factories import motion_files as files
 
 
@@ -115,14 +126,107 @@ def test_motions_are_listed_in_order_without_what_is_none(tmp_path):
     assert found == ["a/x.npz", "a/z.BVH", "b.bvh", "robot.csv", "w.amc", "walk.txt"]
 
 
-def test_links_that_leave_the_folder_are_refused_and_others_are_not(tmp_path):
+def linked(tmp_path):
+    """A source with one motion and, beside its folder, another that is not its own."""
     folder, outside = tmp_path / "motions", tmp_path / "outside"
     folder.mkdir()
     outside.mkdir()
-    (folder / "a.bvh").touch()
-    (folder / "b.bvh").symlink_to(folder / "a.bvh")
-    source = Source(name="mine", folder=folder)
+    for path in (folder / "a.bvh", outside / "other.bvh"):
+        path.write_text("HIERARCHY")
+    return Source(name="mine", folder=folder), outside
+
+
+def test_links_that_stay_in_the_folder_are_motions(tmp_path):
+    source, _ = linked(tmp_path)
+    (source.folder / "b.bvh").symlink_to(source.folder / "a.bvh")
     assert [path.name for path in list_motion_files(source)] == ["a.bvh", "b.bvh"]
-    (folder / "more").symlink_to(outside)
-    with pytest.raises(FileError, match=r"leaves the source's folder. Name the folder it points to"):
-        list_motion_files(source)
+    refuse_outside_link(source.folder / "b.bvh", source.folder)
+
+
+def test_links_that_are_no_motions_stop_nothing(tmp_path):
+    source, outside = linked(tmp_path)
+    for name, target in (("more", outside), ("gone", outside / "none"), ("x.yaml", "/etc/hostname"), ("y.md", "nil")):
+        (source.folder / name).symlink_to(target)
+    (source.folder / "README.txt").symlink_to(outside / "README.txt")
+    assert [path.name for path in list_motion_files(source)] == ["a.bvh"]
+
+
+@pytest.mark.parametrize("target", ["other.bvh", "none.bvh"])
+@pytest.mark.parametrize("name", ["b.bvh", "b.csv", "b.txt"])
+def test_a_motion_that_is_a_link_out_of_the_folder_is_listed_and_rejected_with_the_reason(tmp_path, name, target):
+    source, outside = linked(tmp_path)
+    link = source.folder / name
+    link.symlink_to(outside / target)
+    assert list_motion_files(source) == [source.folder / "a.bvh", link]
+    with pytest.raises(FileError, match=r"a symbolic link \(to .*\) that leaves the source's folder .* as a source"):
+        refuse_outside_link(link, source.folder)
+
+
+def test_links_in_a_circle_are_rejected_too(tmp_path):
+    source, _ = linked(tmp_path)
+    (source.folder / "b.bvh").symlink_to(source.folder / "b.bvh")
+    assert [path.name for path in list_motion_files(source)] == ["a.bvh", "b.bvh"]
+    with pytest.raises(FileError, match="leads nowhere"):
+        refuse_outside_link(source.folder / "b.bvh", source.folder)
+
+
+def test_the_content_of_a_link_out_of_the_folder_is_its_target_and_is_not_read(tmp_path):
+    source, outside = linked(tmp_path)
+    link = source.folder / "b.bvh"
+    link.symlink_to(outside / "other.bvh")
+    before = content_digest(link, source)
+    (outside / "other.bvh").write_text("changed")
+    assert content_digest(link, source) == before
+    (outside / "other.bvh").unlink()
+    assert content_digest(link, source) == before
+    link.unlink()
+    link.symlink_to(outside / "third.bvh")
+    assert content_digest(link, source) != before
+
+
+def test_the_content_of_a_clip_is_all_that_it_is_read_from(tmp_path):
+    folder = tmp_path / "motions"
+    folder.mkdir()
+    own = {name: folder / name for name in ("a.amc", "a.asf", "stated.asf", "a.yaml")}
+    own |= {name: tmp_path / name for name in ("map.yaml", "body.npz")}
+    for path in own.values():
+        path.write_text("x: 1")
+    stated = Statement(skeleton=str(own["map.yaml"]), body_model=str(own["body.npz"]), asf="stated.asf")
+    source = Source(name="mine", folder=folder, statement=stated)
+    seen = {content_digest(own["a.amc"], source)}
+    for name, text in (*((name, "x: 2") for name in own if name != "a.yaml"), ("a.yaml", "licence: MIT")):
+        own[name].write_text(text)
+        seen.add(content_digest(own["a.amc"], source))
+    own["a.yaml"].write_text("licence: [1")
+    seen.add(content_digest(own["a.amc"], source))
+    assert len(seen) == 8
+    (folder / "unrelated.bvh").touch()
+    own["map.yaml"].unlink()
+    seen.add(content_digest(own["a.amc"], source))
+    assert len(seen) == 9, "a file that is stated and gone is a change too"
+
+
+def test_a_broken_sidecar_is_noted_with_file_and_line_where_its_licence_would_count(tmp_path):
+    (tmp_path / "a.bvh").touch()
+    (source,) = sources_of_environment(str(tmp_path))
+    path = source.folder / "a.bvh"
+    assert source.notes_of(path) == ()
+    for text, says in (("credit: me\nlicence: [1\n", r"a\.yaml, line 3: "), ("licence: [1]\n", r"'licence' is \[1\]")):
+        (tmp_path / "a.yaml").write_text(text)
+        (note,) = source.notes_of(path)
+        assert (note.code, note.effect) == ("broken_sidecar", "noted")
+        assert re.search(says, note.text)
+        assert source.licence_of(path) == "unknown"
+    assert dataclasses.replace(source, licence="MIT").notes_of(path) == ()
+    (tmp_path / "a.yaml").write_text("credit: me\n")
+    assert source.notes_of(path) == ()
+
+
+def test_folders_of_the_environment_do_not_clash_with_sources_that_are_there(tmp_path):
+    for name in ("mine", "a/mine", "b/mine-2"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "again").symlink_to(tmp_path / "mine")
+    known = (Source(name="mine", folder=tmp_path / "mine"),)
+    value = ":".join(str(tmp_path / name) for name in ("again", "mine", "a/mine", "b/mine-2"))
+    sources = sources_of_environment(value, known=known)
+    assert [(source.name, source.folder.name) for source in sources] == [("mine-2", "mine"), ("mine-2-2", "mine-2")]
