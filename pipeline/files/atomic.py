@@ -1,7 +1,11 @@
-"""Writes that are whole or not there: aside, synced, then renamed."""
+"""Writes that are whole or not there: aside, synced, then renamed, and the rename synced.
+
+The memo of the batch layer does without: an answer that is lost is asked again (`pipeline.batch.store`).
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from pathlib import Path
@@ -12,8 +16,11 @@ from pipeline.errors import FileError
 def write_bytes(path: Path, data: bytes) -> None:
     """Write `data` to `path` so that a reader sees the old file or the new one, never a part.
 
-    Raises FileError (with the free space) when the disk refuses; the old file stays then.
+    The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
+    does not. Raises FileError (with the free space) when the disk refuses; the old file stays then, unless it was the
+    folder that could not be synced.
     """
+    made = _missing_folders(path.parent)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
     try:
@@ -23,11 +30,34 @@ def write_bytes(path: Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         Path(aside).chmod(0o644)
         Path(aside).replace(path)
+        for folder in (path.parent, *(each.parent for each in made)):
+            _sync_folder(folder)
     except OSError as error:
         Path(aside).unlink(missing_ok=True)
         stats = os.statvfs(path.parent)
         free_mb = stats.f_bavail * stats.f_frsize / 1e6
         raise FileError(path, f"could not be written ({error}); {free_mb:.0f} MB are free.") from error
+
+
+def _missing_folders(folder: Path) -> list[Path]:
+    """`folder` and those above it that are not there yet."""
+    missing = []
+    while not folder.exists():
+        missing.append(folder)
+        folder = folder.parent
+    return missing
+
+
+def _sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk, where the file system can."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:

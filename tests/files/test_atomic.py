@@ -2,6 +2,7 @@
 
 import os
 import signal
+import stat
 import subprocess
 import sys
 
@@ -29,6 +30,33 @@ def test_a_writer_killed_before_the_end_leaves_the_old_file(tmp_path, root):
     done = subprocess.run([sys.executable, "-c", KILLED_WRITER, str(path)], cwd=root, check=False)
     assert done.returncode == -signal.SIGKILL
     assert path.read_bytes() == b"old"
+
+
+def test_the_new_name_and_the_folders_made_for_it_are_synced_after_the_rename(tmp_path, monkeypatch):
+    path, synced, real = tmp_path / "a" / "b" / "file", [], os.fsync
+
+    def watched(handle):
+        synced.append((os.fstat(handle).st_ino, path.exists()))
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    atomic.write_bytes(path, b"new")
+    content, *folders = synced
+    assert content == (path.stat().st_ino, False)
+    assert folders == [(folder.stat().st_ino, True) for folder in (path.parent, path.parent.parent, tmp_path)]
+    synced.clear()
+    atomic.write_bytes(path, b"newer")
+    assert [inode for inode, _ in synced] == [path.stat().st_ino, path.parent.stat().st_ino]
+
+
+def test_a_file_system_that_syncs_no_folders_is_written_to_all_the_same(tmp_path, monkeypatch):
+    def files_only(handle):
+        if stat.S_ISDIR(os.fstat(handle).st_mode):
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "fsync", files_only)
+    atomic.write_bytes(tmp_path / "file", b"new")
+    assert (tmp_path / "file").read_bytes() == b"new"
 
 
 def test_a_refusing_disk_is_told_with_the_free_space_and_leaves_nothing(tmp_path, monkeypatch):
