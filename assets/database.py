@@ -105,7 +105,7 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
             skill=entry.numbers["skill"],
             licence=entry.numbers["licence"],
             numbers=entry.numbers,
-            stages={"stages": list(entry.record)},
+            stages={"stages": [{**done, "parameters": feasible.settings[done["settings"]]} for done in entry.record]},
         )
 
 

@@ -48,8 +48,13 @@ def encode(rows: list[dict[str, Any]]) -> bytes:
 
 
 def _column(values: list[Any]) -> pa.Array:
-    """Numbers as float64, truth values and texts as such; a mixture becomes text."""
+    """Whole numbers as int64, others as float64, truth values and texts as such; a mixture becomes text.
+
+    Null where a row has none: a reader that knows no null integers (pandas' default) makes such a column float.
+    """
     kinds = {type(value) for value in values if value is not None}
+    if kinds == {int}:
+        return pa.array(values, type=pa.int64())
     if kinds <= {int, float} and kinds:
         return pa.array([None if value is None else float(value) for value in values], type=pa.float64())
     if kinds == {bool}:

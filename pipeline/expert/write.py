@@ -37,7 +37,7 @@ class ExpertEntry:
     numbers: Mapping[str, Any] = field(default_factory=dict)
     """What the stages said of the clip (flat, JSON types): quality and origin. Become columns of the index."""
     stages: Mapping[str, Any] = field(default_factory=dict)
-    """Version and settings (or their digest) of each stage it went through, as JSON types."""
+    """Version, digest of the settings and settings of each stage it went through, as JSON types."""
 
 
 def write_database(folder: Path, entries: Iterable[ExpertEntry], robot: Robot, *, stages: Mapping[str, Any]) -> dict:

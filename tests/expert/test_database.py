@@ -1,5 +1,6 @@
 """A database written, read, changed behind its back, and written while something breaks."""
 
+import dataclasses
 import hashlib
 import json
 import os
@@ -252,3 +253,16 @@ def test_a_file_name_stays_in_its_folder(name: str):
 def test_clips_that_look_alike_have_files_of_their_own():
     names = ["a/b", "a__b", "A/b", "a/B", "a b", "a_b", "a?b", "x" * 400, "x" * 401, "manifest", "index"]
     assert len({file_name(name).lower() for name in names}) == len(names)
+
+
+def test_whole_numbers_of_the_index_stay_whole_and_others_do_not(robot: Robot, tmp_path: Path):
+    entries = _entries(robot, 2)
+    said = [{"start_frame": 0, "filled_frames": 2**53 + 1, "limit": 1}, {"start_frame": 86, "limit": 0.5}]
+    entries = [dataclasses.replace(one, numbers=numbers) for one, numbers in zip(entries, said, strict=True)]
+    write_database(tmp_path / "t1", entries, robot, stages={})
+    table = pq.read_table(tmp_path / "t1" / "index.parquet")
+    types = {name: str(table.schema.field(name).type) for name in ("start_frame", "filled_frames", "limit")}
+    assert types == {"start_frame": "int64", "filled_frames": "int64", "limit": "double"}
+    assert table.column("start_frame").to_pylist() == [0, 86]
+    assert table.column("filled_frames").to_pylist() == [2**53 + 1, None]
+    assert table.column("limit").to_pylist() == [1.0, 0.5]
