@@ -11,6 +11,7 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess
+from pipeline.feasibility.likeness_criteria import likeness
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.settings import CutSettings, FeasibilitySettings
 from pipeline.robot import Robot
@@ -33,7 +34,8 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: FeasibilitySettings,
 
     A clip that holds goes on whole and under its name. Else the frames that broken criteria blame are cut out
     with a margin, and stretches of `settings.cut.min_seconds` or more are judged again as clips of their own;
-    those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself.
+    those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself. A clip
+    that KP3 could not bring close enough to the human does not go on at all.
     Raises ClipError where the clip is not this robot's or holds numbers that are not finite.
     """
     _check(clip, robot)
@@ -41,6 +43,10 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: FeasibilitySettings,
     whole = assess(motion, settings)
     reasons: list[Reason] = []
     stretches = _judge(whole, 0, settings, reasons, MAX_CUTS)
+    unlike = [verdict for verdict in likeness(numbers, settings.likeness) if not verdict.holds]
+    if unlike:
+        stretches = []
+        reasons[:0] = [verdict.reason(motion.clip.fps, 0.0, motion.clip.duration_s) for verdict in unlike]
     pieces = tuple(_piece(stretch, index, motion, numbers) for index, stretch in enumerate(stretches))
     kept_s = sum(piece.clip.duration_s for piece in pieces)
     found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pipeline.clips.outcome import Numbers, Outcome
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.assess import assess
+from pipeline.feasibility.likeness_criteria import likeness
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.robot import Robot
@@ -13,5 +14,6 @@ from pipeline.robot import Robot
 def recheck(clip: RobotClip, numbers: Numbers, *, settings: FeasibilitySettings, robot: Robot) -> Outcome:
     """Nothing goes on; the reasons are the criteria that the clip breaks, none for what KP5 should have let pass."""
     found = assess(motion_of(clip, robot, settings), settings)
-    reasons = tuple(verdict.reason(clip.fps, 0.0, clip.duration_s) for verdict in found.broken)
-    return Outcome(reasons=reasons, numbers={"holds": found.holds})
+    broken = [*found.broken, *(verdict for verdict in likeness(numbers, settings.likeness) if not verdict.holds)]
+    reasons = tuple(verdict.reason(clip.fps, 0.0, clip.duration_s) for verdict in broken)
+    return Outcome(reasons=reasons, numbers={"holds": not broken})

@@ -18,6 +18,30 @@ class CutSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LikenessSettings:
+    """Largest of KP3's figures of a clip, by the names they have there."""
+
+    slip_m_s: float
+    """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
+    drift_m: float
+    """Drift within a stance [m]."""
+    penetration_m: float
+    """Deepest sole corner [m]."""
+    height_shift_m: float
+    """How far the clip as a whole stands off the ground [m]."""
+    limb_error_deg: float
+    """Mean angle of all limbs to the human's [deg]."""
+    thigh_error_deg: float
+    """Mean angle of the thighs [deg]."""
+    shank_error_deg: float
+    """Mean angle of the shanks [deg]."""
+    trunk_error_deg: float
+    """Mean angle of the trunk [deg]."""
+    heading_error_deg: float
+    """Mean angle of the pelvis heading [deg]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointSettings:
     """Positions, speeds and accelerations of joints."""
 
@@ -158,6 +182,7 @@ class FeasibilitySettings:
     """`data/feasibility.yaml`."""
 
     cut: CutSettings
+    likeness: LikenessSettings
     joints: JointSettings
     torque: TorqueSettings
     feet: FootSettings
