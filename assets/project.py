@@ -46,9 +46,8 @@ class Project:
 
     def sources(self) -> tuple[Source, ...]:
         """The source folders: those of `data/sources.yaml` and of the environment."""
-        return read_sources(self.settings("sources.yaml")) + sources_of_environment(
-            os.environ.get(MOTIONS_VARIABLE, "")
-        )
+        stated = read_sources(self.settings("sources.yaml"))
+        return stated + sources_of_environment(os.environ.get(MOTIONS_VARIABLE, ""), stated)
 
 
 PROJECT = Project(Path(__file__).resolve().parent.parent)

@@ -6,7 +6,7 @@ import dagster as dg
 
 from assets.project import Project
 from pipeline.files import digest
-from pipeline.readers import Source, list_motion_files
+from pipeline.readers import content_digest, list_motion_files
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
 
@@ -30,14 +30,8 @@ def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
         for path, stem in zip(paths, stems, strict=True):
             within = path.relative_to(source.folder).as_posix()
             name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
-            files.append((name, path, _content(path, source), (source, within)))
+            files.append((name, path, content_digest(path, source), (source, within)))
     return files
-
-
-def _content(path: Path, source: Source) -> str:
-    """Digest of a file, of the skeletons beside it that it may need, and of what its source says of it."""
-    skeletons = sorted(path.parent.glob("*.asf")) if path.suffix.lower() == ".amc" else []
-    return digest.of_json([[digest.of_file(each) for each in (path, *skeletons)], source.about(path)])
 
 
 def note_content(instance: dg.DagsterInstance, project: Project) -> str:

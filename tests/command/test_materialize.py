@@ -156,3 +156,10 @@ def test_a_broken_settings_file_is_told_in_one_sentence(materialized):
     path.write_text(text)
     assert done.returncode != 0
     assert "repair.yaml: unknown key 'min_secnods'" in done.stdout + done.stderr
+
+
+def test_the_shipped_folder_named_again_in_the_environment_changes_nothing(materialized):
+    before = materialized.counts()
+    printed = materialized.materialize(BOOSTER_LAB_MOTIONS=str(materialized.root / "data/motions"))
+    assert "nothing is stale" in printed
+    assert materialized.counts() == before
