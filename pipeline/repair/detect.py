@@ -13,32 +13,36 @@ from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.missing import find_missing
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.swapped import find_swapped, swap_back
+from pipeline.repair.unsteadiness import Seen
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
     """The clip with exchanged sides put right, and everything else that is wrong with it."""
     findings = Findings(frame_count=clip.frame_count)
     findings.add(find_missing(clip, settings))
-    bridged = _bridged(clip, findings)
-    swapped = find_swapped(bridged.body_pos_w, clip.fps)
+    seen = _bridged(clip, findings)
+    swapped = find_swapped(seen.pos_w, clip.fps)
     if swapped:
         findings.add(swapped)
         pos_w, quat_w = swap_back(clip, swapped)
         clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
-        bridged = _bridged(clip, findings)
-    findings.add(_new(find_frozen(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings), findings))
-    bridged = _bridged(clip, findings)
-    findings.add(_new(find_broken_bones(bridged.body_pos_w, settings), findings))
-    bridged = _bridged(clip, findings)
-    jumps = find_jumps(bridged.body_pos_w, bridged.body_quat_w, clip.fps, settings)
-    findings.add(joined(jumps, findings.defects))
+        seen = _bridged(clip, findings)
+    frozen = _new(find_frozen(seen, clip.fps, settings), findings)
+    if frozen:
+        findings.add(frozen)
+        seen = _bridged(clip, findings)
+    broken = _new(find_broken_bones(seen.pos_w, settings), findings)
+    if broken:
+        findings.add(broken)
+        seen = _bridged(clip, findings)
+    findings.add(joined(find_jumps(seen, clip.fps, settings), findings.defects))
     return clip, findings
 
 
-def _bridged(clip: HumanClip, findings: Findings) -> HumanClip:
+def _bridged(clip: HumanClip, findings: Findings) -> Seen:
     """The clip with its lost samples filled, however long the gaps: for looking at what is left."""
     pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, findings.lost_pos, findings.lost_rot, clip.fps)
-    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+    return Seen(pos_w=pos_w, quat_w=quat_w)
 
 
 def _new(defects: list[Defect], findings: Findings) -> list[Defect]:

@@ -30,6 +30,8 @@ def fill(
     was lost, the bodies below it went astray with it: they keep their poses in their parents' frames.
     Gaps at the ends hold the nearest sample. A body that is lost throughout stays as it is.
     """
+    if not (lost_pos.any() or lost_rot.any()):
+        return pos_w.copy(), _unit(quat_w)
     astray = astray_bodies(lost_pos, lost_rot)
     offset, turn = to_local(np.nan_to_num(pos_w), _unit(quat_w))
     new_pos, new_quat = np.where(lost_pos[..., None], np.nan_to_num(pos_w), pos_w), _unit(quat_w)

@@ -10,19 +10,18 @@ from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect
 from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import FEET_BODIES, Orientations, Positions, to_local
-from pipeline.repair.unsteadiness import Unsteadiness, slow_rate, unsteadiness
+from pipeline.repair.tree import FEET_BODIES
+from pipeline.repair.unsteadiness import Seen, slow_rate
 
 
-def find_frozen(pos_w: Positions, quat_w: Orientations, fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_frozen(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint."""
-    if len(pos_w) < 6:
+    if len(seen.pos_w) < 6:
         return []
-    step = np.abs(np.diff(pos_w, axis=0)).max(axis=2)
-    whole = np.concatenate([[False], (step < settings.still_step).all(axis=1)])
-    whole[1:] &= (rotation.angle_between(quat_w[:-1], quat_w[1:]) < settings.still_step).all(axis=1)
-    measured = unsteadiness(pos_w, quat_w)
-    jumped = measured.place[:, 0] > settings.root_jump * slow_rate(fps)
+    still_pos = _still_places(seen, settings)
+    whole = still_pos.all(axis=1)
+    whole[1:] &= (rotation.length(seen.world_turns) < settings.still_step).all(axis=1)
+    jumped = seen.unsteadiness.place[:, 0] > settings.root_jump * slow_rate(fps)
     defects = []
     for start, stop in time_series.runs(whole):
         first = start - 1 if jumped[start - 1] else start  # what was frozen came from elsewhere
@@ -35,13 +34,12 @@ def find_frozen(pos_w: Positions, quat_w: Orientations, fps: float, settings: De
                 bodies=tuple(range(len(BODIES))),
             )
         )
-    return defects + _frozen_joints(pos_w, quat_w, measured, whole, fps, settings)
+    return defects + _frozen_joints(seen, still_pos, whole, fps, settings)
 
 
 def _frozen_joints(
-    pos_w: Positions,
-    quat_w: Orientations,
-    measured: Unsteadiness,
+    seen: Seen,
+    still_pos: Bool[np.ndarray, "t 19"],
     whole: Bool[np.ndarray, " t"],
     fps: float,
     settings: DetectionSettings,
@@ -50,11 +48,10 @@ def _frozen_joints(
 
     Standing still alone is nothing: knees are locked, arms held and feet planted without a jump.
     """
-    turn = to_local(pos_w, quat_w)[1]
-    still_turn = _step(rotation.angle_between(turn[:-1], turn[1:])) < settings.still_step
-    still_pos = _step(np.abs(np.diff(pos_w, axis=0)).max(axis=2)) < settings.still_step
-    rate = slow_rate(fps)
+    still_turn = _step(rotation.length(seen.local_turns)) < settings.still_step
+    still_pos = still_pos.copy()
     still_pos[:, list(FEET_BODIES)] = False
+    measured, rate = seen.unsteadiness, slow_rate(fps)
     defects = []
     for still, jump, limit, pos in (
         (still_turn, measured.turn, settings.angle_jump * rate, False),
@@ -75,6 +72,12 @@ def _frozen_joints(
         for code, mask in marked.items():
             defects += spans(code, text, mask, pos=mask if pos else None, rot=mask)
     return defects
+
+
+def _still_places(seen: Seen, settings: DetectionSettings) -> Bool[np.ndarray, "t 19"]:
+    """Joints that are where they were in the frame before."""
+    x, y, z = np.moveaxis(np.abs(np.diff(seen.pos_w, axis=0)), -1, 0)
+    return _step(np.maximum(np.maximum(x, y), z)) < settings.still_step
 
 
 def _step(size: Float[np.ndarray, "s 19"]) -> Float[np.ndarray, "t 19"]:

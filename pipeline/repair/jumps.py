@@ -11,8 +11,8 @@ from pipeline import rotation
 from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import Orientations, Positions, to_local
-from pipeline.repair.unsteadiness import slow_rate, unsteadiness
+from pipeline.repair.tree import Orientations, Positions
+from pipeline.repair.unsteadiness import Seen, slow_rate
 
 USUAL_PERCENTILE = 95.0
 AT_THE_ENDS = 2.0
@@ -22,15 +22,16 @@ COMEBACK_SPEED = 1.5
 EVERYBODY = tuple(range(len(BODIES)))
 
 
-def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_jumps(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
 
     A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
     without a way back is a cut.
     """
+    pos_w, quat_w = seen.pos_w, seen.quat_w
     if len(pos_w) < 6:
         return []
-    measured = unsteadiness(pos_w, quat_w)
+    measured = seen.unsteadiness
     rate = slow_rate(fps)
     place_limit = _limits(measured.place, settings.position_jump * rate, settings.jump_spread)
     place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * rate, settings.jump_spread)[0]
@@ -39,13 +40,13 @@ def find_jumps(pos_w: Positions, quat_w: Orientations, fps: float, settings: Det
     ends = np.ones((len(pos_w), 1))
     ends[[1, -1]] = AT_THE_ENDS
     place, turn = measured.place > place_limit * ends, measured.turn > turn_limit * ends
-    offset, local_turn = to_local(pos_w, quat_w)
+    offset, local_turn = seen.local
     fast = np.zeros_like(turn)
-    fast[1:] = rotation.angle_between(local_turn[:-1], local_turn[1:]) * fps > settings.angular_speed
+    fast[1:] = rotation.length(seen.local_turns) * fps > settings.angular_speed
     turn |= fast
-    seen = (measured.world > settings.position_jump / 2) | (measured.world_turn > settings.angle_jump / 2)
-    place[:, 1:] &= seen[:, 1:]
-    turn[:, 1:] &= seen[:, 1:] | fast[:, 1:]
+    visible = (measured.world > settings.position_jump / 2) | (measured.world_turn > settings.angle_jump / 2)
+    place[:, 1:] &= visible[:, 1:]
+    turn[:, 1:] &= visible[:, 1:] | fast[:, 1:]
     defects = _root_defects(pos_w, quat_w, place[:, 0], turn[:, 0], fps, settings)
     taken = np.zeros(len(pos_w), dtype=bool)
     for defect in defects:

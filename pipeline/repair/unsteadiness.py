@@ -9,6 +9,7 @@ the next step and with the line through the next two.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -39,30 +40,61 @@ class Unsteadiness:
     """Of the orientation in the world [rad]."""
 
 
-def unsteadiness(pos_w: Positions, quat_w: Orientations) -> Unsteadiness:
-    """The measure of this module for all bodies of a clip of at least four frames."""
-    offset, turn = to_local(pos_w, quat_w)
-    return Unsteadiness(
-        place=_against_neighbours(np.diff(offset, axis=0)),
-        turn=_against_neighbours(turn_steps(turn)),
-        world=_against_neighbours(np.diff(pos_w, axis=0)),
-        world_turn=_against_neighbours(turn_steps(quat_w)),
-    )
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """A clip as the detectors look at it; what several of them need is worked out once."""
+
+    pos_w: Positions
+    quat_w: Orientations
+
+    @cached_property
+    def local(self) -> tuple[Positions, Orientations]:
+        """Places [m] and orientations in the parents' frames."""
+        return to_local(self.pos_w, self.quat_w)
+
+    @cached_property
+    def local_turns(self) -> Float[np.ndarray, "s 19 3"]:
+        """Each body's turn in its parent's frame from frame to frame [rad]."""
+        return _turns(self.local[1])
+
+    @cached_property
+    def world_turns(self) -> Float[np.ndarray, "s 19 3"]:
+        """Each body's turn from frame to frame, in its own frame [rad]."""
+        return _turns(self.quat_w)
+
+    @cached_property
+    def unsteadiness(self) -> Unsteadiness:
+        """The measure of this module; the clip has at least four frames."""
+        return Unsteadiness(
+            place=_against_neighbours(np.diff(self.local[0], axis=0)),
+            turn=_against_neighbours(self.local_turns),
+            world=_against_neighbours(np.diff(self.pos_w, axis=0)),
+            world_turn=_against_neighbours(self.world_turns),
+        )
 
 
-def turn_steps(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
+def _turns(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
     return rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:-1]), quat[1:]))
 
 
 def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> Float[np.ndarray, "t 19"]:
     """Size of what sets each step apart from the steps around it; one more row than `steps`."""
     count = len(steps)
-    padded = np.pad(steps, ((2, 2), (0, 0), (0, 0)), mode="reflect")
-    median = np.median(np.stack([padded[shift : shift + count] for shift in range(5)]), axis=0)
-    neighbours = (padded[1 : count + 1] + padded[3 : count + 3]) / 2.0
-    size = np.minimum(np.linalg.norm(steps - median, axis=-1), np.linalg.norm(steps - neighbours, axis=-1))
+    padded = np.pad(np.moveaxis(steps, -1, 0), ((0, 0), (2, 2), (0, 0)), mode="reflect")
+    around = [padded[:, shift : shift + count] for shift in range(5)]
+    off_median, off_mean = around[2] - _median_of_five(*around), around[2] - (around[1] + around[3]) / 2.0
+    size = np.minimum(*(rotation.length(np.moveaxis(off, 0, -1)) for off in (off_median, off_mean)))
     for end, second, third in ((0, 1, 2), (-1, -2, -3)):
         line = 2.0 * steps[second] - steps[third]
-        apart = [np.linalg.norm(steps[end] - other, axis=-1) for other in (steps[second], line)]
-        size[end] = np.minimum(*apart)
+        size[end] = np.minimum(*(rotation.length(steps[end] - other) for other in (steps[second], line)))
     return np.concatenate([np.zeros((1, steps.shape[1])), size])
+
+
+def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """The middle one of five numbers, element by element, in a tenth of `np.median`'s time; NaN if one is NaN.
+
+    Of four numbers neither the least nor the greatest is the middle one of the five.
+    """
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
