@@ -29,5 +29,6 @@ def encode_csv(clip: RobotClip, comments: Mapping[str, str]) -> str:
     quat_xyzw = np.roll(clip.root_quat_w, -1, axis=1)
     values = np.concatenate([clip.root_pos_w, quat_xyzw, clip.joint_pos], axis=1)
     values = np.round(values, DECIMALS) + 0.0  # no negative zero
-    lines += [",".join(f"{value:.{DECIMALS}f}" for value in row) for row in values]
+    row_format = ",".join([f"%.{DECIMALS}f"] * values.shape[1])
+    lines += [row_format % tuple(row) for row in values.tolist()]
     return "\n".join(lines) + "\n"

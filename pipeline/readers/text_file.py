@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -51,20 +52,30 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
     `first_line` is the number of `lines[0]` in the file, counted from 1. Raises FileError with the line
     for a row that is too short or too long and for what is not a number.
     """
-    rows: list[np.ndarray] = []
+    rows = [tokens for line in lines if (tokens := line.split())]
+    if any(len(tokens) != columns for tokens in rows):
+        _refuse_bad_row(path, lines, first_line, columns)
+    try:
+        numbers = map(float, itertools.chain.from_iterable(rows))
+        values = np.fromiter(numbers, dtype=float, count=len(rows) * columns).reshape(len(rows), columns)
+    except ValueError:
+        _refuse_bad_row(path, lines, first_line, columns)
+        raise
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int) -> None:
+    """Raises FileError for the first row that is too short, too long or not of numbers."""
     for number, line in enumerate(lines, start=first_line):
         tokens = line.split()
-        if not tokens:
-            continue
-        if len(tokens) != columns:
+        if len(tokens) not in (0, columns):
             cut = not any(rest.strip() for rest in lines[number - first_line + 1 :])
             last = " It is the last row: the file was cut off." if cut else ""
             raise FileError(path, f"the row has {len(tokens)} numbers, wanted {columns}.{last}", line=number)
         try:
-            rows.append(np.array([float(token) for token in tokens]))
+            for token in tokens:
+                float(token)
         except ValueError as error:
             hint = "Write decimals with a point, not a comma." if "," in line else ""
             problem = f"{error}.".replace("could not convert string to float", "not a number")
             raise FileError(path, problem, hint, number) from error
-    values = np.array(rows).reshape(len(rows), columns)
-    return np.where(np.isfinite(values), values, np.nan)
