@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -52,12 +53,17 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
     `first_line` is the number of `lines[0]` in the file, counted from 1. Raises FileError with the line
     for a row that is too short or too long and for what is not a number.
     """
-    rows = [tokens for line in lines if (tokens := line.split())]
-    if any(len(tokens) != columns for tokens in rows):
-        _refuse_bad_row(path, lines, first_line, columns)
+
+    def rows() -> Iterator[list[str]]:
+        for line in lines:
+            tokens = line.split()
+            if len(tokens) == columns:
+                yield tokens
+            elif tokens:
+                raise ValueError
+
     try:
-        numbers = map(float, itertools.chain.from_iterable(rows))
-        values = np.fromiter(numbers, dtype=float, count=len(rows) * columns).reshape(len(rows), columns)
+        values = np.fromiter(map(float, itertools.chain.from_iterable(rows())), dtype=float).reshape(-1, columns)
     except ValueError:
         _refuse_bad_row(path, lines, first_line, columns)
         raise

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
+from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
@@ -59,11 +60,10 @@ def spans(
 
 def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
     """Bodies at the world's origin, or on their parent although their bone has a length."""
-    at_origin = np.linalg.norm(pos_w, axis=-1) < NEAR
-    at_origin[:, 0] = False
-    at_origin[np.linalg.norm(pos_w[:, 0], axis=-1) < NEAR] = True
+    at_origin = rotation.length(pos_w) < NEAR
+    at_origin[at_origin[:, 0]] = True
     bone = np.full(pos_w.shape[:2], np.inf)
-    bone[:, 1:] = np.linalg.norm(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])], axis=-1)
+    bone[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
     known = np.isfinite(bone) & ~at_origin
     usual = np.array(
         [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]

@@ -60,5 +60,5 @@ def to_local(pos_w: Positions, quat_w: Orientations) -> tuple[Positions, Orienta
 def bone_lengths(pos_w: Positions) -> Float[np.ndarray, "t 19"]:
     """Distance [m] of each body from its parent; 0 for the pelvis."""
     lengths = np.zeros(pos_w.shape[:2])
-    lengths[:, 1:] = np.linalg.norm(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])], axis=-1)
+    lengths[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
     return lengths
