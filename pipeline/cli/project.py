@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -46,7 +47,7 @@ class Project:
         A file outside all sources makes up a source of its own: its folder.
         """
         path = path.resolve()
-        for source in self._sources():
+        for source in self._sources:
             if path.is_relative_to(source.folder):
                 return dataclasses.replace(
                     source,
@@ -56,6 +57,7 @@ class Project:
                 )
         return Source(name=path.parent.name or "file", folder=path.parent, statement=stated)
 
+    @cached_property
     def _sources(self) -> tuple[Source, ...]:
         file = self.root / "data" / "sources.yaml"
         listed = read_sources(file) if file.is_file() else ()

@@ -19,7 +19,7 @@ def find_frozen(seen: Seen, fps: float, settings: DetectionSettings) -> list[Def
     if len(seen.pos_w) < 6:
         return []
     still_pos = _still_places(seen, settings)
-    whole = still_pos.all(axis=1)
+    whole = np.asarray(still_pos.all(axis=1))
     whole[1:] &= (rotation.length(seen.world_turns) < settings.still_step).all(axis=1)
     jumped = seen.unsteadiness.place[:, 0] > settings.root_jump * slow_rate(fps)
     defects = []

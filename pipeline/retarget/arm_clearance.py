@@ -46,7 +46,7 @@ def turn_of(
             ways.append(way_out(away_w, direction_w, settings.trunk_distance)[:, None] * direction_w)
         for way_w in ways:
             turn = _larger(turn, _turn_by(point_w - shoulder_w, way_w))
-    size = faded(np.linalg.norm(turn, axis=-1), spread)
+    size = faded(rotation.length(turn), spread)
     return size[:, None] * rotation.normalize(gaussian_filter1d(turn, 2.0 * spread, axis=0, mode="nearest"))
 
 
@@ -61,12 +61,12 @@ def way_out(
 
 def _turn_by(arm: Float[np.ndarray, "t 3"], way: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
     """Rotation vector [rad] that moves the end of `arm` [m] by `way` [m], to first order."""
-    lever = np.maximum(np.linalg.norm(arm, axis=-1, keepdims=True), SHORTEST_LEVER)
+    lever = np.maximum(rotation.length(arm)[:, None], SHORTEST_LEVER)
     return rotation.cross(arm, way) / lever**2
 
 
 def _larger(a: Float[np.ndarray, "t 3"], b: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
-    first = np.linalg.norm(a, axis=-1) >= np.linalg.norm(b, axis=-1)
+    first = rotation.length(a) >= rotation.length(b)
     return np.where(first[:, None], a, b)
 
 

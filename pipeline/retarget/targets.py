@@ -152,7 +152,9 @@ def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
 def _smoothed(clip: HumanClip, cutoff_hz: float) -> HumanClip:
     """The clip low-passed; of the orientations the chest's alone, the only one that targets are made of."""
     chest = body_index("chest")
+    chest_quat_w = rotation.make_continuous(clip.body_quat_w[:, chest])
+    flat_pos_w = clip.body_pos_w.reshape(clip.frame_count, -1)
+    smooth = time_series.smooth(np.concatenate([flat_pos_w, chest_quat_w], axis=1), clip.fps, cutoff_hz)
     quat_w = clip.body_quat_w.copy()
-    quat_w[:, chest] = time_series.smooth_quat(clip.body_quat_w[:, chest], clip.fps, cutoff_hz)
-    pos_w = time_series.smooth(clip.body_pos_w, clip.fps, cutoff_hz)
-    return dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
+    quat_w[:, chest] = rotation.normalize(smooth[:, -4:])
+    return dataclasses.replace(clip, body_pos_w=smooth[:, :-4].reshape(clip.body_pos_w.shape), body_quat_w=quat_w)
