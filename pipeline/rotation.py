@@ -32,17 +32,14 @@ def normalize(vectors: Float[np.ndarray, "*n d"]) -> Float[np.ndarray, "*n d"]:
 
 def multiply(a: Quats, b: Quats) -> Quats:
     """Hamilton product a b of quaternions (..., 4), broadcasting; R(ab) = R(a) R(b)."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    product = np.empty((*np.broadcast_shapes(a.shape[:-1], b.shape[:-1]), 4))
+    product[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    product[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return product
 
 
 def conjugate(quat: Quats) -> Quats:
@@ -52,9 +49,14 @@ def conjugate(quat: Quats) -> Quats:
 
 def rotate(quat: Quats, vector: Vectors) -> Vectors:
     """Rotate vectors (..., 3) by quaternions (..., 4), broadcasting over leading axes."""
-    w, xyz = quat[..., :1], quat[..., 1:]
-    turned = 2.0 * cross(xyz, vector)
-    return vector + w * turned + cross(xyz, turned)
+    w, x, y, z = quat[..., 0], quat[..., 1], quat[..., 2], quat[..., 3]
+    vx, vy, vz = vector[..., 0], vector[..., 1], vector[..., 2]
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    rotated = np.empty((*np.broadcast_shapes(quat.shape[:-1], vector.shape[:-1]), 3))
+    rotated[..., 0] = vx + w * tx + (y * tz - z * ty)
+    rotated[..., 1] = vy + w * ty + (z * tx - x * tz)
+    rotated[..., 2] = vz + w * tz + (x * ty - y * tx)
+    return rotated
 
 
 def cross(a: Vectors, b: Vectors) -> Vectors:
@@ -109,11 +111,11 @@ def from_rotvec(rotvec: Vectors) -> Quats:
 
 def to_rotvec(quat: Quats) -> Vectors:
     """Rotation vectors (..., 3) [rad] of quaternions wxyz (..., 4), the shorter way round."""
-    quat = np.where(quat[..., :1] < 0.0, -quat, quat)
-    sine = np.linalg.norm(quat[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, quat[..., :1])
+    quat = quat * np.where(quat[..., :1] < 0.0, -1.0, 1.0)
+    sine = length(quat[..., 1:])
+    angle = 2.0 * np.arctan2(sine, quat[..., 0])
     scale = np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0)
-    return quat[..., 1:] * scale
+    return quat[..., 1:] * scale[..., None]
 
 
 def from_axis_angle(axis: Vectors, angle: Angles | float) -> Quats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
@@ -68,8 +70,14 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
     pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
     if pad < int(fps / cutoff_hz):
         return np.array(values, dtype=float)
-    sections = butter(2, raised, fs=fps, output="sos")
+    sections = _low_pass(float(raised), float(fps))
     return sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=pad)
+
+
+@functools.cache
+def _low_pass(cutoff_hz: float, fps: float) -> np.ndarray:
+    """Second-order sections of a Butterworth low pass of order 2; designing it takes longer than running it."""
+    return np.asarray(butter(2, cutoff_hz, fs=fps, output="sos"))
 
 
 def smooth_quat(quat: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:

@@ -48,9 +48,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("input", metavar="IN", type=Path, help="motion file (.bvh, .npz, .amc, .txt, .csv)")
     parser.add_argument("--out", metavar="OUT.csv", type=Path, required=True, help="where to write")
     parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
-    parser.add_argument(
-        "--fps", metavar="HZ", type=positive, default=CSV_FPS, help="rate of OUT.csv (default: 30)"
-    )
+    parser.add_argument("--fps", metavar="HZ", type=positive, default=CSV_FPS, help="rate of OUT.csv (default: 30)")
     add_statement(parser)
     parser.set_defaults(run=run)
 
