@@ -50,9 +50,10 @@ def forward(
     frames, links = len(root_pos_w), len(tree.link_names)
     pos, quat = np.empty((frames, links, 3)), np.empty((frames, links, 4))
     pos[:, 0], quat[:, 0] = root_pos_w, root_quat_w
+    turns = rotation.from_axis_angle(tree.axis[1:], joint_pos[:, tree.joint[1:]])
+    in_parent = rotation.multiply(tree.quat[1:], turns)
     for link in range(1, links):
         parent = tree.parent[link]
-        turn = rotation.from_axis_angle(tree.axis[link], joint_pos[:, tree.joint[link]])
         pos[:, link] = pos[:, parent] + rotation.rotate(quat[:, parent], tree.pos[link])
-        quat[:, link] = rotation.multiply(quat[:, parent], rotation.multiply(tree.quat[link], turn))
+        quat[:, link] = rotation.multiply(quat[:, parent], in_parent[:, link - 1])
     return pos, quat
