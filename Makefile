@@ -39,4 +39,4 @@ motions: setup
 	$(BIN)/python -m pipeline.generator data/motions
 
 clean:
-	rm -rf data/store data/expert_db data/.dagster
+	rm -rf data/store data/expert_db data/adapted_robot data/.dagster

@@ -8,18 +8,18 @@ import logging
 
 import dagster as dg
 
+from assets.external import note_external
 from assets.freshness import stale_reasons
 from assets.plan import plans
 from assets.project import Project
-from assets.sources import note_content
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
 
 
 def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """Every stale asset and why, upstream first; the source folders are looked at anew."""
-    return stale_reasons(instance, project, plans(project), _parents(), note_content(instance, project))
+    """Every stale asset and why, upstream first; files from outside are looked at anew."""
+    return stale_reasons(instance, project, plans(project), _parents(), note_external(instance, project))
 
 
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):

@@ -10,7 +10,7 @@ import dagster as dg
 
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import Project
-from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS
+from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
 from pipeline.files import digest
 
@@ -22,16 +22,16 @@ def stale_reasons(
     project: Project,
     plans: Mapping[dg.AssetKey, Plan],
     parents: Mapping[dg.AssetKey, set[dg.AssetKey]],
-    raw_version: str,
+    external: Mapping[dg.AssetKey, str],
 ) -> dict[dg.AssetKey, str]:
     """Each stale asset with the sentence that says why, upstream before downstream.
 
     Args:
-        parents: the assets that each one takes, `raw_motions` among them
-        raw_version: digest of the source folders' content now
+        parents: the assets that each one takes, external ones among them
+        external: version of each external asset, as its files are now
     """
     stale: dict[dg.AssetKey, str] = {}
-    versions: dict[dg.AssetKey, str | None] = {RAW_MOTIONS: raw_version}
+    versions: dict[dg.AssetKey, str | None] = dict(external)
     for key in topological(parents):
         if key not in plans:
             continue
@@ -86,9 +86,18 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             from pipeline.expert.version import database_version
 
             return database_version(project.expert_db(plan.robot or ""))
+        if plan.name == "adapted_robot" and not _whole(project, plan):
+            return None
         return digest.of_file(project.store.manifest_path(plan.key.to_user_string()))
     except (PipelineError, OSError):
         return None
+
+
+def _whole(project: Project, plan: Plan) -> bool:
+    """The files of the adapted robot are those that its manifest names."""
+    folder = project.adapted_robot(plan.robot or "")
+    (facts,) = project.store.load(plan.key.to_user_string()).settings.values()
+    return all(digest.of_file(folder / name) == content for name, content in facts["files"].items())
 
 
 def _tags_of_last_materialization(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:

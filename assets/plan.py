@@ -65,6 +65,8 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
     """The stages of one robot."""
     return (
         Plan(name="robot_model", packages=("robot",), robot=robot),
+        Plan(name="actuator_calibration", packages=("actuators",), settings_files=("actuators.yaml",), robot=robot),
+        Plan(name="adapted_robot", packages=("actuators",), settings_files=("actuators.yaml",), robot=robot),
         Plan(
             name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
         ),

@@ -44,6 +44,14 @@ class Project:
     def expert_db(self, robot: str) -> Path:
         return self.data / "expert_db" / robot
 
+    def actuators(self, robot: str) -> Path:
+        """Folder of a robot's torque-speed measurements."""
+        return self.data / "actuators" / robot
+
+    def adapted_robot(self, robot: str) -> Path:
+        """Folder of the robot as adapted to its measurements, in the form of `robots/<robot>`."""
+        return self.data / "adapted_robot" / robot
+
     def sources(self) -> tuple[Source, ...]:
         """The source folders: those of `data/sources.yaml` and of the environment."""
         stated = read_sources(self.settings("sources.yaml"))

@@ -6,6 +6,7 @@ from typing import Any
 
 import dagster as dg
 
+from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
 from assets.checks import check_specs
 from assets.database import database_checks, materialize_database
 from assets.plainly import plainly, told_plainly
@@ -18,14 +19,17 @@ from pipeline.batch import Manifest, run_stage
 from pipeline.files import settings
 
 
-def robot_assets(robot: str) -> list[dg.AssetsDefinition]:
-    """Model, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
-    model, retargeted, augmented, feasible, database = robot_plans(robot)
+def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
+    """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
+    model, calibration, adapted, retargeted, augmented, feasible, database = robot_plans(robot)
     return [
+        actuator_measurements(robot),
         _robot_model(model),
+        actuator_calibration(calibration),
+        adapted_robot(adapted, calibration, model),
         _retargeted_motions(retargeted, model),
         _augmented_motions(augmented, retargeted, model),
-        _feasible_motions(feasible, augmented, model),
+        _feasible_motions(feasible, augmented, adapted),
         _expert_db(database, feasible, model),
     ]
 
@@ -138,7 +142,7 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     return augmented_motions
 
 
-def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
+def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
     satisfied = dg.AssetCheckSpec(
         "satisfies_its_own_file",
         asset=plan.key,
@@ -147,7 +151,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
     )
 
     @dg.asset(
-        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, robot_model=model)),
+        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, adapted_robot=adapted)),
         check_specs=[*check_specs(plan), satisfied],
     )
     @plainly
@@ -155,7 +159,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
         augmented_motions: Manifest,
-        robot_model: Manifest,
+        adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
         from pipeline.feasibility import FeasibilitySettings, balance, process
@@ -165,9 +169,9 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
-        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
+        robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
+        stage = stage_of(plan, partial(process, settings=values, robot=robot), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
         balanced = balance(manifest.entry_table(), values)
         weights = dict(zip(balanced["clip"], balanced["weight"], strict=True))
@@ -178,7 +182,8 @@ def _feasible_motions(plan: Plan, augmented: Plan, model: Plan) -> Any:
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
-        again = stage_of(plan, partial(recheck, settings=values, robot=robot), values, name="recheck")
+        ask_again = partial(recheck, settings=values, robot=robot)
+        again = stage_of(plan, ask_again, values, name="recheck", robot_files=robot.digest)
         broken = [
             row.clip
             for row in run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged

@@ -1,6 +1,7 @@
 """The external asset `raw_motions`: the source folders, versioned by content."""
 
 from pathlib import Path
+from typing import Any
 
 import dagster as dg
 
@@ -34,23 +35,11 @@ def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
     return files
 
 
-def note_content(instance: dg.DagsterInstance, project: Project) -> str:
-    """Note the folders' content in the history if it changed since it was last noted; its digest.
-
-    As a materialization that happened outside: Dagster holds an external asset's versions against these.
-    """
+def motions_version(project: Project) -> tuple[str, dict[str, Any]]:
+    """Digest of the source folders' content, and what is noted of them in the history."""
     files = motion_files(project)
     version = digest.of_json([(name, content) for name, _, content, _ in files])
-    last = instance.get_latest_materialization_event(RAW_MOTIONS)
-    noted = last.asset_materialization.tags if last and last.asset_materialization else None
-    if (noted or {}).get(DATA_VERSION_TAG) != version:
-        event = dg.AssetMaterialization(
-            asset_key=RAW_MOTIONS,
-            tags={DATA_VERSION_TAG: version},
-            metadata={"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))},
-        )
-        instance.report_runless_asset_event(event)
-    return version
+    return version, {"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))}
 
 
 def _source_table(project: Project) -> str:

@@ -19,18 +19,22 @@ def stage_of(
     *,
     prepare: Callable[..., Any] | None = None,
     name: str = "",
+    robot_files: str | None = None,
 ) -> Stage:
     """The stage of an asset with its settings `values` (a settings dataclass, or None).
 
-    `name` is for a second question that the asset asks of its clips.
+    `name` is for a second question that the asset asks of its clips; `robot_files` is the digest of the robot where it
+    is not the one of the robot's folder.
     """
+    if plan.robot and robot_files is None:
+        robot_files = digest_of_robot(PROJECT, plan.robot)
     return Stage(
         name=name or plan.name,
         version=plan.code_version(),
         function=function,
         prepare=prepare,
         settings=settings.plain(values) if values is not None else {},
-        depends={"robot_files": digest_of_robot(PROJECT, plan.robot)} if plan.robot else {},
+        depends={"robot_files": robot_files} if robot_files else {},
     )
 
 

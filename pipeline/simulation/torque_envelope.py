@@ -10,9 +10,11 @@ from jaxtyping import Float
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueEnvelope:
-    """Limits of J joints. Constant to the knee speed, then falling in a line to 0 at the no-load speed.
+    """Limits of J joints. Constant to the knee speed, then falling in a line through 0 at the no-load speed.
 
-    Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit.
+    Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit. A joint that is
+    driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line goes on to it.
+    This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/forms.py).
     """
 
     limit: Float[np.ndarray, " j"]
@@ -28,8 +30,8 @@ class TorqueEnvelope:
             upper = np.broadcast_to(self.limit, np.shape(speed)).astype(float)
             return -upper, upper
         width = np.maximum(self.no_load_speed - self.knee_speed, 1e-9)
-        forward = self.limit * np.clip((self.no_load_speed - speed) / width, 0.0, 1.0)
-        backward = self.limit * np.clip((self.no_load_speed + speed) / width, 0.0, 1.0)
+        forward = self.limit * np.clip((self.no_load_speed - speed) / width, -1.0, 1.0)
+        backward = self.limit * np.clip((self.no_load_speed + speed) / width, -1.0, 1.0)
         return -backward, forward
 
     def clip(self, torque: Float[np.ndarray, "*t j"], speed: Float[np.ndarray, "*t j"]) -> Float[np.ndarray, "*t j"]:

@@ -15,11 +15,17 @@ LINEAGE = {
     "selected_motions": {"motion_catalog"},
     "repaired_motions": {"selected_motions"},
     "robot_model": set(),
+    "actuator_measurements": set(),
+    "actuator_calibration": {"actuator_measurements"},
+    "adapted_robot": {"actuator_calibration", "robot_model"},
     "retargeted_motions": {"repaired_motions", "robot_model"},
     "augmented_motions": {"retargeted_motions", "robot_model"},
-    "feasible_motions": {"augmented_motions", "robot_model"},
+    "feasible_motions": {"augmented_motions", "adapted_robot"},
     "expert_db": {"feasible_motions", "robot_model"},
 }
+
+MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
+"""What is about the robot and no stage of motions."""
 
 
 def lineage(definitions: dg.Definitions) -> dict[str, set[str]]:
@@ -35,9 +41,9 @@ def test_lineage_of_the_t1_bears_the_bare_keys():
     assert {key: parents for key, parents in found.items() if "/" not in key} == LINEAGE
 
 
-def test_only_the_source_folders_are_external():
+def test_only_motions_and_measurements_are_external():
     graph = defs.resolve_asset_graph()
-    assert graph.external_asset_keys == {dg.AssetKey(["raw_motions"])}
+    assert graph.external_asset_keys == {dg.AssetKey(["raw_motions"]), dg.AssetKey(["actuator_measurements"])}
 
 
 def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
@@ -50,7 +56,7 @@ def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
     assert found["k9/retargeted_motions"] == {"repaired_motions", "k9/robot_model"}
     assert found["k9/expert_db"] == {"k9/feasible_motions", "k9/robot_model"}
     assert {key for key in found if key.startswith("k9/")} == {
-        f"k9/{name}" for name in LINEAGE if "motions" in name or name in ("robot_model", "expert_db")
+        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, "expert_db")
     } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
 
 
@@ -70,10 +76,11 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking
     }
-    stages = [name for name in LINEAGE if name not in ("raw_motions", "robot_model", "expert_db")]
+    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, "expert_db")]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
     expected |= {("robot_model", "models_agree"), ("expert_db", "whole_database")}
+    expected |= {("adapted_robot", "adapted_models_agree")}
     assert blocking == expected | {("feasible_motions", "satisfies_its_own_file")}
 
 
@@ -83,7 +90,7 @@ def test_topological_order_puts_parents_first():
     assert topological(parents) == [keys[name] for name in "abcd"]
 
 
-@pytest.mark.parametrize("name", ["motion_catalog", "feasible_motions"])
+@pytest.mark.parametrize("name", ["motion_catalog", "actuator_calibration", "feasible_motions"])
 def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path, root):
     import shutil
 

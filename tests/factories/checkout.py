@@ -20,6 +20,8 @@ ASSETS = (
     "selected_motions",
     "repaired_motions",
     "robot_model",
+    "actuator_calibration",
+    "adapted_robot",
     "retargeted_motions",
     "augmented_motions",
     "feasible_motions",

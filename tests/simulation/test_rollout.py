@@ -76,9 +76,9 @@ def test_pd_torque_is_cut_to_the_envelope():
 
 def test_torque_falls_from_the_knee_speed_to_the_no_load_speed_when_driving_and_not_when_braking():
     envelope = TorqueEnvelope(limit=np.array([40.0]), knee_speed=np.array([5.0]), no_load_speed=np.array([15.0]))
-    speeds = np.array([[0.0], [5.0], [10.0], [15.0], [20.0]])
+    speeds = np.array([[0.0], [5.0], [10.0], [15.0], [20.0], [90.0]])
     lower, upper = envelope.bounds(speeds)
-    np.testing.assert_allclose(upper[:, 0], [40.0, 40.0, 20.0, 0.0, 0.0])
+    np.testing.assert_allclose(upper[:, 0], [40.0, 40.0, 20.0, 0.0, -20.0, -40.0])
     np.testing.assert_allclose(lower[:, 0], -40.0)
 
 

@@ -1,0 +1,232 @@
+"""Real to sim of one robot: measurements from outside, each motor's calibration, the robot adapted to them."""
+
+import dataclasses
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.plainly import plainly
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import picture, table_of
+from pipeline.batch import Manifest
+from pipeline.files import digest, settings
+
+CALIBRATED = "every_motor_calibrated"
+AGREE = "adapted_models_agree"
+STANDS = "adapted_robot_stands"
+MAX_TILT_DEG = 1.0
+"""Largest tilt of the adapted robot in its standing pose over 10 s."""
+
+
+def measurements_key(robot: str) -> dg.AssetKey:
+    """Key of the external asset that a robot's measurement folder is."""
+    return Plan(name="actuator_measurements", packages=(), robot=robot).key
+
+
+def measurements_version(project: Project, robot: str) -> str:
+    """Digest of a robot's measurement files; that of no files where it has no folder."""
+    folder = project.actuators(robot)
+    return digest.of_files(sorted(folder.glob("*.csv")), folder)
+
+
+def actuator_measurements(robot: str) -> dg.AssetSpec:
+    """The folder `data/actuators/<robot>`, versioned by content."""
+    return dg.AssetSpec(
+        measurements_key(robot),
+        group_name=f"{robot}_motions",
+        description=f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content.",
+        kinds={"file"},
+    )
+
+
+def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
+    """What both assets declare alike."""
+    return {
+        "key": plan.key,
+        "group_name": f"{plan.robot}_motions",
+        "kinds": {kind},
+        "tags": {"robot": plan.robot or ""},
+        "code_version": plan.code_version(),
+        **others,
+    }
+
+
+def actuator_calibration(plan: Plan) -> Any:
+    """The asset `actuator_calibration` of a robot."""
+    spec = dg.AssetCheckSpec(
+        CALIBRATED, asset=plan.key, description="Each motor of the table has a knee that was not refused."
+    )
+
+    @dg.asset(**declared(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)]), check_specs=[spec])
+    @plainly
+    def actuator_calibration(context: dg.AssetExecutionContext):
+        """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
+        from pipeline.actuators import ActuatorSettings, calibrate_folder
+
+        values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+        folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
+        found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
+        context.log.info(f"{len(found.motors)} motors, calibrated anew: {', '.join(found.recomputed) or 'none'}")
+        by_motor = {each.motor: each.to_dict() for each in found.calibrations}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
+        refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=CALIBRATED,
+            passed=not refused,
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata={"found": "; ".join(refused) or f"{len(found.calibrations)} motors"},
+        )
+        metadata = {**_calibration_metadata(found, folder), "motors recomputed": ", ".join(found.recomputed) or "none"}
+        return _result(plan, manifest, metadata, [check])
+
+    return actuator_calibration
+
+
+def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
+    from pipeline.actuators.published import read_published
+    from pipeline.viewing.actuator_plots import calibration_curves
+
+    curves = read_published(folder)
+    models = {motor.name: motor.model for motor in found.motors}
+    published = {name: curves[model] for name, model in models.items() if model in curves}
+    table = pd.DataFrame([_row(each, published.get(each.motor)) for each in found.calibrations])
+    metadata: dict[str, Any] = {
+        "motors": len(found.motors),
+        "motors refused": sum(not each.accepted for each in found.calibrations),
+        "synthetic": any("synthetic: never measured" in each.notes for each in found.calibrations),
+        "files of no motor": ", ".join(found.unused) or "none",
+    }
+    if found.calibrations:
+        metadata["calibration"] = table_of(table, list(table))
+        metadata["curves"] = picture(calibration_curves(found.calibrations, published))
+    return metadata
+
+
+def _row(each: Any, published: Any) -> dict[str, Any]:
+    knee = each.knee
+    row = {"motor": each.motor, "joints": ", ".join(each.joints), "verdict": each.verdict}
+    if knee is not None:
+        row |= {
+            "knee torque [N m]": _with_interval(knee.torque),
+            "knee speed [rad/s]": _with_interval(knee.speed),
+            "no-load speed [rad/s]": round(knee.no_load_speed, 3),
+            "stall torque [N m]": round(knee.stall_torque, 3),
+            "noise": round(knee.noise, 4),
+            "outliers": knee.outliers,
+        }
+        if published is not None:
+            row["published peak at that speed [N m]"] = round(published.torque(knee.speed.value), 2)
+            row["beyond the published peak"] = knee.torque.low > published.torque(knee.speed.value)
+    return row | {"armature [kg m^2]": each.armature, "notes": "; ".join(each.notes)}
+
+
+def _with_interval(interval: Any) -> str:
+    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f})"
+
+
+def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
+    """The asset `adapted_robot` of a robot."""
+    inputs = {"actuator_calibration": dg.AssetIn(calibration.key), "robot_model": dg.AssetIn(model.key)}
+    specs = [
+        dg.AssetCheckSpec(
+            AGREE, asset=plan.key, blocking=True, description="MJCF and URDF compile and have the same mass and joints."
+        ),
+        dg.AssetCheckSpec(
+            STANDS,
+            asset=plan.key,
+            description=f"In its standing pose under PD it stands 10 s with a tilt below {MAX_TILT_DEG:g} degree.",
+        ),
+    ]
+
+    @dg.asset(**declared(plan, "mujoco", ins=inputs), check_specs=specs)
+    @plainly
+    def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
+        """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
+        from assets.model_report import models_agree
+        from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
+        from pipeline.robot import load_robot
+
+        name = plan.robot or DEFAULT_ROBOT
+        nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
+        values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
+        calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
+        actuators = adapt(nominal, calibrations, values)
+        robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
+        files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
+        facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
+        agree = models_agree(robot)
+        check = dg.AssetCheckResult(
+            asset_key=plan.key, check_name=AGREE, passed=agree.holds, metadata={"found": agree.found}
+        )
+        metadata, standing = _standing(plan, robot, actuators)
+        metadata |= {**_difference(actuators), "dagster/uri": dg.MetadataValue.path(str(folder))}
+        return _result(plan, manifest, metadata, [check, standing])
+
+    return adapted_robot
+
+
+def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
+    """The robot held in its standing pose, with its armatures and without."""
+    from pipeline.actuators import read_standing_pose, stand, torque_envelope
+
+    pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
+    if pose is None:
+        found = dg.AssetCheckResult(
+            asset_key=plan.key, check_name=STANDS, passed=True, metadata={"found": "no standing pose to try"}
+        )
+        return {"standing": "not tried: the robot's folder has no standing.csv"}, found
+    armatures = {
+        "adapted": robot.armature,
+        "no armature": 0.0 * robot.armature,
+        "armature of the manufacturer's MJCF": pose.vendor_armature,
+    }
+    stood = {name: stand(robot, pose, torque_envelope(actuators), each) for name, each in armatures.items()}
+    rows = pd.DataFrame([{"model": name, **dataclasses.asdict(each)} for name, each in stood.items()])
+    ours = stood["adapted"]
+    check = dg.AssetCheckResult(
+        asset_key=plan.key,
+        check_name=STANDS,
+        passed=not ours.fell and ours.tilt_deg < MAX_TILT_DEG,
+        severity=dg.AssetCheckSeverity.WARN,
+        metadata={"found": f"{'fell after' if ours.fell else 'stood'} {ours.seconds:.1f} s, tilt {ours.tilt_deg:.2f}"},
+    )
+    return {"standing": table_of(rows, list(rows))}, check
+
+
+def _difference(actuators: Any) -> dict[str, Any]:
+    table = pd.DataFrame([vars(each) for each in actuators])
+    columns = {
+        "joint": "joint",
+        "verdict": "verdict",
+        "nominal torque": "nominal_torque",
+        "adapted torque": "box_effort_limit",
+        "nominal speed": "nominal_speed",
+        "adapted speed": "box_velocity_limit",
+        "nominal armature": "nominal_armature",
+        "adapted armature": "armature",
+        "no-load speed": "dc_motor_no_load_speed",
+        "saturation torque": "dc_motor_saturation_effort",
+    }
+    shown = pd.DataFrame({name: list(table[source]) for name, source in columns.items()})
+    changed = [each.joint for each in actuators if each.changed]
+    return {
+        "nominal against adapted": table_of(shown, list(shown)),
+        "actuators": table_of(table, list(table)),
+        "joints changed": ", ".join(changed) or "none",
+        "verdict": "; ".join(sorted({each.verdict for each in actuators})),
+    }
+
+
+def _result(plan: Plan, manifest: Manifest, metadata: dict, checks: list[dg.AssetCheckResult]) -> dg.MaterializeResult:
+    return dg.MaterializeResult(
+        asset_key=plan.key,
+        value=manifest,
+        metadata=metadata,
+        check_results=checks,
+        data_version=dg.DataVersion(manifest.digest),
+        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
+    )

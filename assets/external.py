@@ -1,0 +1,30 @@
+"""What comes from outside the graph, as it is now, noted in the history where it changed."""
+
+from typing import Any
+
+import dagster as dg
+
+from assets.actuators import measurements_key, measurements_version
+from assets.project import Project
+from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, motions_version
+
+
+def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
+    """Version of each external asset; one that changed since it was last noted is noted in the history."""
+    motions, facts = motions_version(project)
+    versions = {RAW_MOTIONS: motions}
+    _note(instance, RAW_MOTIONS, motions, facts)
+    for robot in project.robots:
+        key, version = measurements_key(robot), measurements_version(project, robot)
+        versions[key] = version
+        _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
+    return versions
+
+
+def _note(instance: dg.DagsterInstance, key: dg.AssetKey, version: str, facts: dict[str, Any]) -> None:
+    """As a materialization that happened outside: Dagster holds an external asset's versions against these."""
+    last = instance.get_latest_materialization_event(key)
+    noted = last.asset_materialization.tags if last and last.asset_materialization else None
+    if (noted or {}).get(DATA_VERSION_TAG) != version:
+        event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
+        instance.report_runless_asset_event(event)

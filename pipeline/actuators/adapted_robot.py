@@ -1,0 +1,206 @@
+"""The robot with the motors it has: which limits enter its model, and the table that goes with it.
+
+A limit of the model changes only where a measurement contradicts it: where the model's figure lies in the 95 % interval
+of the measured one, it is confirmed and stays. So noise of a bench does not move the robot, and with it every verdict
+that hangs on its limits; a motor that is weaker or stronger than the model does.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.forms import BoxLimits, DcMotorLine, dc_motor_line
+from pipeline.actuators.knee_fit import Interval
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.errors import FileError, UnknownNameError
+from pipeline.files import atomic
+from pipeline.robot import Robot
+from pipeline.robot.adapted import MotorLimits, adapted_description, write_robot_folder
+from pipeline.robot.read import read_description
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+
+TABLE = "actuators.csv"
+NO_MEASUREMENTS = "no measurements: nominal limits"
+UNBOUNDED = 1e9
+"""A speed [rad/s] that no joint reaches: where the no-load speed is not known the torque does not fall."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointActuator:
+    """A joint's motor in the adapted robot. The fields are the columns of `actuators.csv`; NaN is an empty cell."""
+
+    joint: str
+    motor: str
+    """Name in the motor table; empty where there is none."""
+    verdict: str
+    """What the measurement did: confirmed or changed which limit, or why it was not used."""
+    box_effort_limit: float
+    """[N m]"""
+    box_velocity_limit: float
+    """[rad/s]"""
+    dc_motor_effort_limit: float
+    """[N m]"""
+    dc_motor_saturation_effort: float
+    """[N m]"""
+    dc_motor_no_load_speed: float
+    """[rad/s]"""
+    armature: float
+    """[kg m^2]"""
+    kp: float
+    """[N m/rad]"""
+    kd: float
+    """[N m s/rad]"""
+    measured_torque: float
+    """Knee [N m], with its 95 % interval."""
+    measured_torque_low: float
+    measured_torque_high: float
+    measured_speed: float
+    """Knee [rad/s], with its 95 % interval."""
+    measured_speed_low: float
+    measured_speed_high: float
+    nominal_torque: float
+    """[N m]"""
+    nominal_speed: float
+    """[rad/s]"""
+    nominal_armature: float
+    """[kg m^2]"""
+
+    @property
+    def changed(self) -> bool:
+        """Whether any number differs from the nominal model's."""
+        return (self.box_effort_limit, self.box_velocity_limit, self.armature) != (
+            self.nominal_torque,
+            self.nominal_speed,
+            self.nominal_armature,
+        )
+
+
+def adapt(nominal: Robot, calibrations: Sequence[Calibration], settings: ActuatorSettings) -> tuple[JointActuator, ...]:
+    """The actuators of the robot's joints, in its order. Raises UnknownNameError for a joint that it lacks."""
+    by_joint = {joint: each for each in calibrations for joint in each.joints}
+    for joint in by_joint:
+        if joint not in nominal.joint_names:
+            raise UnknownNameError("joint", joint, nominal.joint_names)
+    return tuple(_actuator(nominal, joint, by_joint.get(joint), settings) for joint in nominal.joint_names)
+
+
+def _actuator(nominal: Robot, joint: str, found: Calibration | None, settings: ActuatorSettings) -> JointActuator:
+    index = nominal.joint(joint)
+    model = BoxLimits(
+        box_effort_limit=float(nominal.torque_limit[index]), box_velocity_limit=float(nominal.motor_speed_limit[index])
+    )
+    box, no_load, verdict = _limits(model, found, settings)
+    line = _line(box, no_load)
+    knee = found.knee if found else None
+    armature = float(nominal.armature[index])
+    nothing = Interval(value=math.nan, low=math.nan, high=math.nan)
+    torque, speed = (knee.torque, knee.speed) if knee else (nothing, nothing)
+    return JointActuator(
+        joint=joint,
+        motor=found.motor if found else "",
+        verdict=verdict,
+        **vars(box),
+        **vars(line),
+        armature=found.armature if found else armature,
+        kp=float(nominal.kp[index]),
+        kd=float(nominal.kd[index]),
+        measured_torque=torque.value,
+        measured_torque_low=torque.low,
+        measured_torque_high=torque.high,
+        measured_speed=speed.value,
+        measured_speed_low=speed.low,
+        measured_speed_high=speed.high,
+        nominal_torque=model.box_effort_limit,
+        nominal_speed=model.box_velocity_limit,
+        nominal_armature=armature,
+    )
+
+
+def _limits(model: BoxLimits, found: Calibration | None, settings: ActuatorSettings) -> tuple[BoxLimits, float, str]:
+    """Box, no-load speed (NaN where it is not known) and verdict of a joint."""
+    if found is None:
+        return model, math.nan, NO_MEASUREMENTS
+    if found.knee is None or found.reasons:
+        return model, math.nan, f"nominal limits, {found.verdict}"
+    knee = found.knee
+    pairs = {"torque": (knee.torque, model.box_effort_limit), "speed": (knee.speed, model.box_velocity_limit)}
+    for name, (measured, stated) in pairs.items():
+        factor = max(measured.value / stated, stated / measured.value)
+        if factor > settings.model.nominal_factor:
+            text = f"a knee {name} of {measured.value:.2f} is {factor:.1f} times off the model's {stated:g}"
+            return model, math.nan, f"nominal limits, refused: {text}; is it another unit or side?"
+    chosen = {name: stated if stated in measured else measured.value for name, (measured, stated) in pairs.items()}
+    words = [f"{name} {'confirmed' if chosen[name] == stated else 'changed'}" for name, (_, stated) in pairs.items()]
+    box = BoxLimits(box_effort_limit=chosen["torque"], box_velocity_limit=chosen["speed"])
+    return box, knee.no_load_speed, ", ".join(words)
+
+
+def _line(box: BoxLimits, no_load: float) -> DcMotorLine:
+    if math.isnan(no_load):
+        return DcMotorLine(
+            dc_motor_effort_limit=math.nan, dc_motor_saturation_effort=math.nan, dc_motor_no_load_speed=math.nan
+        )
+    return dc_motor_line(box, no_load)
+
+
+def write_adapted_robot(folder: Path, nominal_folder: Path, actuators: Sequence[JointActuator]) -> Robot:
+    """Write the adapted robot as a robot folder with `actuators.csv` beside, and load it.
+
+    Joints without an accepted measurement keep all that the nominal tables state but for their armature.
+    """
+    description = read_description(nominal_folder)
+    limits = {
+        each.joint: MotorLimits(torque=each.box_effort_limit, speed=each.box_velocity_limit, armature=each.armature)
+        for each in actuators
+        if each.changed or not math.isnan(each.dc_motor_no_load_speed)
+    }
+    robot = write_robot_folder(folder, adapted_description(description, limits))
+    atomic.write_text(folder / TABLE, actuators_text(actuators))
+    return robot
+
+
+def actuators_text(actuators: Sequence[JointActuator]) -> str:
+    """The actuators as the text of `actuators.csv`."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([field.name for field in fields(JointActuator)])
+    for each in actuators:
+        writer.writerow(["" if value != value else value for value in vars(each).values()])
+    return stream.getvalue()
+
+
+def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
+    """The actuators of an adapted robot's folder. Raises FileError."""
+    path = folder / TABLE
+    if not path.is_file():
+        raise FileError(path, "it is missing.", "Run: dagster asset materialize --select adapted_robot")
+    texts = {field.name for field in fields(JointActuator) if field.type == "str"}
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    try:
+        return tuple(
+            JointActuator(
+                **{name: cell if name in texts else float(cell or "nan") for name, cell in row.items()}  # type: ignore
+            )
+            for row in rows
+        )
+    except (TypeError, ValueError) as error:
+        raise FileError(path, f"it is no table of actuators ({error}).", "Materialize adapted_robot again.") from error
+
+
+def torque_envelope(actuators: Sequence[JointActuator]) -> TorqueEnvelope:
+    """What a controller clips its torque with; for MuJoCo, which knows no speed limit of a joint."""
+    known = np.array([not math.isnan(each.dc_motor_no_load_speed) for each in actuators])
+    return TorqueEnvelope(
+        limit=np.array([each.box_effort_limit for each in actuators]),
+        knee_speed=np.where(known, [each.box_velocity_limit for each in actuators], UNBOUNDED),
+        no_load_speed=np.where(known, [each.dc_motor_no_load_speed for each in actuators], 2.0 * UNBOUNDED),
+    )

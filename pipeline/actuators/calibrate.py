@@ -1,0 +1,135 @@
+"""From a measurement file to a motor's knee, or to the reasons why there is none."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.actuators.acceptance import reasons_against
+from pipeline.actuators.knee_fit import Interval, KneeFit, fit_knee
+from pipeline.actuators.measurement import Measurement
+from pipeline.actuators.motor_table import Motor
+from pipeline.actuators.read_measurement import read_measurement
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.errors import FileError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Knee:
+    """What a sweep says of a motor, with 95 % intervals."""
+
+    speed: Interval
+    """[rad/s]"""
+    torque: Interval
+    """[N m]"""
+    no_load_speed: float
+    """[rad/s]"""
+    stall_torque: float
+    """Torque of the plateau at rest [N m]."""
+    noise: float
+    """Standard deviation of the points over the knee torque."""
+    outliers: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A motor as measured. `knee` is None where nothing could be fitted; it may be there and still be refused."""
+
+    motor: str
+    joints: tuple[str, ...]
+    armature: float
+    """[kg m^2]"""
+    knee: Knee | None
+    reasons: tuple[str, ...]
+    """Why the knee must not be used; empty if it may."""
+    notes: tuple[str, ...]
+    """What else is to be known: braking points, that the sweep is synthetic."""
+    speed: tuple[float, ...] = ()
+    """The points: speed [rad/s] ..."""
+    torque: tuple[float, ...] = ()
+    """... and torque [N m], both at the joint, as magnitudes."""
+    forward: tuple[bool, ...] = ()
+    outlier: tuple[bool, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        return self.knee is not None and not self.reasons
+
+    @property
+    def verdict(self) -> str:
+        """`calibrated`, or `refused: ` and the reasons."""
+        return "calibrated" if self.accepted else "refused: " + "; ".join(self.reasons)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON types."""
+        return dataclasses.asdict(self)
+
+    @staticmethod
+    def from_dict(value: dict[str, Any]) -> Calibration:
+        """What `to_dict` gave, also after JSON made lists of its tuples."""
+        plain = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
+        if (knee := plain["knee"]) is not None:
+            intervals = {name: Interval(**knee[name]) for name in ("speed", "torque")}
+            plain["knee"] = Knee(**{**knee, **intervals})
+        return Calibration(**plain)
+
+
+def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSettings) -> Calibration:
+    """The calibration of a motor from the text of its measurement file (None: there is none).
+
+    A file that cannot be read is no error but a refusal with the reason: the motor keeps the model's limits.
+    """
+    if text is None:
+        return _refused(motor, f"{file}: there is no such measurement file")
+    try:
+        measurement = read_measurement(text, file, motor, settings.reading)
+    except FileError as error:
+        return _refused(motor, str(error))
+    count, different = len(measurement.speed), len(np.unique(measurement.speed))
+    if min(count, different) < settings.knee.min_points:
+        reason = f"{count} points at {different} speeds; {settings.knee.min_points} are wanted"
+        return _with_points(_refused(motor, reason), measurement, np.zeros(count, dtype=bool))
+    fit = fit_knee(measurement.speed, measurement.torque, settings.knee.outlier)
+    calibration = Calibration(
+        motor=motor.name,
+        joints=motor.joints,
+        armature=motor.armature,
+        knee=_knee(fit),
+        reasons=reasons_against(measurement, fit, settings.knee),
+        notes=(),
+    )
+    return _with_points(calibration, measurement, fit.outlier)
+
+
+def _knee(fit: KneeFit) -> Knee | None:
+    if not fit.knee_torque.value > 0.0 or not np.isfinite(fit.no_load_speed):
+        return None
+    return Knee(
+        speed=fit.knee_speed,
+        torque=fit.knee_torque,
+        no_load_speed=fit.no_load_speed,
+        stall_torque=fit.stall_torque,
+        noise=fit.noise / fit.knee_torque.value,
+        outliers=int(fit.outlier.sum()),
+    )
+
+
+def _refused(motor: Motor, reason: str) -> Calibration:
+    return Calibration(
+        motor=motor.name, joints=motor.joints, armature=motor.armature, knee=None, reasons=(reason,), notes=()
+    )
+
+
+def _with_points(calibration: Calibration, measurement: Measurement, outlier: np.ndarray) -> Calibration:
+    synthetic = ("synthetic: never measured",) if measurement.synthetic else ()
+    return dataclasses.replace(
+        calibration,
+        notes=(*synthetic, *measurement.notes),
+        speed=tuple(measurement.speed.tolist()),
+        torque=tuple(measurement.torque.tolist()),
+        forward=tuple(measurement.forward.tolist()),
+        outlier=tuple(outlier.tolist()),
+    )

@@ -1,0 +1,65 @@
+"""All motors of a robot from its folder of measurements; what was calibrated before is taken from the memo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.actuators.calibrate import Calibration, calibrate
+from pipeline.actuators.motor_table import Motor, read_motors
+from pipeline.actuators.published import TABLE as PUBLISHED
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.batch import Store
+from pipeline.errors import FileError
+from pipeline.files import digest, settings
+
+MOTORS = "motors.csv"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedFolder:
+    """What a folder of measurements says."""
+
+    motors: tuple[Motor, ...]
+    calibrations: tuple[Calibration, ...]
+    """One a motor, in the table's order."""
+    recomputed: tuple[str, ...]
+    """Motors that the memo did not have."""
+    unused: tuple[str, ...]
+    """Files that belong to no motor of the table."""
+
+
+def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store: Store) -> CalibratedFolder:
+    """Calibrate each motor of `folder`; all empty where there is no such folder.
+
+    Args:
+        version: code version, part of what an answer depends on
+    Raises FileError for a motor table that cannot be read; a measurement file that cannot is a refusal.
+    """
+    if not folder.is_dir():
+        return CalibratedFolder(motors=(), calibrations=(), recomputed=(), unused=())
+    if not (folder / MOTORS).is_file():
+        do = "It names the motors, their joints, gears and rotors; see docs/actuators.md."
+        raise FileError(folder / MOTORS, "the file is missing.", do)
+    motors = read_motors(folder / MOTORS, values.model)
+    calibrations, recomputed = [], []
+    for motor in motors:
+        path = folder / f"{motor.name}.csv"
+        text = _text(path)
+        key = digest.of_json(["actuator", version, settings.plain(values), settings.plain(motor), text])
+        answer = store.recall(key)
+        if answer is None:
+            answer = {"pieces": [], "calibration": calibrate(text, path.name, motor, values).to_dict()}
+            store.remember(key, answer)
+            recomputed.append(motor.name)
+        calibrations.append(Calibration.from_dict(answer["calibration"]))
+    known = {MOTORS, PUBLISHED, *(f"{motor.name}.csv" for motor in motors)}
+    unused = tuple(sorted(path.name for path in folder.glob("*.csv") if path.name not in known))
+    return CalibratedFolder(
+        motors=motors, calibrations=tuple(calibrations), recomputed=tuple(recomputed), unused=unused
+    )
+
+
+def _text(path: Path) -> str | None:
+    """The file's text, None where there is no file. Bytes that are no UTF-8 are kept as marks, and refused later."""
+    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None

@@ -1,0 +1,81 @@
+"""`motors.csv`: which motor moves which joints, its gear and its rotor; and the armature that follows."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.actuators.settings import ModelSettings
+from pipeline.errors import FileError
+
+COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """A kind of drive: all joints that it moves are taken to be alike."""
+
+    name: str
+    model: str
+    joints: tuple[str, ...]
+    motors_per_joint: int
+    """2 where two motors move one joint through parallel cranks: a turn of the joint turns both."""
+    gear_ratio: float
+    rotor_inertia: float
+    """[kg m^2]"""
+
+    @property
+    def armature(self) -> float:
+        """Inertia of the rotors seen at the joint [kg m^2]: n N^2 J_m (the paper's equation, n motors a joint).
+
+        Rounded to 12 digits, so that published figures come out as they are written.
+        """
+        return float(f"{self.motors_per_joint * self.gear_ratio**2 * self.rotor_inertia:.12g}")
+
+
+def read_motors(path: Path, settings: ModelSettings) -> tuple[Motor, ...]:
+    """The motor table. Raises FileError with the line."""
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    records = list(csv.reader(lines))
+    offset = 1 + sum(line.startswith("#") for line in path.read_text(encoding="utf-8").splitlines())
+    if not records or tuple(records[0]) != COLUMNS:
+        raise FileError(path, "its columns are not those of a motor table.", f"They must be {', '.join(COLUMNS)}.")
+    motors = [_motor(record, path, line, settings) for line, record in enumerate(records[1:], start=offset + 1)]
+    joints: dict[str, str] = {}
+    for motor in motors:
+        for joint in motor.joints:
+            if joint in joints:
+                raise FileError(path, f"'{joint}' is moved by '{joints[joint]}' and '{motor.name}'.", "Name one.")
+            joints[joint] = motor.name
+    if len({motor.name for motor in motors}) < len(motors):
+        raise FileError(path, "a motor stands there twice.", "Write its joints in one row.")
+    return tuple(motors)
+
+
+def _motor(record: list[str], path: Path, line: int, settings: ModelSettings) -> Motor:
+    if len(record) != len(COLUMNS):
+        raise FileError(path, f"the row has {len(record)} values.", f"Write {len(COLUMNS)}.", line)
+    name, model, joints, count, ratio, inertia, _ = record
+    try:
+        motor = Motor(
+            name=name,
+            model=model,
+            joints=tuple(joints.split()),
+            motors_per_joint=int(count),
+            gear_ratio=float(ratio),
+            rotor_inertia=float(inertia),
+        )
+    except ValueError as error:
+        raise FileError(path, f"motor '{name}': {error}.", "Write numbers.", line) from error
+    checks = (
+        ("motors_per_joint", motor.motors_per_joint, (1, 2)),
+        ("gear_ratio", motor.gear_ratio, settings.gear_ratio),
+        ("rotor_inertia", motor.rotor_inertia, settings.rotor_inertia),
+        ("the armature that follows", motor.armature, settings.armature),
+    )
+    for what, value, (low, high) in checks:
+        if not low <= value <= high:
+            problem = f"motor '{name}': {what} is {value:g}."
+            raise FileError(path, problem, f"It must be {low:g} to {high:g}.", line)
+    return motor

@@ -1,0 +1,56 @@
+"""`published_curves.csv`: a manufacturer's peak curves, to hold the measured knees against. They enter no model."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.errors import FileError
+
+TABLE = "published_curves.csv"
+COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [rad/s]")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedCurve:
+    """Torque up to a knee speed, then in a line to 0; flat where the knee speed is above the no-load speed."""
+
+    peak_torque: float
+    """[N m]"""
+    knee_speed: float
+    """[rad/s]"""
+    no_load_speed: float
+    """[rad/s]"""
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """(speed, torque) of the curve's corners."""
+        knee = min(self.knee_speed, self.no_load_speed)
+        return ((0.0, self.peak_torque), (knee, self.peak_torque), (self.no_load_speed, 0.0))
+
+    def torque(self, speed: float) -> float:
+        """Torque [N m] at a speed [rad/s]."""
+        if speed <= min(self.knee_speed, self.no_load_speed):
+            return self.peak_torque
+        if speed >= self.no_load_speed:
+            return 0.0
+        return self.peak_torque * (self.no_load_speed - speed) / (self.no_load_speed - self.knee_speed)
+
+
+def read_published(folder: Path) -> dict[str, PublishedCurve]:
+    """Curves by motor model; none where the folder has no table. Raises FileError."""
+    path = folder / TABLE
+    if not path.is_file():
+        return {}
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    records = list(csv.reader(lines))
+    if not records or tuple(records[0]) != COLUMNS:
+        raise FileError(path, "its columns are not those of published curves.", f"They must be {', '.join(COLUMNS)}.")
+    try:
+        return {
+            model: PublishedCurve(peak_torque=float(peak), knee_speed=float(knee), no_load_speed=float(no_load))
+            for model, peak, knee, no_load in records[1:]
+        }
+    except ValueError as error:
+        raise FileError(path, f"{error}.", "Write a model and three numbers a row.") from error

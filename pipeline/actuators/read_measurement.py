@@ -1,0 +1,187 @@
+"""Read a measurement file: what it states is believed, what it leaves open is asked for, what contradicts is refused.
+
+    # side: joint                                  joint or motor; with `motor` also `# gear_efficiency: 0.9`
+    # source: ...                                  any other remark; `# synthetic: ...` for what was never measured
+    motor,direction,speed [rad/s],torque [N m],voltage [V],temperature [degC]
+    knee,positive,0.32,60.4,48,31
+
+Commas, semicolons or tabs separate; numbers may have a decimal comma. Rows may come in any order. Speed and torque may
+have signs: a row is one of driving where they agree, of braking where they do not, and braking rows are left out.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.actuators.columns import Column, read_header
+from pipeline.actuators.measurement import Measurement
+from pipeline.actuators.motor_table import Motor
+from pipeline.actuators.number_text import decimal_sign, number
+from pipeline.actuators.settings import ReadingSettings
+from pipeline.errors import AmbiguousFileError, FileError
+
+DIRECTIONS = {"positive": True, "+": True, "negative": False, "-": False}
+NEAR_LARGEST = 0.9
+"""A value above this share of the largest is near it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rows:
+    """The table as it stands in the file."""
+
+    forward: np.ndarray
+    speed: np.ndarray
+    torque: np.ndarray
+    voltage: np.ndarray
+    temperature: np.ndarray
+
+
+def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
+    """The sweep of `motor` in the text of a file. Raises FileError (AmbiguousFileError) with the reason.
+
+    Args:
+        file: what messages call the file
+    """
+    about, table = _split(text)
+    rows = _read_table(table, file, motor.name, about.get("decimal"))
+    speed_factor, torque_factor = _to_joint(about, file, motor)
+    _refuse_swapped(rows, file, settings)
+    _refuse_spread(rows, file, settings)
+    speed, torque, notes = _driving(rows, file, settings)
+    kept = np.isfinite(speed)
+    speed, torque, forward = speed[kept] * speed_factor, torque[kept] * torque_factor, rows.forward[kept]
+    _refuse_implausible(speed, torque, file, settings)
+    order = np.lexsort((torque, speed, ~forward))
+    order = order[np.argsort(speed[order], kind="stable")]
+    return Measurement(
+        motor=motor.name, speed=speed[order], torque=torque[order], forward=forward[order], about=about, notes=notes
+    )
+
+
+def _split(text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
+    """What comment lines state, and the other lines with their numbers."""
+    about: dict[str, str] = {}
+    table = []
+    for line, content in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+        if content.lstrip().startswith("#"):
+            name, colon, value = content.lstrip("# \t").partition(":")
+            if colon:
+                about[name.strip().lower()] = value.strip()
+        elif content.strip():
+            table.append((line, content))
+    return about, table
+
+
+def _read_table(table: list[tuple[int, str]], file: str, motor: str, decimal: str | None) -> _Rows:
+    if len(table) < 2:
+        raise FileError(file, "it has no rows.", "See docs/actuators.md for what a measurement file holds.")
+    first, header = table[0]
+    separator = next((each for each in (";", "\t") if each in header), ",")
+    columns = read_header(_cells(header, separator), file, first)
+    records = [(line, _cells(content, separator)) for line, content in table[1:]]
+    for line, cells in records:
+        if len(cells) != len(columns):
+            problem = f"the row has {len(cells)} values, the header {len(columns)}."
+            do = "Decimal commas need another separator: use semicolons." if separator == "," else "Write one a column."
+            raise FileError(file, problem, do, line)
+        if cells[columns["motor"].index] != motor:
+            problem = f"the row is of motor '{cells[columns['motor'].index]}'."
+            raise FileError(file, problem, f"A file holds the sweeps of the motor it is named by: '{motor}'.", line)
+    numeric = ("speed", "torque", "voltage", "temperature")
+    texts = [cells[columns[name].index] for _, cells in records for name in numeric]
+    sign = decimal_sign(texts, decimal, file)
+    values = {name: _values(records, name, columns[name], sign, file) for name in numeric}
+    forward = [_direction(cells[columns["direction"].index], file, line) for line, cells in records]
+    return _Rows(forward=np.array(forward), **values)
+
+
+def _cells(content: str, separator: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader(io.StringIO(content), delimiter=separator))]
+
+
+def _values(records: list[tuple[int, list[str]]], name: str, column: Column, sign: str, file: str) -> np.ndarray:
+    read = [number(cells[column.index], sign, name, file, line) for line, cells in records]
+    return column.factor * np.array(read)
+
+
+def _direction(text: str, file: str, line: int) -> bool:
+    if text.lower() not in DIRECTIONS:
+        raise FileError(file, f"the direction is '{text}'.", f"Write one of: {', '.join(DIRECTIONS)}.", line)
+    return DIRECTIONS[text.lower()]
+
+
+def _to_joint(about: dict[str, str], file: str, motor: Motor) -> tuple[float, float]:
+    """Factors of speed and torque from the side that was measured to the joint."""
+    side = about.get("side")
+    if side == "joint":
+        return 1.0, 1.0
+    if side != "motor":
+        problem = "it does not say on which side of the gear was measured."
+        raise AmbiguousFileError(file, problem, "Write a line '# side: joint' or '# side: motor'.")
+    text = about.get("gear_efficiency", "")
+    efficiency = number(text, ".", "gear_efficiency", file, 1) if text else 0.0
+    if not 0.0 < efficiency <= 1.0:
+        do = "Write a line '# gear_efficiency: ...' with a number above 0, at most 1."
+        raise AmbiguousFileError(file, "torque at the motor needs the gear's efficiency to be one at the joint.", do)
+    return 1.0 / motor.gear_ratio, motor.gear_ratio * efficiency
+
+
+def _refuse_spread(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+    voltage, temperature = rows.voltage, rows.temperature
+    if np.ptp(voltage) > settings.voltage_spread * abs(float(voltage.mean())):
+        problem = f"the supply voltage goes from {voltage.min():g} to {voltage.max():g} V: these are several curves."
+        raise FileError(file, problem, "Write one file for the curve at the robot's voltage.")
+    if np.ptp(temperature) > settings.temperature_spread:
+        problem = f"the temperature goes from {temperature.min():g} to {temperature.max():g} degC; torque derates."
+        raise FileError(file, problem, "Repeat the sweep with pauses.")
+
+
+def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Magnitudes of speed and torque, NaN where the row is one of braking, and what was done."""
+    speed, torque = rows.speed, rows.torque
+    largest = float(np.abs(torque).max())
+    for forward in (True, False):
+        signed = np.sign(speed[rows.forward == forward])
+        if {1.0, -1.0} <= set(signed.tolist()):
+            name = "positive" if forward else "negative"
+            raise FileError(file, f"rows of the {name} direction have speeds of both signs.", "Correct the direction.")
+    turning = np.where(speed != 0.0, np.sign(speed), _usual_sign(speed, rows.forward))
+    if np.any((turning < 0.0) & rows.forward):
+        raise FileError(file, "rows of the positive direction have negative speeds.", "Correct the direction.")
+    along = torque * turning
+    standing = speed == 0.0
+    along = np.where(standing, np.abs(torque), along)
+    braking = along < -settings.braking_torque * largest
+    if braking.mean() > 0.5:
+        problem = f"{int(braking.sum())} of {len(braking)} rows have a torque against the motion."
+        raise FileError(file, problem, "A sweep of a driving motor has speed and torque of the same sign.")
+    notes = (f"{int(braking.sum())} braking points left out",) if braking.any() else ()
+    return np.where(braking, np.nan, np.abs(speed)), along, notes
+
+
+def _usual_sign(speed: np.ndarray, forward: np.ndarray) -> np.ndarray:
+    """For each row the sign that speeds of its direction have; 1 where none has any."""
+    signs = {way: float(np.sign(speed[forward == way].sum())) or 1.0 for way in (True, False)}
+    return np.where(forward, signs[True], signs[False])
+
+
+def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settings: ReadingSettings) -> None:
+    fastest, strongest = float(speed.max(initial=0.0)), float(np.abs(torque).max(initial=0.0))
+    if fastest > settings.max_speed:
+        problem = f"the joint would turn at {fastest:.0f} rad/s; at most {settings.max_speed:g} are possible."
+        raise AmbiguousFileError(file, problem, "Is it rpm, deg/s or the motor's side? Correct the unit or the side.")
+    if strongest > settings.max_torque:
+        problem = f"the joint would give {strongest:.0f} N m; at most {settings.max_torque:g} are possible."
+        raise AmbiguousFileError(file, problem, "Correct the unit or the side.")
+
+
+def _refuse_swapped(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+    """A sweep's torques crowd on the plateau; its speeds do not."""
+    near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
+    if near[0] > settings.clustered and near[0] > near[1]:
+        problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."
+        raise AmbiguousFileError(file, problem, "Speed and torque seem to be swapped: correct the header.")

@@ -1,0 +1,71 @@
+"""The thresholds of actuator calibration as `data/actuators.yaml` states them; there stand their values and sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingSettings:
+    """What a measurement file may say."""
+
+    max_speed: float
+    """Faster than this at the joint [rad/s] is taken for another unit or the motor's side."""
+    max_torque: float
+    """More than this at the joint [N m] is taken for another unit."""
+    braking_torque: float
+    """A torque against the motion above this share of the largest is braking and left out; below, noise."""
+    clustered: float
+    """Share of points within a tenth of the largest value from which a column is a plateau."""
+    voltage_spread: float
+    """Largest spread of the supply voltage over its mean; beyond, the points are of several curves."""
+    temperature_spread: float
+    """Largest spread of the temperature [K]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KneeSettings:
+    """When a knee is accepted."""
+
+    min_points: int
+    """Least points of a sweep."""
+    fall_points: int
+    """Least points beyond the knee."""
+    fall_range: float
+    """Least part of the speed range beyond the knee."""
+    slope_ratio: float
+    """Least slope of the fall over that of the plateau."""
+    last_torque: float
+    """Largest torque of the fit at the end of the sweep over that of the knee."""
+    interval: float
+    """Largest width of the 95 % interval of the knee speed over the speed."""
+    directions: float
+    """Largest difference of the two directions' knees over their mean."""
+    no_load_ratio: float
+    """Least no-load speed over knee speed."""
+    outlier: float
+    """A point further from the fit than this many standard deviations is an outlier."""
+    max_outliers: float
+    """Largest share of outliers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelSettings:
+    """What may enter a robot model."""
+
+    gear_ratio: tuple[float, float]
+    rotor_inertia: tuple[float, float]
+    """[kg m^2]"""
+    armature: tuple[float, float]
+    """[kg m^2]"""
+    nominal_factor: float
+    """A knee further than this factor from the model's limit is taken for a wrong unit or side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorSettings:
+    """`data/actuators.yaml`."""
+
+    reading: ReadingSettings
+    knee: KneeSettings
+    model: ModelSettings

@@ -1,0 +1,107 @@
+"""Does the model stand? The robot held in a pose by explicit PD in MuJoCo, with the motors' torque limits.
+
+An explicit controller is unstable where the damping it is to give is large against the inertia it acts on: with the
+armature of the real gears the T1's stiff standing gains hold, with none they do not.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.errors import FileError
+from pipeline.robot import Kinematics, Robot, mujoco_model
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+
+TABLE = "standing.csv"
+COLUMNS = ("joint", "kp", "kd", "pos", "vendor_armature")
+TIMESTEP_S = 0.005
+FALLEN_DEG = 60.0
+"""A tilt beyond this is a fall."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StandingPose:
+    """How the manufacturer's controller stands the robot up before a policy takes over."""
+
+    kp: Float[np.ndarray, " j"]
+    """[N m/rad]"""
+    kd: Float[np.ndarray, " j"]
+    """[N m s/rad]"""
+    joint_pos: Float[np.ndarray, " j"]
+    """[rad]"""
+    vendor_armature: Float[np.ndarray, " j"]
+    """Armature in the manufacturer's MuJoCo model [kg m^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stood:
+    """What came of standing."""
+
+    seconds: float
+    """How long it stood [s]."""
+    fell: bool
+    tilt_deg: float
+    """Largest angle of the root from upright [deg]."""
+    height: float
+    """Of the root at the end [m]."""
+
+
+def read_standing_pose(folder: Path, robot: Robot) -> StandingPose | None:
+    """The standing pose of a robot folder; None where it has none. Raises FileError."""
+    path = folder / TABLE
+    if not path.is_file():
+        return None
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    if not rows or tuple(rows[0]) != COLUMNS or tuple(row["joint"] for row in rows) != robot.joint_names:
+        raise FileError(
+            path,
+            "it is no table of the robot's joints in their order.",
+            f"The columns must be {', '.join(COLUMNS)}.",
+        )
+    try:
+        kp, kd, pos, vendor = (np.array([float(row[name]) for row in rows]) for name in COLUMNS[1:])
+    except ValueError as error:
+        raise FileError(path, f"{error}.", "Write numbers.") from error
+    return StandingPose(kp=kp, kd=kd, joint_pos=pos, vendor_armature=vendor)
+
+
+def stand(
+    robot: Robot,
+    pose: StandingPose,
+    envelope: TorqueEnvelope,
+    armature: Float[np.ndarray, " j"],
+    seconds: float = 10.0,
+) -> Stood:
+    """Hold the pose from a start on the ground, with an armature [kg m^2] of one's choice."""
+    model = mujoco_model(robot, ground=True, timestep=TIMESTEP_S)
+    model.dof_armature[6:] = armature
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate([[0.0, 0.0, _height(robot, pose)], [1.0, 0.0, 0.0, 0.0], pose.joint_pos])
+    control = PdControl(kp=pose.kp, kd=pose.kd, envelope=envelope)
+    steps, worst = round(seconds / TIMESTEP_S), 0.0
+    for step in range(steps):
+        if not np.isfinite(data.qpos).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
+            return Stood(seconds=step * TIMESTEP_S, fell=True, tilt_deg=180.0, height=0.0)
+        data.qfrc_applied[6:] = control.torque(pose.joint_pos, data.qpos[7:], data.qvel[6:])
+        mujoco.mj_step(model, data)
+        upright = 1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2)
+        worst = max(worst, float(np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))))
+        if worst > FALLEN_DEG:
+            return Stood(seconds=step * TIMESTEP_S, fell=True, tilt_deg=worst, height=float(data.qpos[2]))
+    return Stood(seconds=seconds, fell=False, tilt_deg=worst, height=float(data.qpos[2]))
+
+
+def _height(robot: Robot, pose: StandingPose) -> float:
+    """Root height [m] with the lowest sole corner on the ground."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), pose.joint_pos[None])
+    corners = [corner for foot in robot.sole_corners for corner in foot]
+    return -float(kinematics.site_pos_w(poses, corners)[..., 2].min())
