@@ -6,8 +6,8 @@ no-load speed, cut at the effort limit:
 
     torque <= min(effort limit, saturation (1 - speed / no-load speed))
 
-It meets the effort limit at the knee speed when saturation = knee torque / (1 - knee speed / no-load speed). Giving it the
-box's velocity limit as its own would leave no torque at the knee.
+It meets the effort limit at the knee speed when saturation = knee torque / (1 - knee speed / no-load speed). Giving it
+the box's velocity limit as its own would leave no torque at the knee.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     torque(speed) = T + s min(speed - k, 0) + m max(speed - k, 0)
 
-k is the knee speed, T the knee torque, s the slope of the plateau, which sags or is level but does not rise, m the slope
-of the fall. For a given k the model is linear, so the best fit over all k is found by search and not by descent: there
-are no starting values.
+k is the knee speed, T the knee torque, s the slope of the plateau, which sags or is level but does not rise, m the
+slope of the fall. For a given k the model is linear, so the best fit over all k is found by search and not by descent:
+there are no starting values.
 Outliers are found against a fit of least absolute deviations, then left out.
 
 The 95 % intervals are those of the profile likelihood: all values with which the other three parameters can still be

@@ -2,8 +2,8 @@
 
 python -m pipeline.actuators.synthesize data/actuators/t1
 
-Knee torques and speeds are the paper's table (waist, hips, knees) and, where it has none, booster_train's figures (arms,
-ankles, head). That torque then falls in a line to 0 at 1.25 times the knee speed is an assumption.
+Knee torques and speeds are the paper's table (waist, hips, knees) and, where it has none, booster_train's figures
+(arms, ankles, head). That torque then falls in a line to 0 at 1.25 times the knee speed is an assumption.
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ def test_a_comma_that_may_separate_thousands_must_be_explained():
 
 def test_numbers_with_comma_and_point_are_refused():
     text = written(SPEED, TORQUE, separator=";").replace("48.000000", "48,0", 1)
-    with pytest.raises(AmbiguousFileError, match="with a comma .* and with a point"):
+    with pytest.raises(AmbiguousFileError, match=r"with a comma .* and with a point"):
         read(text)
 
 

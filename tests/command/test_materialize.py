@@ -1,6 +1,7 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
 import os
+import dataclasses
 import re
 import shutil
 import signal
@@ -8,6 +9,7 @@ import signal
 import pytest
 
 from pipeline.expert import read_database
+from pipeline.actuators.synthesize import T1, measurement_text
 from tests.factories.checkout import ASSETS, Checkout
 
 pytestmark = pytest.mark.command
@@ -163,3 +165,23 @@ def test_the_shipped_folder_named_again_in_the_environment_changes_nothing(mater
     printed = materialized.materialize(BOOSTER_LAB_MOTIONS=str(materialized.root / "data/motions"))
     assert "nothing is stale" in printed
     assert materialized.counts() == before
+
+
+def test_a_measurement_changed_calibrates_its_motor_and_remakes_what_depends_on_the_model(materialized):
+    before, database = materialized.counts(), materialized.database()
+    path = materialized.root / "data/actuators/t1/knee.csv"
+    text = path.read_text()
+    weak = dataclasses.replace(T1["knee"], knee_torque=20.0)
+    path.write_text(measurement_text("knee", weak))
+    materialized.materialize()
+    made = {name for name, count in materialized.counts().items() if count > before[name]}
+    assert made == {"actuator_calibration", "adapted_robot", "feasible_motions", "expert_db"}
+    history = materialized.history()
+    assert history["actuator_calibration"][0]["motors recomputed"] == "knee"
+    assert history["adapted_robot"][0]["joints changed"].endswith("Left_Knee_Pitch, Right_Knee_Pitch")
+    assert materialized.recomputed()["feasible_motions"] > 0
+    path.write_text(text)
+    materialized.materialize()
+    assert materialized.history()["actuator_calibration"][0]["motors recomputed"] == "none"
+    assert materialized.recomputed()["feasible_motions"] == 0
+    assert materialized.database() == database
