@@ -2,8 +2,8 @@
 
     python benchmarks/actuators.py [--draws 1000] [--json]
 
-Each case is drawn `draws` times: knee speed 5 to 20 rad/s and torque 5 to 60 N m at random, no-load speed 1.25 times the
-knee speed. Draws go through the whole calibration, so refusals are those that a user's file would meet.
+Each case is drawn `draws` times: knee speed 5 to 20 rad/s and torque 5 to 60 N m at random, no-load speed 1.25 times
+that of the knee. Draws go through the whole calibration, so refusals are those that a user's file would meet.
 """
 
 from __future__ import annotations

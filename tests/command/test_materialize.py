@@ -1,15 +1,15 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
-import os
 import dataclasses
+import os
 import re
 import shutil
 import signal
 
 import pytest
 
-from pipeline.expert import read_database
 from pipeline.actuators.synthesize import T1, measurement_text
+from pipeline.expert import read_database
 from tests.factories.checkout import ASSETS, Checkout
 
 pytestmark = pytest.mark.command
