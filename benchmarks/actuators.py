@@ -13,7 +13,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import joblib
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,6 +33,7 @@ from pipeline.actuators.acceptance import reasons_against  # noqa: E402
 from pipeline.actuators.knee_fit import fit_knee  # noqa: E402
 from pipeline.actuators.measurement import Measurement  # noqa: E402
 from pipeline.actuators.synthetic import Curve, Sweep, sample  # noqa: E402
+from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.robot import load_robot  # noqa: E402
 
@@ -87,7 +87,7 @@ def knee_bars(draws: int, values: ActuatorSettings) -> list[Bar]:
     """Recovery, refusals and coverage of all cases."""
     cases = [*KNEES.values(), *NO_FALLS.values()]
     calls = [(sag, sweep, draws, [SEED, number], values) for number, (sag, sweep) in enumerate(cases)]
-    found = joblib.Parallel(n_jobs=-1)(joblib.delayed(draw)(*call) for call in calls)
+    found = list(ClipPool().map(draw, calls))
     bars = []
     for name, each in zip(KNEES, found, strict=False):
         for column, what in enumerate(("speed", "torque")):
@@ -126,7 +126,13 @@ def robot_bars(values: ActuatorSettings) -> list[Bar]:
     return [
         Bar(name="shipped sweeps: joints measured", value=len(known), sense=">=", bound=23),
         Bar(name="shipped sweeps: worst knee", value=100.0 * max(off), unit="%", sense="<=", bound=1.5),
-        Bar(name="shipped sweeps: table in interval", value=100.0 * np.mean(inside), unit="%", sense=">=", bound=100.0),
+        Bar(
+            name="shipped sweeps: table in interval",
+            value=100.0 * float(np.mean(inside)),
+            unit="%",
+            sense=">=",
+            bound=100.0,
+        ),
         Bar(name="adapted T1 stands", value=0.0 if ours.fell else ours.seconds, unit="s", sense=">=", bound=10.0),
         Bar(name="adapted T1 tilts", value=ours.tilt_deg, unit="deg", sense="<=", bound=1.0),
         *(

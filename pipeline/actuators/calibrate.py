@@ -70,7 +70,7 @@ class Calibration:
     @staticmethod
     def from_dict(value: dict[str, Any]) -> Calibration:
         """What `to_dict` gave, also after JSON made lists of its tuples."""
-        plain = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
+        plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
         if (knee := plain["knee"]) is not None:
             intervals = {name: Interval(**knee[name]) for name in ("speed", "torque")}
             plain["knee"] = Knee(**{**knee, **intervals})

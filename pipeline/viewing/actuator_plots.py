@@ -78,5 +78,9 @@ def _knee(place: Any, calibration: Calibration) -> None:
     place.plot(*zip(*corners, strict=True), color="#ff7f0e", linewidth=1.2)
     width, height = knee.speed.high - knee.speed.low, knee.torque.high - knee.torque.low
     place.add_patch(Rectangle((knee.speed.low, knee.torque.low), width, height, fill=False, edgecolor=colour))
-    text = f"{knee.torque.value:.2f} N m\n{knee.speed.value:.2f} rad/s"
-    place.annotate(text, (0.03, 0.05), xycoords="axes fraction", fontsize=7, color=colour)
+    place.plot([knee.speed.value], [knee.torque.value], "o", color=colour, markersize=4, fillstyle="none")
+    text = "\n".join(
+        f"{each.value:.2f} {unit} ({each.low:.2f} to {each.high:.2f})"
+        for each, unit in ((knee.torque, "N m"), (knee.speed, "rad/s"))
+    )
+    place.annotate(text, (0.03, 0.05), xycoords="axes fraction", fontsize=6, color=colour)
