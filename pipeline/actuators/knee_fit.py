@@ -7,8 +7,9 @@ slope of the fall. For a given k the model is linear, so the best fit over all k
 there are no starting values.
 Outliers are found against a fit of least absolute deviations, then left out.
 
-The 95 % intervals are those of the profile likelihood: all values with which the other parameters can still be chosen so
-that the sum of squares stays below min (1 + t^2 / (n - 4)), t of Student's distribution with n - 4 degrees of freedom.
+The 95 % intervals are those of the profile likelihood: all values with which the other parameters can still be
+chosen so that the sum of squares stays below min (1 + t^2 / (n - 4)), t of Student's distribution with n - 4 degrees
+of freedom.
 """
 
 from __future__ import annotations
