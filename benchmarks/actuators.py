@@ -3,7 +3,7 @@
     python benchmarks/actuators.py [--draws 1000] [--json]
 
 Each case is drawn `draws` times: knee speed 5 to 20 rad/s and torque 5 to 60 N m at random, no-load speed 1.25 times
-that of the knee. Draws go through the whole calibration, so refusals are those that a user's file would meet.
+that of the knee. Sweeps are fitted and refused as those of a file are.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pipeline.actuators import (  # noqa: E402
     torque_envelope,
 )
 from pipeline.actuators.acceptance import reasons_against  # noqa: E402
-from pipeline.actuators.knee_fit import fit_knee  # noqa: E402
+from pipeline.actuators.calibrate import fit_sweep  # noqa: E402
 from pipeline.actuators.measurement import Measurement  # noqa: E402
 from pipeline.actuators.synthetic import Curve, Sweep, sample  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
@@ -72,10 +72,10 @@ def draw(sag: float, sweep: Sweep, draws: int, seed: list[int], values: Actuator
     for _ in range(draws):
         curve = Curve(knee_speed=rng.uniform(5.0, 20.0), knee_torque=rng.uniform(5.0, 60.0), sag=sag)
         speed, torque = sample(curve, sweep, rng)
-        fit = fit_knee(speed, torque, values.knee.outlier)
         measurement = Measurement(
             motor="", speed=speed, torque=torque, forward=np.ones(len(speed), dtype=bool), about={}, notes=()
         )
+        measurement, fit = fit_sweep(measurement, values.knee)
         found, truth = (fit.knee_speed, fit.knee_torque), (curve.knee_speed, curve.knee_torque)
         errors.append([abs(each.value / true - 1.0) for each, true in zip(found, truth, strict=True)])
         inside.append([true in each for each, true in zip(found, truth, strict=True)])

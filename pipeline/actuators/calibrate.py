@@ -13,8 +13,14 @@ from pipeline.actuators.knee_fit import Interval, KneeFit, fit_knee
 from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.read_measurement import read_measurement
-from pipeline.actuators.settings import ActuatorSettings
+from pipeline.actuators.settings import ActuatorSettings, KneeSettings
 from pipeline.errors import FileError
+
+IDLE_SPEED = 1.03
+"""A point faster than the no-load speed by more than this factor ..."""
+IDLE_TORQUE = 0.1
+"""... and with less torque than this share of the knee's is one of a motor that is dragged."""
+MAX_TRIMS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +98,7 @@ def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSetti
     if min(count, different) < settings.knee.min_points:
         reason = f"{count} points at {different} speeds; {settings.knee.min_points} are wanted"
         return _with_points(_refused(motor, reason), measurement, np.zeros(count, dtype=bool))
-    fit = fit_knee(measurement.speed, measurement.torque, settings.knee.outlier)
+    measurement, fit = fit_sweep(measurement, settings.knee)
     calibration = Calibration(
         motor=motor.name,
         joints=motor.joints,
@@ -102,6 +108,26 @@ def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSetti
         notes=(),
     )
     return _with_points(calibration, measurement, fit.outlier)
+
+
+def fit_sweep(measurement: Measurement, settings: KneeSettings) -> tuple[Measurement, KneeFit]:
+    """The fit, and the sweep without points beyond the no-load speed, where the motor gives no torque and is dragged.
+
+    The falling line ends there; points that lie flat behind it would draw it out. They are left out until none is left.
+    """
+    whole = len(measurement.speed)
+    fit = fit_knee(measurement.speed, measurement.torque, settings.outlier)
+    for _ in range(MAX_TRIMS):
+        small = np.abs(measurement.torque) < IDLE_TORQUE * abs(fit.knee_torque.value)
+        idle = small & (measurement.speed > IDLE_SPEED * fit.no_load_speed)
+        if not idle.any() or len(np.unique(measurement.speed[~idle])) < settings.min_points:
+            break
+        note = f"{whole - int((~idle).sum())} points beyond the no-load speed left out"
+        kept = {name: getattr(measurement, name)[~idle] for name in ("speed", "torque", "forward")}
+        notes = (*(each for each in measurement.notes if "no-load" not in each), note)
+        measurement = dataclasses.replace(measurement, **kept, notes=notes)
+        fit = fit_knee(measurement.speed, measurement.torque, settings.outlier)
+    return measurement, fit
 
 
 def _knee(fit: KneeFit) -> Knee | None:

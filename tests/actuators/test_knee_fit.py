@@ -102,3 +102,14 @@ def test_few_points_are_refused():
     speed, torque = points()
     found = calibrate(written(speed[[3, 30]], torque[[3, 30]]), "knee.csv", MOTOR, SETTINGS)
     assert found.verdict == "refused: 2 points at 2 speeds; 8 are wanted"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_beyond_the_no_load_speed_do_not_draw_the_fall_out(seed: int):
+    speed = np.linspace(0.0, 1.15 * CURVE.no_load_speed, 46)
+    noise = 0.02 * CURVE.knee_torque * np.random.default_rng(seed).standard_normal(46)
+    text = written(speed, np.maximum(CURVE.torque(speed), 0.0) + noise)
+    found = calibrate(text, "knee.csv", MOTOR, SETTINGS)
+    assert found.knee.speed.value == pytest.approx(CURVE.knee_speed, rel=0.015)
+    assert found.knee.no_load_speed == pytest.approx(CURVE.no_load_speed, rel=0.02)
+    assert found.notes[-1].endswith("points beyond the no-load speed left out")

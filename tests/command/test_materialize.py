@@ -161,6 +161,7 @@ def test_a_broken_settings_file_is_told_in_one_sentence(materialized):
 
 
 def test_the_shipped_folder_named_again_in_the_environment_changes_nothing(materialized):
+    materialized.materialize()
     before = materialized.counts()
     printed = materialized.materialize(BOOSTER_LAB_MOTIONS=str(materialized.root / "data/motions"))
     assert "nothing is stale" in printed
@@ -171,7 +172,7 @@ def test_a_measurement_changed_calibrates_its_motor_and_remakes_what_depends_on_
     before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/actuators/t1/knee.csv"
     text = path.read_text()
-    weak = dataclasses.replace(T1["knee"], knee_torque=20.0)
+    weak = dataclasses.replace(T1["knee"], knee_torque=40.0)
     path.write_text(measurement_text("knee", weak))
     materialized.materialize()
     made = {name for name, count in materialized.counts().items() if count > before[name]}
