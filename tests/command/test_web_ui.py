@@ -23,7 +23,7 @@ def page(checkout):
 
 def test_the_graph_is_shown_without_errors_or_warnings_of_ours(page: WebUi):
     nodes = page.ask("{assetNodes {assetKey {path} dependencyKeys {path} description}}")["assetNodes"]
-    assert {"/".join(node["assetKey"]["path"]) for node in nodes} == {*ASSETS, "raw_motions"}
+    assert {"/".join(node["assetKey"]["path"]) for node in nodes} == {*ASSETS, "raw_motions", "actuator_measurements"}
     assert all(node["description"] for node in nodes)
     complaints = [line for line in page.log.read_text().splitlines() if "ERROR" in line or "WARNING" in line]
     assert complaints == []
