@@ -26,7 +26,11 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 def normalize(vectors: Float[np.ndarray, "*n d"]) -> Float[np.ndarray, "*n d"]:
     """Unit vectors along the last axis. A zero vector stays zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    squares = vectors * vectors
+    total = squares[..., 0]
+    for part in range(1, squares.shape[-1]):
+        total = total + squares[..., part]
+    length = np.sqrt(total)[..., None]
     return vectors / np.where(length > 0.0, length, 1.0)
 
 
