@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -186,12 +187,10 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
     with path.open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     try:
-        return tuple(
-            JointActuator(
-                **{name: cell if name in texts else float(cell or "nan") for name, cell in row.items()}  # type: ignore
-            )
-            for row in rows
-        )
+        typed: list[dict[str, Any]] = [
+            {name: cell if name in texts else float(cell or "nan") for name, cell in row.items()} for row in rows
+        ]
+        return tuple(JointActuator(**row) for row in typed)
     except (TypeError, ValueError) as error:
         raise FileError(path, f"it is no table of actuators ({error}).", "Materialize adapted_robot again.") from error
 
