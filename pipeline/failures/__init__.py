@@ -1,0 +1,1 @@
+"""What went wrong in a log: kind, time, command, evidence, confidence."""

@@ -1,0 +1,1 @@
+"""From failures to bounded changes of what is curated, randomized and calibrated; nothing takes effect unapproved."""

@@ -1,0 +1,1 @@
+"""Logs of a robot (MCAP, sqlite3 bags): read with every damage said, written for virtual robots."""

@@ -1,0 +1,1 @@
+"""The protocol a policy is judged by: cells, figures, bars, one verdict with every reason."""

@@ -1,0 +1,1 @@
+"""A simulated robot that writes the logs a real one would."""
