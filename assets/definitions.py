@@ -5,7 +5,7 @@ import dagster as dg
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.project import PROJECT
 from assets.resources import ClipPoolResource, StoreIOManager
-from assets.robot_motions import robot_assets, robot_checks
+from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
 
 defs = dg.Definitions(
@@ -16,7 +16,6 @@ defs = dg.Definitions(
         repaired_motions,
         *(asset for robot in PROJECT.robots for asset in robot_assets(robot)),
     ],
-    asset_checks=[check for robot in PROJECT.robots for check in robot_checks(robot)],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
     executor=dg.in_process_executor,
 )

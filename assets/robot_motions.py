@@ -8,7 +8,8 @@ import dagster as dg
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
 from assets.checks import check_specs
-from assets.database import database_checks, materialize_database
+from assets.database import materialize_database
+from assets.database_checks import database_check_specs
 from assets.plainly import plainly, told_plainly
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
@@ -32,11 +33,6 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
         _feasible_motions(feasible, augmented, adapted),
         _expert_db(database, feasible, model),
     ]
-
-
-def robot_checks(robot: str) -> list[dg.AssetChecksDefinition]:
-    """The checks that are steps of their own: those on the robot's database."""
-    return [database_checks(robot_plans(robot)[-1])]
 
 
 def _declared(plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -205,10 +201,11 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
     @dg.asset(
         **_declared(plan, "json", inputs=_from(feasible_motions=feasible, robot_model=model)),
         output_required=False,
+        check_specs=database_check_specs(plan),
     )
     def expert_db(
         context: dg.AssetExecutionContext, feasible_motions: Manifest, robot_model: Manifest
-    ) -> Iterator[dg.MaterializeResult]:
+    ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
         with told_plainly():
             yield from materialize_database(context, plan, feasible_motions)

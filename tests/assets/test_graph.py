@@ -7,7 +7,7 @@ from assets.definitions import defs
 from assets.freshness import topological
 from assets.plan import plans
 from assets.project import PROJECT
-from assets.robot_motions import robot_assets, robot_checks
+from assets.robot_motions import robot_assets
 
 LINEAGE = {
     "raw_motions": set(),
@@ -49,7 +49,6 @@ def test_only_motions_and_measurements_are_external():
 def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
     other = dg.Definitions(
         assets=[*defs.assets, *robot_assets("k9")],
-        asset_checks=[*defs.asset_checks, *robot_checks("k9")],
         resources=defs.resources,
     )
     found = lineage(other)

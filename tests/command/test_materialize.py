@@ -42,6 +42,8 @@ def test_nothing_stale_is_said_and_nothing_is_done(materialized):
     assert "nothing is stale" in printed
     assert materialized.counts() == before
     assert materialized.database() == database
+    assert set(materialized.newest_checks().values()) <= {"SUCCEEDED", "FAILED"}, "a plan hides the verdicts"
+    assert len(materialized.newest_checks()) == 3
 
 
 def test_a_clip_added_is_worked_on_alone_and_a_deleted_one_leaves_the_database(materialized):

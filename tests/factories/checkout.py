@@ -28,6 +28,8 @@ ASSETS = (
     "expert_db",
 )
 
+DATABASE_CHECKS = ("whole_database", "every_skill_has_seconds", "command_coverage")
+
 
 @dataclass(frozen=True)
 class Checkout:
@@ -125,6 +127,14 @@ class Checkout:
     def database(self) -> dict[str, str]:
         """Files of the T1 database and their digests."""
         return json.loads((self.root / "data/expert_db/t1/manifest.json").read_text())["files"]
+
+    def newest_checks(self) -> dict[str, str]:
+        """Status of the newest record of each check on the database, as its page shows them."""
+        with self.instance() as instance:
+            keys = [dg.AssetCheckKey(dg.AssetKey(["expert_db"]), name) for name in DATABASE_CHECKS]
+            storage = instance.event_log_storage
+            records = {key.name: storage.get_asset_check_execution_history(key, limit=1) for key in keys}
+        return {name: found[0].status.value for name, found in records.items() if found}
 
     def clips(self) -> set[str]:
         """Names of the motion files that the database's clips come from."""
