@@ -1,0 +1,161 @@
+"""The messages of a Booster robot as tables of fields: their ros2msg text, and their CDR bytes as numpy types.
+
+Fields are those of the published interface (booster_interface). A message has no stamp: time is the recorder's receipt.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+ENCAPSULATION = b"\x00\x01\x00\x00"
+"""First bytes of a payload: CDR, little-endian."""
+
+PACKAGE = "booster_interface"
+
+
+@dataclass(frozen=True)
+class Field:
+    """A primitive or a message of the package, alone, `length` times, or (`None`) as often as the bytes say."""
+
+    kind: str
+    name: str
+    length: int | None = 1
+
+
+PRIMITIVES = {"int8": "i1", "uint8": "u1", "bool": "u1", "int32": "<i4", "uint32": "<u4", "float32": "<f4"}
+"""numpy's code of each primitive. A bool is read as its octet: one that is neither 0 nor 1 must not be hidden."""
+
+BUTTONS = ("a", "b", "x", "y", "lb", "rb", "lt", "rt", "ls", "rs", "back", "start")
+HATS = ("hat_c", "hat_u", "hat_d", "hat_l", "hat_r", "hat_lu", "hat_ld", "hat_ru", "hat_rd")
+
+MESSAGES: dict[str, tuple[Field, ...]] = {
+    "LowState": (
+        Field("ImuState", "imu_state"),
+        Field("MotorState", "motor_state_parallel", None),
+        Field("MotorState", "motor_state_serial", None),
+    ),
+    "ImuState": (Field("float32", "rpy", 3), Field("float32", "gyro", 3), Field("float32", "acc", 3)),
+    "MotorState": (
+        Field("int8", "mode"),
+        *(Field("float32", name) for name in ("q", "dq", "ddq", "tau_est")),
+        Field("int8", "temperature"),
+        Field("uint32", "lost"),
+        Field("uint32", "reserve", 2),
+    ),
+    "LowCmd": (Field("int8", "cmd_type"), Field("MotorCmd", "motor_cmd", None)),
+    "MotorCmd": (
+        Field("int8", "mode"),
+        *(Field("float32", name) for name in ("q", "dq", "tau", "kp", "kd", "weight")),
+    ),
+    "FallDownState": (Field("uint32", "fall_down_state"), Field("bool", "is_recovery_available")),
+    "Odometer": tuple(Field("float32", name) for name in ("x", "y", "theta")),
+    "RemoteControllerState": (
+        Field("int32", "event"),
+        *(Field("float32", name) for name in ("lx", "ly", "rx", "ry")),
+        *(Field("bool", name) for name in (*BUTTONS, *HATS)),
+        Field("uint8", "hat_pos"),
+    ),
+}
+
+TOPICS = {
+    "/low_state": "LowState",
+    "/joint_ctrl": "LowCmd",
+    "/fall_down": "FallDownState",
+    "/odometer_state": "Odometer",
+    "/remote_controller_state": "RemoteControllerState",
+}
+"""The topics that are read, and the message on each. Others are passed over."""
+
+
+def schema_name(message: str) -> str:
+    """Full name of a message, as a schema bears it."""
+    return f"{PACKAGE}/msg/{message}"
+
+
+def schema_text(message: str) -> str:
+    """The ros2msg definition of a message and of all it holds."""
+    blocks = [_block(message)]
+    blocks += [f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{_block(name)}" for name in _held(message)]
+    return "".join(blocks)
+
+
+def _block(message: str) -> str:
+    lines = []
+    for field in MESSAGES[message]:
+        kind = field.kind if field.kind in PRIMITIVES else f"{PACKAGE}/{field.kind}"
+        count = {1: "", None: "[]"}.get(field.length, f"[{field.length}]")
+        lines.append(f"{kind}{count} {field.name}\n")
+    return "".join(lines)
+
+
+def _held(message: str) -> list[str]:
+    """Messages that a message holds, each once, in the order of first use."""
+    found: list[str] = []
+    for field in MESSAGES[message]:
+        if field.kind in MESSAGES:
+            found += [name for name in (field.kind, *_held(field.kind)) if name not in found]
+    return list(dict.fromkeys(found))
+
+
+def is_known_text(message: str, text: str) -> bool:
+    """Whether a schema's text says what our table says; remarks, blanks and constants do not count."""
+    return _lines(text) == _lines(schema_text(message))
+
+
+def _lines(text: str) -> list[str]:
+    lines = []
+    for line in text.splitlines():
+        said = line.partition("#")[0].replace(f"{PACKAGE}/msg/", f"{PACKAGE}/").split()
+        if said and not (said[0].startswith("====") or "=" in "".join(said)):
+            lines.append(" ".join([said[0].replace(f"{PACKAGE}/", ""), *said[1:]]).replace(f"{PACKAGE}/", ""))
+    return lines
+
+
+@functools.lru_cache(maxsize=64)
+def payload_dtype(message: str, *counts: int) -> np.dtype:
+    """A payload, encapsulation first, with `counts` entries in its sequences; each count is a field `<name>_count`.
+
+    Alignment is CDR's, counted from behind the encapsulation.
+    """
+    left = list(counts)
+    names, formats, offsets, end = ["encapsulation"], ["V4"], [0], 4
+    for field in MESSAGES[message]:
+        inner = _element(field.kind)
+        length = field.length
+        if length is None:
+            end = _aligned(end, 4)
+            names, formats, offsets = [*names, f"{field.name}_count"], [*formats, "<u4"], [*offsets, end]
+            end, length = end + 4, left.pop(0)
+        end = _aligned(end, _alignment(field.kind)) if length else end
+        shape = () if field.length == 1 else (length,)
+        names, formats, offsets = [*names, field.name], [*formats, (inner, shape)], [*offsets, end]
+        end += inner.itemsize * length
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+@functools.cache
+def _element(kind: str) -> np.dtype:
+    """A primitive, or a message of fixed size that starts at its alignment."""
+    if kind in PRIMITIVES:
+        return np.dtype(PRIMITIVES[kind])
+    names, formats, offsets, end = [], [], [], 0
+    for field in MESSAGES[kind]:
+        inner, length = _element(field.kind), field.length
+        assert length is not None, "a message in a sequence has a fixed size"
+        end = _aligned(end, _alignment(field.kind))
+        names, formats = [*names, field.name], [*formats, (inner, () if length == 1 else (length,))]
+        offsets, end = [*offsets, end], end + inner.itemsize * length
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def _alignment(kind: str) -> int:
+    if kind in PRIMITIVES:
+        return np.dtype(PRIMITIVES[kind]).itemsize
+    return max(_alignment(field.kind) for field in MESSAGES[kind])
+
+
+def _aligned(offset: int, alignment: int) -> int:
+    return -(-offset // alignment) * alignment

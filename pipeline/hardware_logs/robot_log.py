@@ -1,0 +1,148 @@
+"""A log as it is written: arrays of each topic with the time of receipt, and what the log says of itself."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Int
+
+COMMAND_SOURCES = ("schedule", "remote", "unknown")
+"""Where the walking command is found: in the log's metadata or sidecar, in the remote's sticks, or nowhere."""
+
+EVENTS = ("held", "released", "stop", "pushed")
+"""What an operator notes; `button <name>` comes from the remote."""
+
+METADATA = "booster_lab"
+"""Name of the MCAP metadata record; the sidecar has the same keys."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatorEvent:
+    """Something a person did."""
+
+    time_s: float
+    """Since the log's first message."""
+    kind: str
+    """One of `EVENTS`, or `button <name>` for a button that was pressed on the remote."""
+    source: str = "metadata"
+    """`metadata`, `sidecar` or `remote`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFacts:
+    """What no message of the robot says."""
+
+    robot: str
+    policy_digest: str | None = None
+    """SHA-256 of the policy that ran; None where nobody noted it."""
+    command_source: str = "unknown"
+    simulated: bool = False
+    command: tuple[tuple[float, float, float, float], ...] = ()
+    """Schedule: from time [s] on, forward and left velocity [m/s] and yaw rate [rad/s]."""
+    command_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """What a stick at its end commands [m/s, m/s, rad/s], for the source `remote`."""
+    events: tuple[OperatorEvent, ...] = ()
+    notes: dict[str, str] = field(default_factory=dict)
+    """Further facts, passed on as they are."""
+
+    def to_metadata(self) -> dict[str, str]:
+        """As the strings of an MCAP metadata record."""
+        return {
+            "robot": self.robot,
+            "policy_digest": self.policy_digest or "",
+            "command_source": self.command_source,
+            "simulated": "yes" if self.simulated else "no",
+            "command": json.dumps([list(row) for row in self.command]),
+            "command_scale": json.dumps(list(self.command_scale)),
+            "events": json.dumps([[event.time_s, event.kind] for event in self.events]),
+            "notes": json.dumps(self.notes, sort_keys=True),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class LowStates:
+    """`/low_state`: n messages of j joints, serial arrays (the joints of the model)."""
+
+    time_ns: Int[np.ndarray, " n"]
+    """Receipt, since 1970; does not fall."""
+    rpy: Float[np.ndarray, "n 3"]
+    """Trunk in the world, R = Rz(yaw) Ry(pitch) Rx(roll) [rad]."""
+    gyro_b: Float[np.ndarray, "n 3"]
+    """[rad/s]"""
+    acc_b: Float[np.ndarray, "n 3"]
+    """Specific force [m/s^2], +9.8 on z when the trunk is upright and at rest."""
+    joint_pos: Float[np.ndarray, "n j"]
+    """[rad]"""
+    joint_vel: Float[np.ndarray, "n j"]
+    """[rad/s]"""
+    joint_acc: Float[np.ndarray, "n j"]
+    """[rad/s^2]"""
+    torque_est: Float[np.ndarray, "n j"]
+    """[N m]"""
+    temperature_c: Int[np.ndarray, "n j"]
+    """-128 to 127."""
+    lost: Int[np.ndarray, "n j"]
+    """Packets lost since the motors started."""
+    comm_hz: int = 500
+    """Rate of the motors' communication, `reserve[1]`."""
+    parallel: LowStates | None = None
+    """The same of the motors (ankle cranks); None writes the joints' again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LowCmds:
+    """`/joint_ctrl`: m messages in the serial convention."""
+
+    time_ns: Int[np.ndarray, " m"]
+    target_pos: Float[np.ndarray, "m j"]
+    """[rad]"""
+    target_torque: Float[np.ndarray, "m j"]
+    """Feed-forward [N m]."""
+    kp: Float[np.ndarray, "m j"]
+    """[N m/rad]"""
+    kd: Float[np.ndarray, "m j"]
+    """[N m s/rad]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallStates:
+    """`/fall_down`: 0 ready, 1 falling, 2 has fallen, 3 getting up."""
+
+    time_ns: Int[np.ndarray, " m"]
+    state: Int[np.ndarray, " m"]
+    recovery_available: Int[np.ndarray, " m"]
+    """0 or 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Odometry:
+    """`/odometer_state`: planar, biased by the robot's own estimate."""
+
+    time_ns: Int[np.ndarray, " m"]
+    pose: Float[np.ndarray, "m 3"]
+    """x, y [m], theta [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RemoteStates:
+    """`/remote_controller_state`: sticks from -1 to 1, forward, left and turning left negative; buttons 0 or 1."""
+
+    time_ns: Int[np.ndarray, " m"]
+    sticks: Float[np.ndarray, "m 4"]
+    """lx, ly, rx, ry."""
+    buttons: Int[np.ndarray, "m 12"]
+    """In the order of `messages.BUTTONS`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotLog:
+    """A whole log; topics that were not recorded are None."""
+
+    facts: LogFacts
+    low_state: LowStates
+    joint_ctrl: LowCmds | None = None
+    fall_down: FallStates | None = None
+    odometer: Odometry | None = None
+    remote: RemoteStates | None = None

@@ -1,0 +1,210 @@
+"""A trial: what a robot did in one go, on a regular time base, and its Parquet form.
+
+Sensors report float32, so arrays of sensors are float32; nothing is lost and ten minutes of a T1 stay small.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from jaxtyping import Float, Int
+
+from pipeline.errors import FileError
+from pipeline.hardware_logs.robot_log import OperatorEvent
+
+FORMAT = "booster-lab trial 1"
+
+INTEGRITY = ("complete", "recovered", "unverified")
+"""All of the log was read and its checksums hold; parts of it were lost and the rest holds; it has no checksums."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """A span without samples: floats are NaN there, what is discrete keeps its last value."""
+
+    start_s: float
+    stop_s: float
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """n samples of j joints. Before the first message of a topic its floats are NaN and its discrete values -1."""
+
+    name: str
+    """Path of the log below the folder of logs without suffix; `+2` and so on where a log holds several trials."""
+    robot: str
+    joint_names: tuple[str, ...]
+    """The robot's order, that of every array with j columns."""
+    policy_digest: str | None
+    """None: the trial cannot be laid to a policy."""
+    command_source: str
+    """One of `robot_log.COMMAND_SOURCES`."""
+    simulated: bool
+    integrity: str
+    """One of `INTEGRITY`."""
+    rate_hz: float
+    start_ns: int
+    """Receipt of the first message of the log, since 1970."""
+    log_digest: str
+    """SHA-256 of the log file."""
+    notes: tuple[str, ...]
+    """What was noticed, a sentence each: losses, oddities that are no reason to refuse it."""
+    events: tuple[OperatorEvent, ...]
+    gaps: tuple[Gap, ...]
+
+    time_s: Float[np.ndarray, " n"]
+    """Regular, from 0; float64."""
+    joint_pos: Float[np.ndarray, "n j"]
+    """[rad]"""
+    joint_vel: Float[np.ndarray, "n j"]
+    """[rad/s]"""
+    torque_est: Float[np.ndarray, "n j"]
+    """[N m]"""
+    temperature_c: Float[np.ndarray, "n j"]
+    lost: Int[np.ndarray, "n j"]
+    """Packets lost since the motors started."""
+    rpy: Float[np.ndarray, "n 3"]
+    """Trunk in the world, R = Rz(yaw) Ry(pitch) Rx(roll) [rad]; yaw runs on beyond pi."""
+    gyro_b: Float[np.ndarray, "n 3"]
+    """[rad/s]"""
+    acc_b: Float[np.ndarray, "n 3"]
+    """Specific force [m/s^2]."""
+    target_pos: Float[np.ndarray, "n j"]
+    """Of `/joint_ctrl`, the last one held [rad]."""
+    target_torque: Float[np.ndarray, "n j"]
+    """Feed-forward [N m], held."""
+    kp: Float[np.ndarray, "n j"]
+    """[N m/rad], held."""
+    kd: Float[np.ndarray, "n j"]
+    """[N m s/rad], held."""
+    fall_state: Int[np.ndarray, " n"]
+    """0 ready, 1 falling, 2 has fallen, 3 getting up; held."""
+    odometer: Float[np.ndarray, "n 3"]
+    """x, y [m], theta [rad] as the robot estimates it, held."""
+    command: Float[np.ndarray, "n 3"]
+    """Forward and left velocity [m/s] and yaw rate [rad/s] that were asked for, held."""
+
+    @property
+    def seconds(self) -> float:
+        """Duration [s], gaps included."""
+        return len(self.time_s) / self.rate_hz
+
+    @property
+    def gravity_b(self) -> Float[np.ndarray, "n 3"]:
+        """Direction of gravity in the trunk's frame, unit length: (0, 0, -1) when upright."""
+        roll, pitch = self.rpy[:, 0], self.rpy[:, 1]
+        return np.stack([np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)], axis=1)
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(n,) bool: samples outside the gaps."""
+        inside = np.zeros(len(self.time_s), dtype=bool)
+        for gap in self.gaps:
+            inside |= (self.time_s > gap.start_s) & (self.time_s < gap.stop_s)
+        return ~inside
+
+
+ARRAYS = (
+    *("time_s", "joint_pos", "joint_vel", "torque_est", "temperature_c", "lost", "rpy", "gyro_b", "acc_b"),
+    *("target_pos", "target_torque", "kp", "kd", "fall_state", "odometer", "command"),
+)
+"""Fields of a trial that are columns; the others are in the head."""
+WHOLE = ("lost", "fall_state")
+"""Columns of whole numbers."""
+
+
+def head_of(trial: Trial) -> dict[str, Any]:
+    """What a trial is besides its arrays, as JSON."""
+    head = {each.name: getattr(trial, each.name) for each in fields(trial) if each.name not in ARRAYS}
+    head["events"] = [vars(event) for event in trial.events]
+    head["gaps"] = [vars(gap) for gap in trial.gaps]
+    return head
+
+
+class TrialWriter:
+    """Writes a trial's Parquet file piece by piece; the file has its name only when `finish` was called.
+
+    Use it as a context: what was not finished is taken away.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        os.close(handle)
+        self._aside, self._writer = Path(aside), None
+
+    def __enter__(self) -> TrialWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            self._writer.close()
+        self._aside.unlink(missing_ok=True)
+
+    def add(self, arrays: dict[str, np.ndarray]) -> None:
+        """Append samples: every array of `ARRAYS`."""
+        table = pa.table({name: _to_column(name, arrays[name]) for name in ARRAYS})
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(
+                self._aside, table.schema, compression="zstd", use_dictionary=False, write_statistics=False
+            )
+        self._writer.write_table(table)
+
+    def finish(self, head: dict[str, Any]) -> None:
+        """Write the head and give the file its name."""
+        assert self._writer is not None, "a trial has samples"
+        text = json.dumps({"format": FORMAT, **head}, sort_keys=True, allow_nan=False)
+        self._writer.add_key_value_metadata({"booster_lab": text})
+        self._writer.close()
+        self._writer = None
+        with self._aside.open("rb") as stream:
+            os.fsync(stream.fileno())
+        self._aside.chmod(0o644)
+        self._aside.replace(self.path)
+
+
+def write_trial(path: Path, trial: Trial) -> None:
+    """Write a trial's Parquet file, whole or not at all. Same trial, same bytes."""
+    with TrialWriter(path) as writer:
+        writer.add({name: getattr(trial, name) for name in ARRAYS})
+        writer.finish(head_of(trial))
+
+
+def read_trial(path: Path) -> Trial:
+    """The trial of a file. Raises FileError."""
+    try:
+        table = pq.read_table(path)
+        head = json.loads(pq.read_metadata(path).metadata[b"booster_lab"])
+    except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
+        raise FileError(path, f"not a trial ({error}).", "Materialize hardware_trials again.") from error
+    if head.pop("format", None) != FORMAT:
+        raise FileError(path, f"not a trial of format {FORMAT!r}.", "Materialize hardware_trials again.")
+    arrays: dict[str, Any] = {name: _from_column(table.column(name)) for name in ARRAYS}
+    head["joint_names"], head["notes"] = tuple(head["joint_names"]), tuple(head["notes"])
+    head["events"] = tuple(OperatorEvent(**event) for event in head["events"])
+    head["gaps"] = tuple(Gap(**gap) for gap in head["gaps"])
+    return Trial(**head, **arrays)
+
+
+def _to_column(name: str, values: np.ndarray) -> pa.Array:
+    if values.ndim == 1:
+        return pa.array(values.astype(np.int64 if name in WHOLE else np.float64))
+    flat = np.ascontiguousarray(values, dtype=np.int64 if name in WHOLE else np.float32)
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
+
+
+def _from_column(column: pa.ChunkedArray) -> np.ndarray:
+    if not pa.types.is_fixed_size_list(column.type):
+        return column.to_numpy().copy()
+    chunks = [np.asarray(chunk.flatten()).reshape(len(chunk), column.type.list_size) for chunk in column.chunks]
+    return np.concatenate(chunks) if chunks else np.zeros((0, column.type.list_size))

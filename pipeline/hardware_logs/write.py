@@ -1,0 +1,114 @@
+"""Writes a robot's log as MCAP, as `ros2 bag record -s mcap` on the robot does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.files import atomic
+from pipeline.hardware_logs.mcap_writer import ZSTD_SMALL, McapWriter, Storage
+from pipeline.hardware_logs.messages import BUTTONS, ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
+from pipeline.hardware_logs.robot_log import (
+    METADATA,
+    FallStates,
+    LowCmds,
+    LowStates,
+    Odometry,
+    RemoteStates,
+    RobotLog,
+)
+
+SERIAL = 1
+"""`cmd_type` of commands to the joints of the model."""
+
+
+def write_mcap(path: Path, log: RobotLog, storage: Storage = ZSTD_SMALL) -> None:
+    """Write a log, whole or not at all. Same log, same bytes."""
+    atomic.write_bytes(path, mcap_bytes(log, storage))
+
+
+def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
+    """The bytes of a log's MCAP file: its facts as metadata, then all messages in the order of their receipt."""
+    writer = McapWriter(storage)
+    writer.metadata(METADATA, log.facts.to_metadata())
+    topics = payloads(log)
+    channels = [writer.channel(topic, schema_name(TOPICS[topic]), schema_text(TOPICS[topic])) for topic in topics]
+    times = [time_ns for time_ns, _ in topics.values()]
+    parts = [memoryview(values.tobytes()) for _, values in topics.values()]
+    sizes = [values.dtype.itemsize for _, values in topics.values()]
+    which = np.repeat(np.arange(len(times)), [len(each) for each in times])
+    row = np.concatenate([np.arange(len(each)) for each in times])
+    every = np.concatenate(times)
+    order = np.argsort(every, kind="stable")
+    for topic, index, time_ns in zip(which[order].tolist(), row[order].tolist(), every[order].tolist(), strict=True):
+        start = index * sizes[topic]
+        writer.message(channels[topic], time_ns, parts[topic][start : start + sizes[topic]])
+    return writer.finish()
+
+
+def payloads(log: RobotLog) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Times of receipt and payloads of each topic that the log has."""
+    found = {"/low_state": (log.low_state.time_ns, low_states(log.low_state))}
+    if log.joint_ctrl is not None:
+        found["/joint_ctrl"] = (log.joint_ctrl.time_ns, _low_cmds(log.joint_ctrl))
+    if log.fall_down is not None:
+        found["/fall_down"] = (log.fall_down.time_ns, _fall_states(log.fall_down))
+    if log.odometer is not None:
+        found["/odometer_state"] = (log.odometer.time_ns, _odometry(log.odometer))
+    if log.remote is not None:
+        found["/remote_controller_state"] = (log.remote.time_ns, _remote_states(log.remote))
+    return found
+
+
+def _empty(message: str, length: int, *counts: int) -> np.ndarray:
+    values = np.zeros(length, dtype=payload_dtype(message, *counts))
+    values["encapsulation"] = np.void(ENCAPSULATION)
+    return values
+
+
+def low_states(states: LowStates) -> np.ndarray:
+    """Payloads of `/low_state`."""
+    count = states.joint_pos.shape[1]
+    values = _empty("LowState", len(states.time_ns), count, count)
+    imu = values["imu_state"]
+    imu["rpy"], imu["gyro"], imu["acc"] = states.rpy, states.gyro_b, states.acc_b
+    for name, source in (("serial", states), ("parallel", states.parallel or states)):
+        values[f"motor_state_{name}_count"] = count
+        motors = values[f"motor_state_{name}"]
+        motors["mode"] = 1
+        motors["q"], motors["dq"], motors["ddq"] = source.joint_pos, source.joint_vel, source.joint_acc
+        motors["tau_est"], motors["temperature"], motors["lost"] = source.torque_est, source.temperature_c, source.lost
+        motors["reserve"][..., 1] = source.comm_hz
+    return values
+
+
+def _low_cmds(commands: LowCmds) -> np.ndarray:
+    count = commands.target_pos.shape[1]
+    values = _empty("LowCmd", len(commands.time_ns), count)
+    values["cmd_type"], values["motor_cmd_count"] = SERIAL, count
+    motors = values["motor_cmd"]
+    motors["q"], motors["tau"] = commands.target_pos, commands.target_torque
+    motors["kp"], motors["kd"], motors["weight"] = commands.kp, commands.kd, 1.0
+    return values
+
+
+def _fall_states(falls: FallStates) -> np.ndarray:
+    values = _empty("FallDownState", len(falls.time_ns))
+    values["fall_down_state"], values["is_recovery_available"] = falls.state, falls.recovery_available
+    return values
+
+
+def _odometry(odometry: Odometry) -> np.ndarray:
+    values = _empty("Odometer", len(odometry.time_ns))
+    values["x"], values["y"], values["theta"] = odometry.pose.T
+    return values
+
+
+def _remote_states(remote: RemoteStates) -> np.ndarray:
+    values = _empty("RemoteControllerState", len(remote.time_ns))
+    values["lx"], values["ly"], values["rx"], values["ry"] = remote.sticks.T
+    for name, pressed in zip(BUTTONS, remote.buttons.T, strict=True):
+        values[name] = pressed
+    values["hat_c"] = 1
+    return values
