@@ -1,0 +1,137 @@
+"""A robot on flat ground in DART, behind the interface of every engine: torques in, state and foot forces out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import dartpy as dart
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.dart.skeleton import dart_skeleton, ground_skeleton
+from pipeline.robot import Robot
+from pipeline.simulation.plant import PlantState
+
+GRAVITY = 9.81
+"""[m/s^2], that of the MuJoCo models."""
+
+
+class DartPlant:
+    """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method.
+
+    Args:
+        robot: the robot; its armature goes to the links (`added_moments`)
+        timestep_s: [s]
+        friction: coefficient between all shapes
+    """
+
+    def __init__(self, robot: Robot, timestep_s: float = 0.005, friction: float = 1.0):
+        self.robot, self.timestep_s, self.friction = robot, timestep_s, friction
+        self._feet_names = [robot.link_names[robot.tree.site_link[robot.site(name)]] for name in robot.feet]
+        self.reset()
+
+    def reset(self, state: PlantState | None = None) -> None:
+        """Start again from a state; None is the default pose on the ground.
+
+        The world is built anew: collision detectors remember pairs of the past, and with them the bits change.
+        """
+        self._build()
+        start = _standing(self.robot) if state is None else state
+        positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
+        positions[self._joints], velocities[self._joints] = start.joint_pos, start.joint_vel
+        self._skeleton.setPositions(positions)
+        pose = dart.math.Isometry3()
+        pose.set_rotation(rotation.to_matrix(start.root_quat_w))
+        pose.set_translation(start.root_pos_w)
+        self._root.setTransform(pose)
+        self._skeleton.setVelocities(velocities)
+        self._set_root_velocity(start.root_lin_vel_w, rotation.rotate(start.root_quat_w, start.root_ang_vel_b))
+
+    def _build(self) -> None:
+        robot = self.robot
+        self._skeleton = dart_skeleton(robot, self.friction)
+        self._trunk = self._skeleton.getBodyNode(robot.root_link)
+        self._root = self._skeleton.getRootJoint()
+        self._joints = np.array([self._skeleton.getDof(name).getIndexInSkeleton() for name in robot.joint_names])
+        self._feet = [self._skeleton.getBodyNode(name) for name in self._feet_names]
+        self._sides = {_shape(body, index): side for side, body in enumerate(self._feet) for index in _shapes(body)}
+        self._world = dart.simulation.World()
+        self._world.setGravity([0.0, 0.0, -GRAVITY])
+        self._world.setTimeStep(self.timestep_s)
+        self._world.addSkeleton(ground_skeleton(self.friction))
+        self._world.addSkeleton(self._skeleton)
+
+    def state(self) -> PlantState:
+        """Where the robot is and how it moves."""
+        positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
+        quat_w = rotation.from_rotvec(positions[:3])
+        return PlantState(
+            root_pos_w=positions[3:6].copy(),
+            root_quat_w=quat_w,
+            root_lin_vel_w=np.array(self._trunk.getLinearVelocity()),
+            root_ang_vel_b=rotation.rotate_inverse(quat_w, np.array(self._trunk.getAngularVelocity())),
+            joint_pos=positions[self._joints],
+            joint_vel=velocities[self._joints],
+        )
+
+    def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
+        """One time step with joint torques [N m] and a force [N] at the trunk's centre of mass."""
+        forces = np.zeros(self._skeleton.getNumDofs())
+        forces[self._joints] = torque
+        self._skeleton.setForces(forces)
+        if force_w is not None:
+            self._trunk.addExtForce(force_w, self._trunk.getLocalCOM(), False, True)
+        self._world.step()
+
+    def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
+        """Force [N] and moment about the foot links' origins [N m] on the left and right foot in the last step.
+
+        Of the ground and of everything else that touched the feet.
+        """
+        wrench = np.zeros((2, 6))
+        origins = [np.array(body.getWorldTransform().translation()).reshape(3) for body in self._feet]
+        for side, point, force in self._foot_contacts():
+            wrench[side, :3] += force
+            wrench[side, 3:] += np.cross(point - origins[side], force)
+        return wrench
+
+    def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
+        """Change the velocity of the root [m/s] at once, and with it that of all links."""
+        state = self.state()
+        turning = rotation.rotate(state.root_quat_w, state.root_ang_vel_b)
+        self._set_root_velocity(state.root_lin_vel_w + delta_v_w, turning)
+
+    def _set_root_velocity(self, linear_w: np.ndarray, angular_w: np.ndarray) -> None:
+        self._root.setAngularVelocity(angular_w)
+        self._root.setLinearVelocity(linear_w)
+
+    def _foot_contacts(self) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+        """Foot, point and force on it of each contact of the last step; DART gives the force on the first object."""
+        result = self._world.getLastCollisionResult()
+        for index in range(result.getNumContacts()):
+            contact = result.getContact(index)
+            for shape, sign in ((contact.collisionObject1, 1.0), (contact.collisionObject2, -1.0)):
+                side = self._sides.get(shape.getShapeFrame().getName())
+                if side is not None:
+                    yield side, np.array(contact.point), sign * np.array(contact.force)
+
+
+def _standing(robot: Robot) -> PlantState:
+    """At rest in the default pose on the ground."""
+    return PlantState(
+        root_pos_w=np.array([0.0, 0.0, robot.default_root_height]),
+        root_quat_w=rotation.IDENTITY.copy(),
+        root_lin_vel_w=np.zeros(3),
+        root_ang_vel_b=np.zeros(3),
+        joint_pos=np.array(robot.default_joint_pos),
+        joint_vel=np.zeros(len(robot.joint_names)),
+    )
+
+
+def _shapes(body: dart.dynamics.BodyNode) -> range:
+    return range(body.getNumShapeNodes())
+
+
+def _shape(body: dart.dynamics.BodyNode, index: int) -> str:
+    return body.getShapeNode(index).getName()
