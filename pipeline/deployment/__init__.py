@@ -1,1 +1,20 @@
-"""What runs on the robot: observation, network, joint targets. numpy only; simulators, exports and logs use this one."""
+"""What runs on the robot: observation, network, joint targets. Needs numpy; engines, exports and logs use this one."""
+
+from pipeline.deployment.controller import PolicyController
+from pipeline.deployment.observation import History, frame
+from pipeline.deployment.policy import Policy, PolicyGains, digest, load_policy, save_policy
+from pipeline.deployment.task import DeploymentTask, deployment_task, policy_task
+
+__all__ = [
+    "DeploymentTask",
+    "History",
+    "Policy",
+    "PolicyController",
+    "PolicyGains",
+    "deployment_task",
+    "digest",
+    "frame",
+    "load_policy",
+    "policy_task",
+    "save_policy",
+]

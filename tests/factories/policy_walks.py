@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.deployment import load_policy
 from pipeline.robot import Robot
 from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.policy import load_policy
 from pipeline.simulation.rollout import Rollout, rollout, steady_command
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 

@@ -88,6 +88,7 @@ def test_a_weak_joint_is_seen_where_the_root_comes_first_and_spared_where_torque
 @pytest.mark.shared
 def test_in_single_support_the_solved_torques_are_those_of_the_simulation(robot: Robot, policies: Path):
     walk = policy_walk(policies, robot, (0.8, 0.0, 0.0), 4.0)
+    assert walk.qacc is not None
     still = slice(400, None)
     series = StateSeries(qpos=walk.qpos[still], qvel=walk.qvel[still], qacc=walk.qacc[still])
     clip = walk.clip("walk", 200.0, 2.0)

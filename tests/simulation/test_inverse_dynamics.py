@@ -81,6 +81,7 @@ def test_states_of_sines_have_the_derivatives_of_sines(robot: Robot):
 @pytest.mark.shared
 def test_with_the_true_contact_forces_of_a_walk_the_torques_are_the_motors(robot: Robot, policies: Path):
     walk = policy_walk(policies, robot, (1.0, 0.2, 0.3), 2.0)
+    assert walk.qacc is not None
     found = motion_forces(robot, StateSeries(qpos=walk.qpos, qvel=walk.qvel, qacc=walk.qacc))
     poses = Kinematics(robot).forward(walk.qpos[:, :3], walk.qpos[:, 3:7], walk.qpos[:, 7:])
     origin_w = poses.pos_w[:, [robot.link("left_foot_link"), robot.link("right_foot_link")]]

@@ -6,22 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import FileError
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot
 from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.policy import load_policy
 from pipeline.simulation.self_collision import self_collision
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing
-
-
-@pytest.mark.shared
-def test_the_policy_gives_its_published_actions(policies: Path):
-    with np.load(policies / "t1_walk.npz") as published:
-        actions = load_policy(policies / "t1_walk.npz").act(published["golden_observation"])
-        np.testing.assert_allclose(actions, published["golden_action"], atol=1e-5)
 
 
 @pytest.mark.shared
@@ -38,32 +29,6 @@ def test_the_policy_walks_as_fast_as_published(
     assert np.all(np.abs(walk.torque) <= robot.torque_limit)
     vertical = walk.foot_wrench_w[600:, :, 2].sum(axis=1).mean()
     assert vertical == pytest.approx(robot.total_mass * 9.81, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [("drop", "lacks the arrays"), ("shape", "do not follow"), ("nan", "not finite"), ("text", "no npz")],
-)
-def test_a_policy_file_that_is_none_is_refused(tmp_path: Path, change: str, match: str):
-    arrays = {
-        "mean": np.zeros(4),
-        "std": np.ones(4),
-        "eps": np.array(0.1),
-        "L0_w": np.ones((2, 4)),
-        "L0_b": np.zeros(2),
-    }
-    if change == "drop":
-        del arrays["eps"]
-    if change == "shape":
-        arrays["L0_w"] = np.ones((2, 5))
-    if change == "nan":
-        arrays["L0_b"] = np.array([0.0, np.nan])
-    path = tmp_path / "policy.npz"
-    np.savez(path, **arrays)
-    if change == "text":
-        path.write_text("not numbers")
-    with pytest.raises(FileError, match=match):
-        load_policy(path)
 
 
 def test_pd_torque_is_cut_to_the_envelope():

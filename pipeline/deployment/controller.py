@@ -1,0 +1,67 @@
+"""From what the sensors say to joint targets, one control step after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.deployment.observation import History, frame
+from pipeline.deployment.policy import Policy
+from pipeline.deployment.task import DeploymentTask
+from pipeline.errors import PipelineError
+
+
+class PolicyMisfitError(PipelineError):
+    """A policy whose sizes are not those of the task."""
+
+    def __init__(self, task: DeploymentTask, policy: Policy):
+        got = f"{policy.observation_size} observations and {policy.action_size} actions"
+        wanted = f"{task.observation_size} and {len(task.policy_joints)}"
+        detail = f"{task.history} frames of {task.frame_size}"
+        super().__init__(f"the policy has {got}; robot '{task.robot}' takes {wanted} ({detail}).")
+
+
+class PolicyController:
+    """Keeps the history and the last action. One instance a rollout, called `control_hz` times a second.
+
+    Raises PolicyMisfitError where policy and task don't fit each other.
+    """
+
+    def __init__(self, task: DeploymentTask, policy: Policy):
+        if (policy.observation_size, policy.action_size) != (task.observation_size, len(task.policy_joints)):
+            raise PolicyMisfitError(task, policy)
+        self.task = task
+        self.policy = policy
+        self._history = History(task)
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the start: history and last action are zeros."""
+        self._history.reset()
+        self.last_action: Float[np.ndarray, " a"] = np.zeros(len(self.task.policy_joints))
+        self.observation: Float[np.ndarray, " n"] = np.zeros(self.task.observation_size)
+        """What the policy saw last."""
+
+    def targets(
+        self,
+        gyro_b: Float[np.ndarray, " 3"],
+        gravity_b: Float[np.ndarray, " 3"],
+        command: Float[np.ndarray, " 3"],
+        joint_pos: Float[np.ndarray, " j"],
+        joint_vel: Float[np.ndarray, " j"],
+    ) -> Float[np.ndarray, " j"]:
+        """Position targets [rad] of all joints in the robot's order; see `observation.frame` for the arguments."""
+        newest = frame(
+            self.task,
+            gyro_b=gyro_b,
+            gravity_b=gravity_b,
+            command=command,
+            joint_pos=joint_pos,
+            joint_vel=joint_vel,
+            last_action=self.last_action,
+        )
+        self.observation = self._history.push(newest)
+        self.last_action = self.policy.act(self.observation)
+        targets = self.task.default_joint_pos.copy()
+        targets[self.task.policy_index] += self.task.action_scale * self.last_action
+        return targets

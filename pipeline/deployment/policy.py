@@ -1,0 +1,165 @@
+"""A policy given as numbers in an npz: normalizer, layers, and what travels with them.
+
+Arrays of the file: `mean, std, eps` and layers `L0_w, L0_b, …` (ELU between, none at the end); where there are, the
+gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examples `golden_observation, golden_action`.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.errors import FileError
+from pipeline.files import atomic
+from pipeline.files import digest as digests
+
+GAINS = ("kp", "kd", "default_joint_pos")
+GOLDEN = ("golden_observation", "golden_action")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyGains:
+    """The joint controller that a policy was trained with, joints in the order of `joint_names`."""
+
+    joint_names: tuple[str, ...]
+    kp: Float[np.ndarray, " j"]
+    """[N m/rad]"""
+    kd: Float[np.ndarray, " j"]
+    """[N m s/rad]"""
+    default_joint_pos: Float[np.ndarray, " j"]
+    """[rad]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Golden:
+    """Observations and the actions that the policy gives for them."""
+
+    observation: Float[np.ndarray, "g n"]
+    action: Float[np.ndarray, "g a"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Policy:
+    """A multilayer perceptron with its observation normalizer."""
+
+    mean: Float[np.ndarray, " n"]
+    scale: Float[np.ndarray, " n"]
+    """What a centred observation is divided by."""
+    layers: tuple[tuple[np.ndarray, np.ndarray], ...]
+    """Weight (out, in) and bias (out,) of each layer."""
+    gains: PolicyGains | None = None
+    golden: Golden | None = None
+
+    @property
+    def observation_size(self) -> int:
+        return len(self.mean)
+
+    @property
+    def action_size(self) -> int:
+        return len(self.layers[-1][1])
+
+    def act(self, observation: Float[np.ndarray, "*b n"]) -> Float[np.ndarray, "*b a"]:
+        """Action for an observation history."""
+        value = (observation - self.mean) / self.scale
+        for index, (weight, bias) in enumerate(self.layers):
+            value = value @ weight.T + bias
+            if index < len(self.layers) - 1:
+                value = np.where(value > 0.0, value, np.expm1(np.minimum(value, 0.0)))
+        return value
+
+
+def load_policy(path: Path) -> Policy:
+    """The policy of a file. Raises FileError that names what is missing, misshapen or not finite."""
+    named, names = _arrays(path)
+    count = sum(name.startswith("L") and name.endswith("_w") for name in named)
+    wanted = ["mean", "std", "eps", *(f"L{index}_{part}" for index in range(count) for part in "wb")]
+    missing = [name for name in wanted if name not in named]
+    if missing or count == 0:
+        raise FileError(path, f"lacks the arrays {', '.join(missing) or 'L0_w, L0_b'}.")
+    layers = tuple((named[f"L{index}_w"], named[f"L{index}_b"]) for index in range(count))
+    shapes = [weight.shape for weight, _ in layers]
+    sizes = [named["mean"].size, *(bias.size for _, bias in layers)]
+    if shapes != list(zip(sizes[1:], sizes[:-1], strict=True)):
+        raise FileError(path, f"has layers of the shapes {shapes}, which do not follow on each other.")
+    if named["mean"].shape != named["std"].shape or named["mean"].ndim != 1:
+        raise FileError(path, f"has a mean of shape {named['mean'].shape} and a std of {named['std'].shape}.")
+    bad = [name for name, value in named.items() if not np.isfinite(value).all()]
+    if bad:
+        raise FileError(path, f"has numbers that are not finite in {', '.join(bad)}.")
+    scale = named["std"] + named["eps"]
+    if not (scale > 0.0).all():
+        raise FileError(path, "has a std that is not above 0, which observations are divided by.")
+    return Policy(
+        mean=named["mean"],
+        scale=scale,
+        layers=layers,
+        gains=_gains(path, named, names),
+        golden=_golden(path, named, sizes[0], sizes[-1]),
+    )
+
+
+def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Number arrays of the file as float, and its joint names."""
+    if not path.is_file():
+        raise FileError(path, "there is no such file.", "Name the npz of a policy.")
+    try:
+        loaded = np.load(path, allow_pickle=False)
+        if not isinstance(loaded, np.lib.npyio.NpzFile):
+            raise ValueError("it holds a single array")
+        with loaded as arrays:
+            names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays.files else ()
+            known = (name for name in arrays.files if np.issubdtype(arrays[name].dtype, np.number))
+            return {name: np.asarray(arrays[name], dtype=float) for name in known}, names
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(path, f"is no npz of numbers ({error}).") from error
+
+
+def _gains(path: Path, named: dict[str, np.ndarray], names: tuple[str, ...]) -> PolicyGains | None:
+    there = [name for name in GAINS if name in named]
+    if not there and not names:
+        return None
+    if len(there) < len(GAINS) or not names:
+        raise FileError(path, f"has only some of the arrays joint_names, {', '.join(GAINS)}.", "Write all or none.")
+    if any(named[name].shape != (len(names),) for name in GAINS):
+        raise FileError(path, f"has {len(names)} joint names, and gains or default positions of another number.")
+    return PolicyGains(joint_names=names, **{name: named[name] for name in GAINS})
+
+
+def _golden(path: Path, named: dict[str, np.ndarray], observations: int, actions: int) -> Golden | None:
+    there = [named[name] for name in GOLDEN if name in named]
+    if not there:
+        return None
+    if len(there) == 1 or [part.shape[1:] for part in there] != [(observations,), (actions,)]:
+        raise FileError(path, f"has {' and '.join(GOLDEN)} that do not fit its layers.")
+    return Golden(observation=there[0], action=there[1])
+
+
+def save_policy(path: Path, policy: Policy) -> None:
+    """Write a policy as an npz; equal policies give equal bytes."""
+    arrays: dict[str, np.ndarray] = {"mean": policy.mean, "std": policy.scale, "eps": np.array(0.0)}
+    for index, (weight, bias) in enumerate(policy.layers):
+        arrays |= {f"L{index}_w": weight, f"L{index}_b": bias}
+    if policy.gains is not None:
+        arrays["joint_names"] = np.array(policy.gains.joint_names)
+        arrays |= {name: getattr(policy.gains, name) for name in GAINS}
+    if policy.golden is not None:
+        arrays |= {"golden_observation": policy.golden.observation, "golden_action": policy.golden.action}
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)  # pyright: ignore[reportArgumentType]
+    atomic.write_bytes(path, stream.getvalue())
+
+
+def digest(policy: Policy) -> str:
+    """Digest of what decides the robot's motion: network and gains, in the precision they are kept in."""
+    parts = [policy.mean, policy.scale, *(part for layer in policy.layers for part in layer)]
+    names: tuple[str, ...] = ()
+    if policy.gains is not None:
+        names = policy.gains.joint_names
+        parts += [getattr(policy.gains, name) for name in GAINS]
+    texts = [digests.of_bytes(np.ascontiguousarray(part, dtype="<f8").tobytes()) for part in parts]
+    return digests.of_json([texts, [list(part.shape) for part in parts], list(names)])

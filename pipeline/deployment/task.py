@@ -1,0 +1,115 @@
+"""What a policy is told and what its numbers move: joints, default pose, gains, rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pipeline.deployment.policy import Policy
+from pipeline.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from pipeline.robot import Robot
+else:  # the robot's package brings MuJoCo, which what runs on the robot does without
+    Robot = Any
+
+ACTION_SCALE = 0.25
+"""Of Booster's published walking policy and of ours [rad]."""
+HISTORY = 10
+CONTROL_HZ = 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeploymentTask:
+    """J joints in the robot's order, A of them moved by the policy in the network's order."""
+
+    robot: str
+    """Name of the robot."""
+    joint_names: tuple[str, ...]
+    """The J joints in hardware order, the order of every array here but `policy_index`."""
+    policy_joints: tuple[str, ...]
+    """The A joints that the policy reads and moves, in the network's order."""
+    default_joint_pos: Float[np.ndarray, " j"]
+    """What positions are counted from, and where joints that the policy doesn't move are held [rad]."""
+    kp: Float[np.ndarray, " j"]
+    """[N m/rad]"""
+    kd: Float[np.ndarray, " j"]
+    """[N m s/rad]"""
+    action_scale: float = ACTION_SCALE
+    """Of an action in a joint's target [rad]."""
+    history: int = HISTORY
+    """Frames in an observation."""
+    control_hz: float = CONTROL_HZ
+
+    @cached_property
+    def policy_index(self) -> Int[np.ndarray, " a"]:
+        """Where the policy's joints are in `joint_names`."""
+        return np.array([self.joint_names.index(name) for name in self.policy_joints])
+
+    @property
+    def frame_size(self) -> int:
+        """Numbers in one frame of the observation."""
+        return 9 + 3 * len(self.policy_joints)
+
+    @property
+    def observation_size(self) -> int:
+        return self.history * self.frame_size
+
+
+def deployment_task(
+    robot: Robot,
+    kp: Float[np.ndarray, " j"] | None = None,
+    kd: Float[np.ndarray, " j"] | None = None,
+    default_joint_pos: Float[np.ndarray, " j"] | None = None,
+) -> DeploymentTask:
+    """The task of a robot; gains and default pose are the robot's where not given."""
+    return DeploymentTask(
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        policy_joints=breadth_first(robot),
+        default_joint_pos=np.array(robot.default_joint_pos if default_joint_pos is None else default_joint_pos),
+        kp=np.array(robot.kp if kp is None else kp),
+        kd=np.array(robot.kd if kd is None else kd),
+    )
+
+
+def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
+    """The task of a robot with the gains and the default pose that travel with the policy; the robot's where none do.
+
+    Raises UnknownNameError for a joint that the policy doesn't name.
+    """
+    gains = policy.gains
+    if gains is None:
+        return deployment_task(robot)
+    kp, kd, default = (
+        in_order(values, gains.joint_names, robot.joint_names)
+        for values in (gains.kp, gains.kd, gains.default_joint_pos)
+    )
+    return deployment_task(robot, kp=kp, kd=kd, default_joint_pos=default)
+
+
+def breadth_first(robot: Robot) -> tuple[str, ...]:
+    """The controlled joints level by level of the kinematic tree, each level in the order of its links.
+
+    It is the order in which Isaac Sim numbers joints, and so that of Booster's published policies.
+    """
+    tree = robot.tree
+    level, names = [0], []
+    while level:
+        level = [link for parent in level for link in np.flatnonzero(tree.parent == parent)]
+        names += [robot.joint_names[tree.joint[link]] for link in level]
+    return tuple(name for name in names if name in robot.controlled)
+
+
+def in_order(values: np.ndarray, names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
+    """Values that belong to `names` in the order of `wanted`. Raises UnknownNameError for a name that is missing."""
+    where = {name: index for index, name in enumerate(names)}
+    for name in wanted:
+        if name not in where:
+            raise UnknownNameError("joint", name, tuple(names))
+    return np.asarray(values)[[where[name] for name in wanted]]

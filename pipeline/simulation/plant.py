@@ -1,0 +1,74 @@
+"""What a rollout needs of a physics engine: set a state, read it, step with joint torques, push, feel the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantState:
+    """Where a robot with J joints is and how it moves. Joints in the robot's order."""
+
+    root_pos_w: Float[np.ndarray, " 3"]
+    """Origin of the root link [m]."""
+    root_quat_w: Float[np.ndarray, " 4"]
+    root_lin_vel_w: Float[np.ndarray, " 3"]
+    """Velocity of the root link's origin [m/s]."""
+    root_ang_vel_b: Float[np.ndarray, " 3"]
+    """In the root link's frame [rad/s]."""
+    joint_pos: Float[np.ndarray, " j"]
+    joint_vel: Float[np.ndarray, " j"]
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """A robot on a ground in some engine. Nothing in it is random: equal calls give equal bits."""
+
+    timestep_s: float
+
+    def reset(self, state: PlantState | None = None) -> None:
+        """Start anew from a state; the default pose at rest on the ground where none is given."""
+        ...
+
+    def state(self) -> PlantState:
+        """A copy of the state now."""
+        ...
+
+    def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
+        """One timestep with joint torques [N m] and a force [N] at the centre of mass of the root link."""
+        ...
+
+    def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
+        """Force [N] and moment about the foot link's origin [N m] of the ground on the left and right foot, world
+        frame, that acted at the start of the last step."""
+        ...
+
+    def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
+        """Change the velocity of the whole robot at once [m/s]; its joints' velocities stay."""
+        ...
+
+
+@runtime_checkable
+class TellsAcceleration(Protocol):
+    """A plant that knows its accelerations as well."""
+
+    def acceleration(self) -> Float[np.ndarray, " v"]:
+        """Of root (world), root angular (root frame) and joints at the start of the last step."""
+        ...
+
+
+@runtime_checkable
+class ThrowsBall(Protocol):
+    """A plant that has a ball to throw at the robot."""
+
+    def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
+        """Send the ball against the root link along a horizontal unit direction at a speed [m/s]."""
+        ...
+
+    def remove_ball(self) -> None:
+        """Take it away."""
+        ...

@@ -1,0 +1,123 @@
+"""A rollout as it is written down, and as it is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot import Robot
+from pipeline.simulation.plant import PlantState
+
+CLIP_FPS = 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rollout:
+    """N physics steps of a robot under K control steps. Step n's torque and forces are those that act at its state."""
+
+    robot: Robot
+    timestep_s: float
+    qpos: Float[np.ndarray, "n q"]
+    """Root position (world), root quaternion wxyz, joints."""
+    qvel: Float[np.ndarray, "n v"]
+    """Root velocity (world), root angular velocity (root frame), joints."""
+    torque: Float[np.ndarray, "n j"]
+    """What the motors gave [N m]."""
+    foot_wrench_w: Float[np.ndarray, "n 2 6"]
+    """Force [N] and moment about the foot link's origin [N m] of the ground on the left and right foot, world frame."""
+    command: Float[np.ndarray, "k 3"]
+    """What was wanted at each control step."""
+    target: Float[np.ndarray, "k j"]
+    """Joint targets of each control step, in the robot's order [rad]."""
+    action: Float[np.ndarray, "k a"]
+    """What the network gave, in its order."""
+    fell_s: float | None
+    """Time of the first fall [s]."""
+    qacc: Float[np.ndarray, "n v"] | None = None
+    """Accelerations as `qvel`, where the engine tells them."""
+
+    @property
+    def fell(self) -> bool:
+        return self.fell_s is not None
+
+    @property
+    def control_steps(self) -> int:
+        """Physics steps in a control step."""
+        return len(self.qpos) // max(len(self.command), 1)
+
+    def contacts(self, threshold: float = 1.0) -> Bool[np.ndarray, "n 2"]:
+        """Feet pressed to the ground by more than `threshold` [N]."""
+        return self.foot_wrench_w[:, :, 2] > threshold
+
+    def clip(self, name: str, fps: float = CLIP_FPS, start_s: float = 0.0) -> RobotClip:
+        """Every k-th step from `start_s` on as a clip; contacts are the true ones."""
+        step = round(1.0 / (fps * self.timestep_s))
+        taken = slice(round(start_s / self.timestep_s), None, step)
+        return RobotClip(
+            name=name,
+            fps=fps,
+            robot=self.robot.name,
+            joint_names=self.robot.joint_names,
+            root_pos_w=self.qpos[taken, :3].copy(),
+            root_quat_w=rotation.make_continuous(self.qpos[taken, 3:7]),
+            joint_pos=self.qpos[taken, 7:].copy(),
+            contacts=self.contacts()[taken],
+        )
+
+
+class Record:
+    """The arrays of a rollout while it runs."""
+
+    def __init__(self, ticks: int, decimation: int, joints: int):
+        count = ticks * decimation
+        self.decimation = decimation
+        self.qpos, self.qvel = np.empty((count, 7 + joints)), np.empty((count, 6 + joints))
+        self.torque, self.foot_wrench_w = np.empty((count, joints)), np.empty((count, 2, 6))
+        self.qacc: np.ndarray | None = None
+        self.command, self.target = np.empty((ticks, 3)), np.empty((ticks, joints))
+        self.action: list[np.ndarray] = []
+        self.steps = 0
+        self.fall_tick: int | None = None
+
+    @property
+    def fell(self) -> bool:
+        return self.fall_tick is not None
+
+    def control(self, tick: int, command: np.ndarray, target: np.ndarray, action: np.ndarray) -> None:
+        self.command[tick], self.target[tick] = command, target
+        self.action.append(action)
+
+    def step(
+        self, step: int, state: PlantState, torque: np.ndarray, wrench: np.ndarray, acceleration: np.ndarray | None
+    ) -> None:
+        qpos, qvel = self.qpos[step], self.qvel[step]
+        qpos[:3], qpos[3:7], qpos[7:] = state.root_pos_w, state.root_quat_w, state.joint_pos
+        qvel[:3], qvel[3:6], qvel[6:] = state.root_lin_vel_w, state.root_ang_vel_b, state.joint_vel
+        self.torque[step], self.foot_wrench_w[step] = torque, wrench
+        if acceleration is not None:
+            if self.qacc is None:
+                self.qacc = np.empty_like(self.qvel)
+            self.qacc[step] = acceleration
+        self.steps = step + 1
+
+    def rollout(self, robot: Robot, timestep_s: float) -> Rollout:
+        """What was recorded so far."""
+        n, k = self.steps, len(self.action)
+        fell_s = None if self.fall_tick is None else (self.fall_tick + 1) * self.decimation * timestep_s
+        return Rollout(
+            robot=robot,
+            timestep_s=timestep_s,
+            qpos=self.qpos[:n],
+            qvel=self.qvel[:n],
+            torque=self.torque[:n],
+            foot_wrench_w=self.foot_wrench_w[:n],
+            command=self.command[:k],
+            target=self.target[:k],
+            action=np.array(self.action),
+            fell_s=fell_s,
+            qacc=None if self.qacc is None else self.qacc[:n],
+        )

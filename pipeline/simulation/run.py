@@ -1,0 +1,180 @@
+"""A controller and a plant together: the loop that every engine's rollouts go through."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.deployment.task import DeploymentTask
+from pipeline.errors import PipelineError
+from pipeline.robot import Robot
+from pipeline.simulation.events import Event, Kick, Push, Throw
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.plant import Plant, PlantState, TellsAcceleration, ThrowsBall
+from pipeline.simulation.record import Record, Rollout
+from pipeline.simulation.sensors import PerfectSensors, Sensors
+
+FALL_HEIGHT = 0.45
+"""Height [m] of the root over the ground below which the robot has fallen."""
+FALL_TILT_COS = 0.5
+"""Cosine of the root's angle from upright (60 degrees) beyond which it has."""
+
+Command = Callable[[float], Float[np.ndarray, " 3"]]
+"""Wanted forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
+GroundHeight = Callable[[float, float], float]
+"""Height [m] of the ground at a place [m]."""
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """`PolicyController`, or what stands in for it."""
+
+    task: DeploymentTask
+    last_action: np.ndarray
+
+    def reset(self) -> None: ...
+
+    def targets(
+        self,
+        gyro_b: np.ndarray,
+        gravity_b: np.ndarray,
+        command: np.ndarray,
+        joint_pos: np.ndarray,
+        joint_vel: np.ndarray,
+    ) -> np.ndarray: ...
+
+
+class RateError(PipelineError):
+    """A timestep of which no whole number fits a control step."""
+
+    def __init__(self, timestep_s: float, control_hz: float):
+        super().__init__(
+            f"a timestep of {timestep_s:g} s does not divide the control step of {1.0 / control_hz:g} s; choose one "
+            "that does, as 0.001, 0.002 or 0.005 s at 50 Hz."
+        )
+
+
+class NoBallError(PipelineError):
+    """A ball is to be thrown in a plant without one."""
+
+    def __init__(self, plant: Plant):
+        super().__init__(f"{type(plant).__name__} has no ball to throw; push with a force or a kick there.")
+
+
+def run(
+    robot: Robot,
+    plant: Plant,
+    controller: Controller,
+    motors: PdControl,
+    command: Command,
+    seconds: float,
+    events: Sequence[Event] = (),
+    *,
+    sensors: Sensors | None = None,
+    start: PlantState | None = None,
+    delay_s: float = 0.0,
+    wrench_every: int = 1,
+    ground_height: GroundHeight | None = None,
+    stop_on_fall: bool = False,
+) -> Rollout:
+    """Start `plant` anew and control it for `seconds`.
+
+    Args:
+        robot: whose joints controller and plant have
+        plant: the physics
+        controller: asked for targets `task.control_hz` times a second
+        motors: turn targets into torque at each timestep
+        command: what the controller is told to do
+        seconds: length
+        events: what happens on the way
+        sensors: what the controller is told of the state; the truth where not given
+        start: state to start from; the plant's own where not given
+        delay_s: how late targets reach the motors
+        wrench_every: the ground's forces are read at every so manieth timestep, and kept in between
+        ground_height: falls are counted from there; 0 where not given
+        stop_on_fall: end with the control step in which the robot fell
+
+    Raises RateError, and NoBallError for a Throw that the plant can't do.
+    """
+    decimation = steps_of(controller.task.control_hz, plant.timestep_s)
+    sensors = sensors or PerfectSensors()
+    plant.reset(start)
+    controller.reset()
+    lead = round(delay_s / plant.timestep_s)
+    pending = deque([controller.task.default_joint_pos.copy()] * lead)
+    ticks = round(seconds * controller.task.control_hz)
+    record = Record(ticks, decimation, len(robot.joint_names))
+    tells = plant if isinstance(plant, TellsAcceleration) else None
+    wrench = np.zeros((2, 6))
+    for tick in range(ticks):
+        state = plant.state()
+        wanted = command(tick * decimation * plant.timestep_s)
+        reading = sensors.read(state)
+        target = controller.targets(reading.gyro_b, reading.gravity_b, wanted, reading.joint_pos, reading.joint_vel)
+        record.control(tick, wanted, target, controller.last_action)
+        for step in range(tick * decimation, (tick + 1) * decimation):
+            if lead:
+                pending.append(target)
+                applied = pending.popleft()
+            else:
+                applied = target
+            force_w = _force(events, step, plant)
+            state = plant.state()
+            torque = motors.torque(applied, state.joint_pos, state.joint_vel)
+            plant.step(torque, force_w)
+            if step % wrench_every == 0:
+                wrench = plant.foot_wrench_w()
+            record.step(step, state, torque, wrench, tells.acceleration() if tells else None)
+        if not record.fell and has_fallen(plant.state(), ground_height):
+            record.fall_tick = tick
+            if stop_on_fall:
+                break
+    return record.rollout(robot, plant.timestep_s)
+
+
+def steps_of(control_hz: float, timestep_s: float) -> int:
+    """Timesteps in a control step. Raises RateError."""
+    ratio = 1.0 / (control_hz * timestep_s)
+    if abs(ratio - round(ratio)) > 1e-6 or round(ratio) < 1:
+        raise RateError(timestep_s, control_hz)
+    return round(ratio)
+
+
+def has_fallen(state: PlantState, ground_height: GroundHeight | None = None) -> bool:
+    """Root below `FALL_HEIGHT` over the ground, tilted beyond 60 degrees, or nowhere any more."""
+    x, y, z = state.root_pos_w.tolist()
+    if not np.isfinite(state.root_pos_w).all():
+        return True
+    if ground_height is not None:
+        z -= ground_height(x, y)
+    upright = 1.0 - 2.0 * float(state.root_quat_w[1] ** 2 + state.root_quat_w[2] ** 2)
+    return z < FALL_HEIGHT or upright < FALL_TILT_COS
+
+
+def _force(events: Sequence[Event], step: int, plant: Plant) -> np.ndarray | None:
+    """Sum of the pushes that act in a timestep; kicks and throws are done on the way."""
+    force = None
+    for event in events:
+        first = round(event.start_s / plant.timestep_s)
+        if isinstance(event, Push):
+            if first <= step < round((event.start_s + event.duration_s) / plant.timestep_s):
+                force = event.force_w if force is None else force + event.force_w
+        elif isinstance(event, Kick):
+            if step == first:
+                plant.kick(event.delta_v_w)
+        elif isinstance(event, Throw):
+            _throw(event, step - first, plant)
+    return force
+
+
+def _throw(event: Throw, since: int, plant: Plant) -> None:
+    if not isinstance(plant, ThrowsBall):
+        raise NoBallError(plant)
+    if since == 0:
+        plant.throw(event.direction_w, event.speed)
+    elif since == round(event.duration_s / plant.timestep_s):
+        plant.remove_ball()

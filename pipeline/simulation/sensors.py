@@ -1,0 +1,79 @@
+"""What the robot's sensors say of a state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.simulation.plant import PlantState
+
+DOWN_W = np.array([0.0, 0.0, -1.0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What a controller is given of the robot. Joints in the robot's order."""
+
+    gyro_b: Float[np.ndarray, " 3"]
+    """[rad/s]"""
+    gravity_b: Float[np.ndarray, " 3"]
+    """Direction of gravity in the root's frame, unit."""
+    joint_pos: Float[np.ndarray, " j"]
+    joint_vel: Float[np.ndarray, " j"]
+
+
+@runtime_checkable
+class Sensors(Protocol):
+    """Asked once a control step, in the order of time."""
+
+    def read(self, state: PlantState) -> Reading: ...
+
+
+class PerfectSensors:
+    """They say what is."""
+
+    def read(self, state: PlantState) -> Reading:
+        return Reading(
+            gyro_b=state.root_ang_vel_b,
+            gravity_b=rotation.rotate_inverse(state.root_quat_w, DOWN_W),
+            joint_pos=state.joint_pos,
+            joint_vel=state.joint_vel,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorNoise:
+    """Half widths of uniform noise, drawn anew for each number and control step."""
+
+    gyro: float
+    """[rad/s]"""
+    gravity: float
+    """Of each component of the unit vector."""
+    joint_pos: float
+    """[rad]"""
+    joint_vel: float
+    """[rad/s]"""
+
+
+class NoisySensors:
+    """Uniform noise on all that they say."""
+
+    def __init__(self, noise: SensorNoise, rng: np.random.Generator):
+        self.noise, self.rng = noise, rng
+
+    def read(self, state: PlantState) -> Reading:
+        true = PerfectSensors().read(state)
+
+        def noisy(value: np.ndarray, width: float) -> np.ndarray:
+            return value + self.rng.uniform(-width, width, value.shape)
+
+        return Reading(
+            gyro_b=noisy(true.gyro_b, self.noise.gyro),
+            gravity_b=noisy(true.gravity_b, self.noise.gravity),
+            joint_pos=noisy(true.joint_pos, self.noise.joint_pos),
+            joint_vel=noisy(true.joint_vel, self.noise.joint_vel),
+        )
