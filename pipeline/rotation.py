@@ -7,6 +7,7 @@ clip needs frame by frame: products, sign continuity, twist, interpolation, angu
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -83,10 +84,11 @@ def rotate_inverse(quat: Quats, vector: Vectors) -> Vectors:
 
 def make_continuous(quat: Float[np.ndarray, "t *n 4"]) -> Float[np.ndarray, "t *n 4"]:
     """The same rotations with signs chosen so that neighbours in time have a positive dot product."""
-    if len(quat) < 2:
+    products = quat[1:] * quat[:-1]
+    turned = products[..., 0] + products[..., 1] + products[..., 2] + products[..., 3] < 0.0
+    if not turned.any():
         return quat.copy()
-    dots = np.sum(quat[1:] * quat[:-1], axis=-1, keepdims=True)
-    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=0)
+    signs = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)[..., None]
     return np.concatenate([quat[:1], quat[1:] * signs])
 
 
@@ -126,6 +128,21 @@ def from_axis_angle(axis: Vectors, angle: Angles | float) -> Quats:
     """Quaternions wxyz (..., 4) of a rotation by `angle` [rad] (...) about a unit `axis` (3,)."""
     half = np.asarray(angle)[..., None] / 2.0
     return np.concatenate([np.cos(half), np.sin(half) * np.asarray(axis)], axis=-1)
+
+
+def from_euler(turns: Sequence[tuple[int, Float[np.ndarray, "*n"]]]) -> Float[np.ndarray, "*n 4"]:
+    """Quaternions wxyz of turns one after another, each about an axis (0, 1, 2) of the frame turned so far [rad].
+
+    The bits of `multiply` and `from_axis_angle`, whose products with zeros are left out.
+    """
+    parts = [np.ones_like(turns[0][1]), *(np.zeros_like(turns[0][1]) for _ in range(3))]
+    for axis, angle in turns:
+        cos, sin = np.cos(angle / 2.0), np.sin(angle / 2.0)
+        # of quaternions q, (0, unit vector along the axis): products of w and the axis' own part, and of the others
+        w, own, after, later = (parts[index] for index in (0, 1 + axis, 1 + (axis + 1) % 3, 1 + (axis + 2) % 3))
+        parts[0], parts[1 + axis] = w * cos - own * sin, w * sin + own * cos
+        parts[1 + (axis + 1) % 3], parts[1 + (axis + 2) % 3] = after * cos + later * sin, later * cos - after * sin
+    return np.stack(parts, axis=-1)
 
 
 def about_z(yaw: Angles | float) -> Quats:

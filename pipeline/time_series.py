@@ -32,6 +32,8 @@ def resample_times(frame_count: int, fps: float, new_fps: float) -> np.ndarray:
 def resample_linear(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
     """Values (t, ...) at `times_s` by linear interpolation."""
     low, fraction = _bracket(len(values), fps, times_s)
+    if not fraction.any():
+        return values[low]
     high = np.minimum(low + 1, len(values) - 1)
     weight = fraction.reshape(-1, *([1] * (values.ndim - 1)))
     return values[low] * (1.0 - weight) + values[high] * weight
@@ -40,6 +42,8 @@ def resample_linear(values: np.ndarray, fps: float, times_s: np.ndarray) -> np.n
 def resample_quat(quat: np.ndarray, fps: float, times_s: np.ndarray) -> np.ndarray:
     """Quaternions (t, ..., 4) at `times_s` by slerp, sign-continuous."""
     low, fraction = _bracket(len(quat), fps, times_s)
+    if not fraction.any():
+        return rotation.make_continuous(quat[low])
     high = np.minimum(low + 1, len(quat) - 1)
     weight = fraction.reshape(-1, *([1] * (quat.ndim - 2)))
     return rotation.make_continuous(rotation.slerp(quat[low], quat[high], weight))

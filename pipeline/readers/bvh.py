@@ -219,15 +219,13 @@ def _local_transforms(
     starts = np.cumsum([0] + [len(joint.channels) for joint in joints])
     for channels in sorted({joint.channels for joint in joints}):
         group = [index for index, joint in enumerate(joints) if joint.channels == channels]
-        turn = None
+        turns = []
         for place, channel in enumerate(channels):
-            column = values[:, starts[group] + place]
-            axis = CHANNELS.index(channel) % 3
+            column, axis = values[:, starts[group] + place], CHANNELS.index(channel) % 3
             if channel.endswith("position"):
                 pos[:, group, axis] = column
             else:
-                step = rotation.from_axis_angle(np.eye(3)[axis], np.deg2rad(column))
-                turn = step if turn is None else rotation.multiply(turn, step)
-        if turn is not None:
-            quat[:, group] = turn
+                turns.append((axis, np.deg2rad(column)))
+        if turns:
+            quat[:, group] = rotation.from_euler(turns)
     return pos, quat

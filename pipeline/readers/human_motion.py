@@ -51,7 +51,7 @@ def to_human(motion: RawMotion, name: str, statement: Statement) -> Canonical:
     axes = TO_Z_UP[up_axis]
     axes_quat = rotation.from_matrix(axes)
     order = [joint[body] for body in BODIES]
-    rest = np.array([skeleton.rest_frame(motion, body) for body in BODIES])
+    rest = skeleton.rest_frames(motion)
     quat = rotation.multiply(axes_quat, rotation.multiply(motion.joint_quat_w[:, order], rest))
     offset = np.array([skeleton.bodies[body].offset for body in BODIES])
     pos = motion.joint_pos_w[:, order] @ axes.T * metres + rotation.rotate(quat, offset)
@@ -82,9 +82,12 @@ def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
 def _continuous(quat: np.ndarray) -> np.ndarray:
     """Sign-continuous quaternions (t, n, 4), the first with w >= 0; a missing frame does not spread."""
     valid = np.isfinite(quat).all(axis=(1, 2))
-    result = quat.copy()
-    result[valid] = rotation.make_continuous(quat[valid])
-    first = result[valid][:1, :, :1]
+    if valid.all():
+        result = rotation.make_continuous(quat)
+    else:
+        result = quat.copy()
+        result[valid] = rotation.make_continuous(quat[valid])
+    first = result[np.argmax(valid)][None, :, :1] if valid.any() else result[:0]
     return np.where(first < 0.0, -result, result) if len(first) else result
 
 

@@ -70,9 +70,9 @@ def forward_kinematics(
 
     A parent comes before its children; a parent of -1 is the world.
     """
-    pos, quat = local_pos.copy(), local_quat.copy()
+    pos, quat = (list(np.moveaxis(local, 1, 0).copy()) for local in (local_pos, local_quat))  # a joint's frames together
     for joint, parent in enumerate(parents):
         if parent >= 0:
-            pos[:, joint] = pos[:, parent] + rotation.rotate(quat[:, parent], local_pos[:, joint])
-            quat[:, joint] = rotation.multiply(quat[:, parent], local_quat[:, joint])
-    return pos, quat
+            pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
+            quat[joint] = rotation.multiply(quat[parent], quat[joint])
+    return np.stack(pos, axis=1), np.stack(quat, axis=1)

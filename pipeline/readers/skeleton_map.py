@@ -7,6 +7,7 @@ by its file name: every joint a map names has to be there. See docs/sources.md f
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -79,7 +80,7 @@ class SkeletonMap:
             for got, want in zip(found, self.rest.values(), strict=True)
         )
 
-    @property
+    @functools.cached_property
     def joints(self) -> frozenset[str]:
         """Every joint the map needs."""
         named = {value for body in self.bodies.values() for value in body.directions().values() if _axis(value) is None}
@@ -87,12 +88,19 @@ class SkeletonMap:
 
     def rest_frame(self, motion: RawMotion, name: str) -> Float[np.ndarray, " 4"]:
         """Constant rotation wxyz from a body's canonical frame to the frame of its joint."""
-        body = self.bodies[name]
-        first, second = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
-        canonical = _frame(CANONICAL[first[0]], CANONICAL[second[0]])
-        local = _frame(*(self._direction(motion, body.joint, value) for _, value in (first, second)))
-        pitch = rotation.from_axis_angle(AXES["y"], np.deg2rad(body.pitch_deg))
-        return rotation.multiply(rotation.from_matrix(local @ canonical.T), pitch)
+        return self.rest_frames(motion, (name,))[0]
+
+    def rest_frames(self, motion: RawMotion, names: Sequence[str] = BODIES) -> Float[np.ndarray, "n 4"]:
+        """`rest_frame` of several bodies."""
+        canonical, local = np.empty((2, len(names), 2, 3))
+        for index, body in enumerate(self.bodies[name] for name in names):
+            said = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
+            for place, (direction, value) in enumerate(said):
+                canonical[index, place] = CANONICAL[direction]
+                local[index, place] = self._direction(motion, body.joint, value)
+        turns = rotation.from_matrix(_frames(local) @ np.swapaxes(_frames(canonical), 1, 2))
+        pitch = np.deg2rad([self.bodies[name].pitch_deg for name in names])
+        return rotation.multiply(turns, rotation.from_axis_angle(AXES["y"], pitch))
 
     def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, " 3"]:
         axis = _axis(value)
@@ -119,10 +127,11 @@ def _axis(value: str) -> Float[np.ndarray, " 3"] | None:
     return rotation.normalize(vector) if vector.shape == (3,) and vector.any() else None
 
 
-def _frame(first: np.ndarray, second: np.ndarray) -> Float[np.ndarray, "3 3"]:
-    """Right-handed orthonormal columns: `first`, `second` made orthogonal to it, their cross product."""
-    second = rotation.normalize(second - first * (first @ second))
-    return np.column_stack([first, second, np.cross(first, second)])
+def _frames(directions: Float[np.ndarray, "n 2 3"]) -> Float[np.ndarray, "n 3 3"]:
+    """Right-handed orthonormal columns: the first direction, the second made orthogonal to it, their cross product."""
+    first, second = directions[:, 0], directions[:, 1]
+    second = rotation.normalize(second - first * np.sum(first * second, axis=1, keepdims=True))
+    return np.stack([first, second, rotation.cross(first, second)], axis=-1)
 
 
 def read_map(path: Path) -> SkeletonMap:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import FileError
+from pipeline.readers.decimal_rows import read_decimals
 
 MAX_BYTES = 400_000_000
 MAX_FRAMES = 2_000_000
@@ -53,6 +54,9 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
     `first_line` is the number of `lines[0]` in the file, counted from 1. Raises FileError with the line
     for a row that is too short or too long and for what is not a number.
     """
+    plain = read_decimals(lines, columns)
+    if plain is not None:
+        return plain
 
     def rows() -> Iterator[list[str]]:
         for line in lines:

@@ -47,13 +47,12 @@ def forward(
     joint_pos: Float[np.ndarray, "t j"],
 ) -> tuple[Float[np.ndarray, "t l 3"], Float[np.ndarray, "t l 4"]]:
     """Positions [m] and orientations (wxyz) of all links, world frame; joint positions in rad."""
-    frames, links = len(root_pos_w), len(tree.link_names)
-    pos, quat = np.empty((frames, links, 3)), np.empty((frames, links, 4))
-    pos[:, 0], quat[:, 0] = root_pos_w, root_quat_w
-    turns = rotation.from_axis_angle(tree.axis[1:], joint_pos[:, tree.joint[1:]])
-    in_parent = rotation.multiply(tree.quat[1:], turns)
-    for link in range(1, links):
+    pos, quat = [root_pos_w], [root_quat_w]
+    angles = joint_pos[:, tree.joint[1:]].T.copy()  # a link's frames lie together: half the time
+    turns = rotation.from_axis_angle(tree.axis[1:, None], angles)
+    in_parent = rotation.multiply(tree.quat[1:, None], turns)
+    for link in range(1, len(tree.link_names)):
         parent = tree.parent[link]
-        pos[:, link] = pos[:, parent] + rotation.rotate(quat[:, parent], tree.pos[link])
-        quat[:, link] = rotation.multiply(quat[:, parent], in_parent[:, link - 1])
-    return pos, quat
+        pos.append(pos[parent] + rotation.rotate(quat[parent], tree.pos[link]))
+        quat.append(rotation.multiply(quat[parent], in_parent[link - 1]))
+    return np.stack(pos, axis=1), np.stack(quat, axis=1)

@@ -1,6 +1,9 @@
 """Rotation maths against scipy's Rotation, finite differences and its own inverses."""
 
+import functools
+
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
@@ -18,6 +21,18 @@ def test_product_rotates_like_scipys():
     a, b = random_quats(50, 1), random_quats(50, 2)
     expected = (as_scipy(a) * as_scipy(b)).as_matrix()
     np.testing.assert_allclose(rotation.to_matrix(rotation.multiply(a, b)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("axes", ["x", "zx", "zyx", "xyz", "yzx", "zxz"])
+def test_euler_turns_are_scipys_intrinsic_ones_and_the_bits_of_their_product(axes):
+    angles = np.random.default_rng(len(axes)).uniform(-7.0, 7.0, size=(50, len(axes)))
+    turns = [("xyz".index(axis), angles[:, place]) for place, axis in enumerate(axes)]
+    quat = rotation.from_euler(turns)
+    np.testing.assert_allclose(
+        rotation.to_matrix(quat), Rotation.from_euler(axes.upper(), angles).as_matrix(), atol=1e-12
+    )
+    product = functools.reduce(rotation.multiply, (rotation.from_axis_angle(np.eye(3)[a], angle) for a, angle in turns))
+    np.testing.assert_array_equal(quat, product)
 
 
 def test_rotating_vectors_is_the_matrix_product():
