@@ -1,0 +1,80 @@
+"""One thing that went wrong in a log: what, when, under which command, by which evidence, how surely."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+KINDS: tuple[str, ...] = (
+    "fall",
+    "stumble",
+    "slip",
+    "torque_saturation",
+    "speed_saturation",
+    "overheating",
+    "packet_loss",
+    "tracking",
+    "limit_cycle",
+    "held",
+    "stopped",
+)
+"""`held` (by hand) and `stopped` (by the operator) are what happened to a robot and no failure of its policy."""
+
+HELD, STOPPED = "held by hand", "stopped by the operator"
+EXCUSES: tuple[str, ...] = (HELD, STOPPED)
+"""Why something is not the policy's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """A stretch of a trial in which something went wrong."""
+
+    kind: str
+    """One of `KINDS`."""
+    time_s: float
+    """When it began, on the trial's clock [s]."""
+    until_s: float
+    """When it ended [s]."""
+    command: tuple[float, float, float]
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] that were asked for then."""
+    confidence: float
+    """0 to 1: how surely it is this and not something else."""
+    joint: str = ""
+    """The joint, where it is one joint's."""
+    direction: str = ""
+    """Where to: `forward`, `backward`, `left`, `right` of falls; the axis of a tracking divergence."""
+    excuse: str = ""
+    """Why it is not a failure of the policy; empty where it is one."""
+    evidence: dict[str, float | bool | str] = field(default_factory=dict)
+    """What was measured, by name with unit."""
+
+    @property
+    def of_policy(self) -> bool:
+        """Whether the policy is to answer for it."""
+        return not self.excuse and self.kind not in ("held", "stopped")
+
+    def text(self) -> str:
+        """A sentence for a report."""
+        forward, lateral, yaw = self.command
+        what = " ".join(part for part in (self.kind.replace("_", " "), self.direction, self.joint) if part)
+        found = ", ".join(f"{name} {_shown(value)}" for name, value in self.evidence.items())
+        excuse = f"; not the policy's: {self.excuse}" if self.excuse else ""
+        return (
+            f"{what} at {self.time_s:.2f} s, command {forward:.2f} m/s, {lateral:.2f} m/s, {yaw:.2f} rad/s "
+            f"({found}; confidence {self.confidence:.2f}{excuse})"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return {**asdict(self), "command": list(self.command)}
+
+    @staticmethod
+    def from_dict(value: dict[str, Any]) -> Failure:
+        """The failure that `to_dict` was called on."""
+        return Failure(**{**value, "command": tuple(value["command"])})
+
+
+def _shown(value: float | bool | str) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else f"{value:.3g}"

@@ -1,0 +1,54 @@
+"""What a log shows: which commands it ran, for how long, and what went wrong."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pipeline.failures.failure import Failure
+
+VERIFIED, UNVERIFIED = "verified", "unverified"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialReport:
+    """One trial, from one log file."""
+
+    trial: str
+    file: str
+    """The log's file name."""
+    sha256: str
+    """Of the log's bytes."""
+    robot: str
+    policy: str
+    """Digest of the policy as the log states it; empty where it does not."""
+    simulated: bool
+    integrity: str
+    """`verified` where checksums cover all that was used, else `unverified`."""
+    seconds: float
+    commands: tuple[tuple[float, float, float, float], ...]
+    """Steady commands: forward, lateral [m/s], yaw rate [rad/s], and how long each was asked for [s]."""
+    failures: tuple[Failure, ...]
+    notes: tuple[str, ...] = ()
+    """What could not be looked at, and why."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return {
+            **asdict(self),
+            "commands": [list(each) for each in self.commands],
+            "failures": [each.to_dict() for each in self.failures],
+            "notes": list(self.notes),
+        }
+
+    @staticmethod
+    def from_dict(value: dict[str, Any]) -> TrialReport:
+        """The report that `to_dict` was called on."""
+        return TrialReport(
+            **{
+                **value,
+                "commands": tuple(tuple(each) for each in value["commands"]),
+                "failures": tuple(Failure.from_dict(each) for each in value["failures"]),
+                "notes": tuple(value["notes"]),
+            }
+        )

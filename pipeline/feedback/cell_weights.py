@@ -1,0 +1,122 @@
+"""KP5's weights with approved factors on cells of the command space.
+
+A factor f makes the seconds of a cell be drawn f times as often against the rest. A trainer draws a clip by its weight
+and then a time within it, so a cell's share of draws is P = sum_clips w s / sum_clips w, with s the part of the clip's
+seconds that lie in the cell. With factors f_k on cells k the shares become
+
+    P'_k = f_k P_k / Z,    Z = sum_k f_k P_k + (1 - sum_k P_k)
+
+For clips that lie in one cell as a whole that is w' = f w. A clip in several cells can't raise one alone: its weight is
+multiplied by what its seconds are worth on average, and these worths are raked until the shares are reached (iterative
+proportional fitting). Where the clips do not allow that, or no second may weigh so much, the shares that were reached
+are told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.feasibility.command_cells import cell_of
+from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.settings import BalanceSettings
+
+ROUNDS = 500
+CLOSE = 1e-9
+"""Largest relative distance of a share from its target at which raking ends."""
+MOST_WORTH = 4.0
+"""How much further than its factor the worth of a cell's seconds may be raked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellShare:
+    """What a factor did to a cell."""
+
+    cell: str
+    factor: float
+    before: float
+    """Its share of draws without feedback."""
+    wanted: float
+    reached: float
+    clips: int
+    """Clips that have seconds in it; without any nothing can be raised."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reweighted:
+    """Weights of clips, mean 1, and what became of each cell."""
+
+    weight: dict[str, float]
+    cells: tuple[CellShare, ...]
+
+
+def reweigh(rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceSettings) -> Reweighted:
+    """Weights of clips with factors on cells.
+
+    Args:
+        rows: clips with `weight` as KP5 balanced them, `seconds` and velocities or `command_seconds`
+        factors: cell -> how much more often it is drawn
+    """
+    names = sorted(factors)
+    inside = cell_parts(rows, names, settings)
+    weight = rows["weight"].to_numpy(dtype=float)
+    seconds = rows["seconds"].to_numpy(dtype=float)
+    before = weight @ inside / weight.sum()
+    factor = np.array([factors[name] for name in names])
+    wanted = factor * before / (factor @ before + 1.0 - before.sum())
+    raised = _raked(weight, inside, factor, wanted)
+    raised = _bounded(raised, seconds, weight, settings.max_ratio)
+    reached = raised @ inside / raised.sum()
+    cells = tuple(
+        CellShare(
+            cell=name,
+            factor=float(factor[k]),
+            before=float(before[k]),
+            wanted=float(wanted[k]),
+            reached=float(reached[k]),
+            clips=int((inside[:, k] > 0.0).sum()),
+        )
+        for k, name in enumerate(names)
+    )
+    raised = raised / raised.mean()
+    return Reweighted(weight=dict(zip(rows["clip"], raised.tolist(), strict=True)), cells=cells)
+
+
+def cell_parts(rows: pd.DataFrame, cells: list[str], settings: BalanceSettings) -> np.ndarray:
+    """Part of each clip's seconds that lies in each cell (n, k)."""
+    spent = by_command(rows.reset_index(drop=True))
+    named = cell_of(spent, settings.commands).to_numpy()
+    parts = np.zeros((len(rows), len(cells)))
+    for k, cell in enumerate(cells):
+        within = named == cell
+        np.add.at(parts[:, k], spent["row"].to_numpy()[within], spent["seconds"].to_numpy(dtype=float)[within])
+    return parts / rows["seconds"].to_numpy(dtype=float)[:, None]
+
+
+def _raked(weight: np.ndarray, inside: np.ndarray, factor: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Weights (n,) whose cells have the shares `wanted` (k,), as far as the clips allow it."""
+    worth, there = factor.copy(), wanted > 0.0
+    rest = 1.0 - inside.sum(axis=1)
+    for _ in range(ROUNDS):
+        raised = weight * (rest + inside @ worth)
+        share = raised @ inside / raised.sum()
+        if np.all(np.abs(share - wanted)[there] <= CLOSE * wanted[there]):
+            break
+        worth[there] *= wanted[there] / share[there]
+        worth = np.clip(worth, factor / MOST_WORTH, factor * MOST_WORTH)
+    return weight * (rest + inside @ worth)
+
+
+def _bounded(weight: np.ndarray, seconds: np.ndarray, before: np.ndarray, max_ratio: float) -> np.ndarray:
+    """Weights none of whose seconds weighs more than `max_ratio` times the mean, where it did not before."""
+    second, old = weight / seconds, before / seconds
+    highest = max(max_ratio, float(old.max() * seconds.sum() / before.sum()))
+    for _ in range(50):
+        mean = float(second @ seconds / seconds.sum())
+        if second.max() <= highest * mean * (1.0 + 1e-9):
+            break
+        second = np.minimum(second, highest * mean)
+    return second * seconds

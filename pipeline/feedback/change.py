@@ -1,0 +1,132 @@
+"""A bounded change and the logs it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pipeline.errors import PipelineError
+from pipeline.feedback.rules import FeedbackRules
+from pipeline.files import digest
+
+SECTIONS: dict[str, str] = {
+    "selection": "seconds of a skill, times",
+    "augmentation": "width of playing speeds of a skill",
+    "weights": "weight of a command cell, times",
+    "motors": "torque limit of a joint [N m]",
+    "randomization": "end of a range that training draws from",
+}
+"""What can change; each feeds other assets."""
+
+DIGITS = 16
+"""Hex digits of a proposal's digest: enough to tell what was seen from what is approved."""
+
+
+class ChangeError(PipelineError):
+    """A change that the rules do not allow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Witness:
+    """A failure in a log that a change rests on."""
+
+    trial: str
+    log: str
+    """File of the log."""
+    sha256: str
+    """Of the log's bytes."""
+    policy: str
+    """Digest of the policy that walked."""
+    simulated: bool
+    said: str
+    """The failure as a sentence."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One number that is to be another one."""
+
+    section: str
+    """One of `SECTIONS`."""
+    robot: str
+    what: str
+    """Command cell, skill, joint or range."""
+    value: float
+    """What it becomes; factors are 1 where nothing changes."""
+    before: float
+    """What it is without."""
+    bound: float
+    """How far the rules let it go."""
+    witnesses: tuple[Witness, ...]
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        """Digests of the logs it rests on, each once."""
+        return tuple(dict.fromkeys(each.sha256 for each in self.witnesses))
+
+    def text(self) -> str:
+        """A sentence for a report."""
+        simulated = " (simulated)" if all(each.simulated for each in self.witnesses) else ""
+        return (
+            f"{self.robot}, {SECTIONS[self.section]}: {self.what} from {self.before:g} to {self.value:g} "
+            f"(bound {self.bound:g}) by {len(self.logs)} log{'s' if len(self.logs) > 1 else ''}{simulated}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return {**asdict(self), "witnesses": [asdict(each) for each in self.witnesses]}
+
+
+def proposal_digest(changes: Sequence[Change]) -> str:
+    """What tells one proposal from another; empty where there is nothing to propose."""
+    return digest.of_json([each.to_dict() for each in changes])[:DIGITS] if changes else ""
+
+
+def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
+    """Raises ChangeError for changes beyond what the rules allow, all of them at once.
+
+    That holds for every change that takes effect, by whatever hand its file was written. The number of logs counts
+    too: one log can't move what takes two.
+    """
+    faults = [fault for each in changes for fault in _faults(each, rules)]
+    seen: set[tuple[str, str, str]] = set()
+    for each in changes:
+        place = (each.section, each.robot, each.what)
+        if place in seen:
+            faults.append(f"{each.section} {each.what} of {each.robot} is there twice")
+        seen.add(place)
+    if faults:
+        raise ChangeError("; ".join(faults))
+
+
+def _faults(change: Change, rules: FeedbackRules) -> list[str]:
+    name = f"{change.section} '{change.what}'"
+    if not change.witnesses:
+        return [f"{name} names no log that it rests on"]
+    allowed = allowed_range(change, rules)
+    if allowed is None:
+        return [f"{name} is nothing that data/feedback_rules.yaml has a rule for"]
+    low, high = allowed
+    if not low - 1e-9 <= change.value <= high + 1e-9:
+        return [f"{name} is {change.value:g}; by {len(change.logs)} logs allowed is {low:g} to {high:g}"]
+    return []
+
+
+def allowed_range(change: Change, rules: FeedbackRules) -> tuple[float, float] | None:
+    """Lowest and highest value that a change may have by the logs it rests on; None where there is no rule."""
+    logs = len(change.logs)
+    if change.section in ("weights", "selection"):
+        rule = rules.weights if change.section == "weights" else rules.selection
+        return 1.0, min(rule.per_log**logs, rule.most)
+    if change.section == "augmentation":
+        return 0.0, min(rules.augmentation.first + rules.augmentation.per_log * (logs - 1), rules.augmentation.most)
+    if change.section == "motors":
+        enough = logs >= rules.motors.least_logs
+        return rules.motors.lowest * change.before if enough else change.before, change.before
+    ranges = rules.randomization.get(change.what)
+    if change.section != "randomization" or ranges is None:
+        return None
+    moved = ranges.start + ranges.per_log * logs
+    moved = min(moved, ranges.bound) if ranges.per_log > 0.0 else max(moved, ranges.bound)
+    return min(ranges.start, moved), max(ranges.start, moved)

@@ -1,0 +1,258 @@
+"""From failures to changes, by rules. Every change names the logs behind it; what proposes nothing says why.
+
+What is counted is logs, not failures: a robot that falls ten times in one log moves a number as far as one that falls
+once. A log that is there twice (the same bytes under two names) counts once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+import numpy as np
+import pandas as pd
+
+from pipeline.failures.failure import Failure
+from pipeline.failures.trial_report import VERIFIED, TrialReport
+from pipeline.feasibility.command_cells import cell_of
+from pipeline.feasibility.command_seconds import VELOCITIES
+from pipeline.feasibility.settings import CommandSettings
+from pipeline.feedback.change import Change, Witness, allowed_range, check_bounds
+from pipeline.feedback.rules import FeedbackRules, MotorRule
+from pipeline.selection.skills import SKILLS, SkillBounds, distances
+
+Pair = tuple[TrialReport, Failure]
+NamedBy = Callable[[tuple[float, float, float]], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """What the rules make of all logs."""
+
+    changes: tuple[Change, ...]
+    silent: tuple[str, ...]
+    """A sentence for each log, failure or number that proposes nothing."""
+
+
+def propose(
+    reports: Sequence[TrialReport], rules: FeedbackRules, commands: CommandSettings, skills: SkillBounds
+) -> Proposal:
+    """The changes that the reports ask for.
+
+    `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
+    """
+    unlike = sorted({each.sha256: each for each in sorted(reports, key=lambda one: one.trial)}.values(), key=_by_name)
+    heard, silent = _trusted(unlike, rules)
+    pairs = [(report, failure) for report in heard for failure in report.failures if failure.of_policy]
+    counted = [pair for pair in pairs if not _doubt(pair[1], rules)]
+    silent += [f"{report.trial}: {each.text()}: {_doubt(each, rules)}" for report, each in pairs if _doubt(each, rules)]
+    changes: list[Change] = []
+    for robot in sorted({report.robot for report, _ in counted}):
+        own = [pair for pair in counted if pair[0].robot == robot]
+        trials = [report for report in heard if report.robot == robot]
+        cell, skill = _cell_namer(commands), _skill_namer(skills)
+        changes += _factors("weights", own, trials, rules, cell)
+        changes += _factors("selection", own, trials, rules, skill)
+        changes += _widths(own, trials, rules, skill)
+        motors, doubts = _motors(own, rules.motors)
+        changes, silent = changes + motors, silent + doubts
+        changes += _ranges(own, rules)
+    check_bounds(changes, rules)
+    return Proposal(changes=tuple(changes), silent=tuple(silent))
+
+
+def _by_name(report: TrialReport) -> str:
+    return report.trial
+
+
+def _trusted(reports: Sequence[TrialReport], rules: FeedbackRules) -> tuple[list[TrialReport], list[str]]:
+    """The reports that count, and why the others do not."""
+    trust, kept, silent = rules.trust, [], []
+    real = {report.robot for report in reports if not report.simulated}
+    for report in reports:
+        why = ""
+        if not report.policy:
+            why = "it does not say which policy walked"
+        elif not any(fnmatchcase(report.policy, pattern) for pattern in trust.policies):
+            why = f"policy {report.policy[:12]} is not among those whose logs count"
+        elif report.integrity != VERIFIED and not trust.unverified:
+            why = "no checksum covers its bytes"
+        elif report.simulated and trust.simulated == "never":
+            why = "it is simulated"
+        elif report.simulated and trust.simulated == "until_real" and report.robot in real:
+            why = f"it is simulated, and there are logs of a real {report.robot}"
+        if why:
+            silent.append(f"{report.trial} ({report.file}) does not count: {why}")
+        else:
+            kept.append(report)
+    return kept, silent
+
+
+def _doubt(failure: Failure, rules: FeedbackRules) -> str:
+    """Why a failure of a policy does not count; empty if it does."""
+    if failure.confidence < rules.trust.least_confidence:
+        return f"the confidence {failure.confidence:.2f} is below {rules.trust.least_confidence:g}"
+    if failure.kind == "fall" and rules.trust.attitude_confirms and not failure.evidence.get("attitude"):
+        return "the attitude does not show a fall"
+    return ""
+
+
+def _cell_namer(commands: CommandSettings) -> NamedBy:
+    def cell(command: tuple[float, float, float]) -> str:
+        row = pd.DataFrame([dict(zip(VELOCITIES, command, strict=True))])
+        return str(cell_of(row, commands).iloc[0])
+
+    return cell
+
+
+def _skill_namer(bounds: SkillBounds) -> NamedBy:
+    def skill(command: tuple[float, float, float]) -> str:
+        forward, lateral, yaw = (np.array([value]) for value in command)
+        return SKILLS[int(np.argmin(distances(forward, lateral, yaw, bounds)[0]))]
+
+    return skill
+
+
+def _grouped(
+    pairs: Iterable[Pair], trials: Sequence[TrialReport], kinds: tuple[str, ...], least_share: float, name: NamedBy
+) -> dict[str, list[Pair]]:
+    """Failures by what their command is called, where enough of the logs with such a command have one."""
+    groups: dict[str, list[Pair]] = {}
+    for report, failure in pairs:
+        if failure.kind in kinds:
+            groups.setdefault(name(failure.command), []).append((report, failure))
+    tried: dict[str, set[str]] = {}
+    for report in trials:
+        for *command, _ in report.commands:
+            tried.setdefault(name((command[0], command[1], command[2])), set()).add(report.sha256)
+    return {
+        key: group
+        for key, group in sorted(groups.items())
+        if len(_logs(group)) >= least_share * len(tried.get(key, set()) | _logs(group))
+    }
+
+
+def _logs(group: Iterable[Pair]) -> set[str]:
+    return {report.sha256 for report, _ in group}
+
+
+def _witnesses(group: Iterable[Pair]) -> tuple[Witness, ...]:
+    """One a log: its surest failure."""
+    surest: dict[str, Pair] = {}
+    for report, failure in group:
+        if report.sha256 not in surest or failure.confidence > surest[report.sha256][1].confidence:
+            surest[report.sha256] = (report, failure)
+    return tuple(
+        Witness(
+            trial=report.trial,
+            log=report.file,
+            sha256=report.sha256,
+            policy=report.policy,
+            simulated=report.simulated,
+            said=failure.text(),
+        )
+        for report, failure in sorted(surest.values(), key=lambda pair: pair[0].trial)
+    )
+
+
+def _factors(
+    section: str, pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy
+) -> list[Change]:
+    """Factors on command cells or skills."""
+    rule = rules.weights if section == "weights" else rules.selection
+    groups = _grouped(pairs, trials, rule.kinds, rules.trust.least_share, name)
+    return [_moved(section, group, key, rules, before=1.0, bound=rule.most) for key, group in groups.items()]
+
+
+def _widths(pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy) -> list[Change]:
+    """Widths of playing speeds of skills; standing has none."""
+    groups = _grouped(pairs, trials, rules.augmentation.kinds, rules.trust.least_share, name)
+    return [
+        _moved("augmentation", group, key, rules, before=0.0, bound=rules.augmentation.most)
+        for key, group in groups.items()
+        if key != "stand"
+    ]
+
+
+def _moved(
+    section: str, group: Sequence[Pair], what: str, rules: FeedbackRules, *, before: float, bound: float
+) -> Change:
+    """The change that goes as far from `before` as the rule lets this many logs."""
+    change = Change(
+        section=section,
+        robot=group[0][0].robot,
+        what=what,
+        value=before,
+        before=before,
+        bound=bound,
+        witnesses=_witnesses(group),
+    )
+    allowed = allowed_range(change, rules)
+    assert allowed is not None
+    furthest = max(allowed, key=lambda value: abs(value - before))
+    return Change(**{**vars(change), "value": round(furthest, 6)})
+
+
+def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[str]]:
+    """Torque limits of joints that gave less than was asked of them, in several logs alike."""
+    by_joint: dict[str, list[Pair]] = {}
+    for report, failure in pairs:
+        if failure.kind in rule.kinds and "given_n_m" in failure.evidence:
+            by_joint.setdefault(failure.joint, []).append((report, failure))
+    changes, silent = [], []
+    for joint, group in sorted(by_joint.items()):
+        given = _by_log(group, "given_n_m")
+        limit = float(np.median(list(_by_log(group, "limit_n_m").values())))
+        value = float(np.median(list(given.values())))
+        spread = (max(given.values()) - min(given.values())) / value
+        why = _against(value, limit, spread, len(given), rule)
+        if why:
+            silent.append(f"{joint} gave {value:.1f} of {limit:g} N m and keeps its limit: {why}")
+            continue
+        changes.append(
+            Change(
+                section="motors",
+                robot=group[0][0].robot,
+                what=joint,
+                value=round(value, 3),
+                before=limit,
+                bound=round(rule.lowest * limit, 3),
+                witnesses=_witnesses(group),
+            )
+        )
+    return changes, silent
+
+
+def _by_log(group: Sequence[Pair], name: str) -> Mapping[str, float]:
+    """Median over the failures of each log."""
+    values: dict[str, list[float]] = {}
+    for report, failure in group:
+        values.setdefault(report.sha256, []).append(float(failure.evidence[name]))
+    return {log: float(np.median(each)) for log, each in values.items()}
+
+
+def _against(value: float, limit: float, spread: float, logs: int, rule: MotorRule) -> str:
+    if value > (1.0 - rule.least_reduction) * limit:
+        return f"that is less than {100 * rule.least_reduction:g} % below it"
+    if logs < rule.least_logs:
+        return f"{logs} log says so, {rule.least_logs} are wanted"
+    if spread > rule.agreement:
+        return f"the logs differ by {100 * spread:.0f} %"
+    if value < rule.lowest * limit:
+        return f"below {rule.lowest:g} of it the motor is broken"
+    return ""
+
+
+def _ranges(pairs: Sequence[Pair], rules: FeedbackRules) -> list[Change]:
+    """Ends of the ranges that training draws from."""
+    changes = []
+    for name, rule in sorted(rules.randomization.items()):
+        group = [
+            (report, failure)
+            for report, failure in pairs
+            if failure.kind in rule.kinds and (not rule.causes or failure.evidence.get("cause") in rule.causes)
+        ]
+        if group:
+            changes.append(_moved("randomization", group, name, rules, before=rule.start, bound=rule.bound))
+    return changes

@@ -1,0 +1,141 @@
+"""One walk of a virtual robot: a controller, a command, a robot that differs from its model, and the log of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
+from pipeline.robot import Robot
+from pipeline.simulation.events import Push
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import Controller, run
+from pipeline.simulation.sensors import NoisySensors, SensorNoise
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.virtual_robot.deviations import Deviations, by_joint, envelope_of
+from pipeline.virtual_robot.holding_hand import HeldPlant, Hold
+from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
+from pipeline.virtual_robot.record import record
+
+TIMESTEP_S = 0.002
+"""A log's rate is that of the low state, 500 Hz."""
+COMMAND_SLEW = 1.0
+"""How fast a command goes to its next value [m/s or rad/s a second], as the deployment does."""
+
+NOISE = SensorNoise(gyro=0.02, gravity=0.005, joint_pos=0.001, joint_vel=0.05)
+"""What the controller itself is told of the state."""
+
+Waypoint = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VirtualTrial:
+    """What is walked, by which robot."""
+
+    command: tuple[Waypoint, ...]
+    """From time [s] on: forward and left velocity [m/s] and yaw rate [rad/s]."""
+    seconds: float
+    deviations: Deviations = field(default_factory=Deviations)
+    pushes: tuple[Push, ...] = ()
+    hold: Hold | None = None
+    stop_s: float | None = None
+    """When the operator presses stop: the joints are damped from then on."""
+
+
+def simulate(
+    robot: Robot,
+    controller: Controller,
+    trial: VirtualTrial,
+    rng: np.random.Generator,
+    facts: LogFacts,
+    *,
+    envelope: TorqueEnvelope | None = None,
+    quality: LogQuality = SOUND,
+) -> tuple[Rollout, RobotLog]:
+    """The walk, and the log of it. `envelope` is that of the nominal motors; the robot's torque limits if not given."""
+    differs = trial.deviations
+    task = controller.task
+    motors = PdControl(
+        kp=differs.gain_scale * task.kp,
+        kd=differs.gain_scale * task.kd,
+        envelope=envelope_of(robot, differs, envelope or TorqueEnvelope(limit=robot.torque_limit)),
+    )
+    rollout = run(
+        robot,
+        _plant(robot, trial),
+        controller,
+        motors if trial.stop_s is None else StoppedMotors(**vars(motors), stop_s=trial.stop_s),
+        command_of(trial.command),
+        trial.seconds,
+        trial.pushes,
+        sensors=NoisySensors(NOISE, rng),
+        delay_s=differs.delay_s,
+        wrench_every=5,
+    )
+    losses = {"message_loss": differs.message_loss, "motor_loss_hz": differs.motor_loss_hz}
+    quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
+    heating = by_joint(robot, differs.hot, 1.0)
+    heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
+    facts = dataclasses.replace(
+        facts,
+        events=(*facts.events, *_events(trial)),
+        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(differs.words()) or "no"},
+    )
+    log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat)
+    return rollout, _stopped(log, trial.stop_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoppedMotors(PdControl):
+    """Motors that only damp from the operator's stop on."""
+
+    stop_s: float
+    clock: list[float] = field(default_factory=lambda: [0.0])
+
+    def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> np.ndarray:
+        now = self.clock[0]
+        self.clock[0] = now + TIMESTEP_S
+        if now < self.stop_s:
+            return super().torque(target, joint_pos, joint_vel)
+        return self.envelope.clip(-self.kd * joint_vel, joint_vel)
+
+
+def _plant(robot: Robot, trial: VirtualTrial) -> MujocoPlant:
+    options = MujocoOptions(
+        timestep_s=TIMESTEP_S, friction=trial.deviations.friction, root_mass_factor=trial.deviations.root_mass_factor
+    )
+    return MujocoPlant(robot, options) if trial.hold is None else HeldPlant(robot, options, trial.hold)
+
+
+def _events(trial: VirtualTrial) -> list[OperatorEvent]:
+    """What the operator noted: only what they did on purpose. Pushes are for the reader of a log to find."""
+    return [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
+
+
+def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
+    """Commands without stiffness from the stop on."""
+    if stop_s is None or log.joint_ctrl is None:
+        return log
+    late = (log.joint_ctrl.time_ns - log.joint_ctrl.time_ns[0]) * 1e-9 >= stop_s
+    kp = np.where(late[:, None], 0.0, log.joint_ctrl.kp)
+    return dataclasses.replace(log, joint_ctrl=dataclasses.replace(log.joint_ctrl, kp=kp))
+
+
+def command_of(waypoints: Sequence[Waypoint]) -> Callable[[float], np.ndarray]:
+    """The command at each time, slewed from standing to each waypoint's value."""
+    grid = np.arange(0.0, max(row[0] for row in waypoints) + 60.0, 0.02)
+    goals = np.array([row[1:] for row in sorted(waypoints)])
+    starts = np.array([row[0] for row in sorted(waypoints)])
+    values = np.zeros((len(grid), 3))
+    now = np.zeros(3)
+    for index, time_s in enumerate(grid):
+        place = int(np.searchsorted(starts, time_s, side="right")) - 1
+        goal = goals[place] if place >= 0 else np.zeros(3)
+        now = now + np.clip(goal - now, -0.02 * COMMAND_SLEW, 0.02 * COMMAND_SLEW)
+        values[index] = now
+    return lambda time_s: values[min(round(time_s / 0.02), len(values) - 1)]
