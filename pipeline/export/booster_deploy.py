@@ -1,0 +1,137 @@
+"""A policy as a task of Booster's own deployment program (booster_deploy): a folder to put beside its own tasks.
+
+    tasks/booster_lab/__init__.py    registers the task
+    tasks/booster_lab/walk.py        gains, pose and joints of the policy on the vendor's robot
+    tasks/booster_lab/models/policy.pt
+
+The vendor's locomotion policy class reads the observation that ours is trained on, so that no code of it is repeated:
+`walk.py` has numbers only. Gains are given by joint name and put into the order of the vendor's robot there; a joint
+that one side lacks stops the import.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.deployment import DeploymentTask, Policy
+from pipeline.errors import UnknownNameError
+from pipeline.export.torch_script import write_torch_script
+from pipeline.files import atomic
+
+TASK = "booster_lab_walk"
+"""Name under which the task is registered."""
+FOLDER = Path("tasks") / "booster_lab"
+MODEL = "models/policy.pt"
+VENDOR_ROBOTS = {"t1": "T1_23DOF_CFG", "k1": "K1_CFG"}
+"""Robot -> its configuration in `booster_deploy.robots.booster`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandLimits:
+    """What the joystick may ask for at most, both ways."""
+
+    forward: float = 1.0
+    """[m/s]"""
+    lateral: float = 0.6
+    """[m/s]"""
+    yaw_rate: float = 1.0
+    """[rad/s]"""
+
+
+def write_task_folder(
+    folder: Path, task: DeploymentTask, policy: Policy, root_height: float, limits: CommandLimits | None = None
+) -> list[Path]:
+    """Write the task folder below `folder`; the files written. Raises UnknownNameError for a robot it doesn't know."""
+    if task.robot not in VENDOR_ROBOTS:
+        raise UnknownNameError("robot of booster_deploy", task.robot, tuple(VENDOR_ROBOTS))
+    place = folder / FOLDER
+    atomic.write_text(place / "__init__.py", _INIT.format(task=TASK))
+    atomic.write_text(place / "walk.py", _walk(task, root_height, limits or CommandLimits()))
+    write_torch_script(place / MODEL, task, policy)
+    atomic.write_text(folder / "README.md", _README.format(task=TASK, robot=VENDOR_ROBOTS[task.robot]))
+    return [place / "__init__.py", place / "walk.py", place / MODEL, folder / "README.md"]
+
+
+def _walk(task: DeploymentTask, root_height: float, limits: CommandLimits) -> str:
+    rows = zip(task.joint_names, task.default_joint_pos.tolist(), task.kp.tolist(), task.kd.tolist(), strict=True)
+    return _WALK.format(
+        robot=VENDOR_ROBOTS[task.robot],
+        joints="\n".join(f'    "{name}": ({pos!r}, {kp!r}, {kd!r}),' for name, pos, kp, kd in rows),
+        order="\n".join(f'    "{name}",' for name in task.policy_joints),
+        policy_dt=1.0 / task.control_hz,
+        history=task.history,
+        action_scale=task.action_scale,
+        model=MODEL,
+        height=math.ceil(root_height * 100.0) / 100.0,
+        forward=limits.forward,
+        lateral=limits.lateral,
+        yaw_rate=limits.yaw_rate,
+    )
+
+
+_INIT = '''"""Registers the walking policy that Booster Lab exported."""
+
+from booster_deploy.utils.registry import register_task
+
+from .walk import BoosterLabWalkControllerCfg
+
+register_task("{task}", BoosterLabWalkControllerCfg())
+'''
+
+_WALK = '''"""Numbers of an exported policy, written by Booster Lab; golden vectors lie beside the export."""
+
+from pathlib import Path
+
+from booster_deploy.controllers.controller_cfg import ControllerCfg, MujocoControllerCfg, VelocityCommandCfg
+from booster_deploy.robots.booster import {robot}
+from booster_deploy.utils.isaaclab.configclass import configclass
+from tasks.locomotion.locomotion import LocomotionPolicyCfg
+
+JOINTS = {{
+{joints}
+}}
+"""Joint -> default position [rad], stiffness [N m/rad], damping [N m s/rad]."""
+
+POLICY_JOINTS = [
+{order}
+]
+"""The joints that the network reads and moves, in its order."""
+
+strange = sorted(set(JOINTS) ^ set({robot}.joint_names))
+if strange:
+    raise ValueError(f"joints of the policy are not those of {robot}: {{strange}}")
+
+
+@configclass
+class BoosterLabWalkControllerCfg(ControllerCfg):
+    """Walks, runs and turns by a velocity command."""
+
+    policy_dt: float = {policy_dt!r}
+    robot = {robot}.replace(
+        default_joint_pos=[JOINTS[name][0] for name in {robot}.joint_names],
+        joint_stiffness=[JOINTS[name][1] for name in {robot}.joint_names],
+        joint_damping=[JOINTS[name][2] for name in {robot}.joint_names],
+    )
+    vel_command: VelocityCommandCfg = VelocityCommandCfg(vx_max={forward!r}, vy_max={lateral!r}, vyaw_max={yaw_rate!r})
+    policy: LocomotionPolicyCfg = LocomotionPolicyCfg(
+        checkpoint_path=str(Path(__file__).resolve().parent / "{model}"),
+        actor_obs_history_length={history!r},
+        action_scale={action_scale!r},
+        obs_dof_vel_scale=1.0,
+        policy_joint_names=POLICY_JOINTS,
+    )
+    mujoco: MujocoControllerCfg = MujocoControllerCfg(init_pos=[0.0, 0.0, {height!r}])
+'''
+
+_README = """# The policy in booster_deploy
+
+Copy `tasks/booster_lab` into `tasks/` of a checkout of booster_deploy, beside its own tasks. Nothing there is edited.
+
+    python scripts/deploy.py --list
+    python scripts/deploy.py --task {task} --mujoco
+
+In MuJoCo a command is typed as `x y yaw`. On the robot leave out `--mujoco`; read the model card and the release report
+first. Joint order is checked against `{robot}` when the task is imported.
+"""

@@ -1,0 +1,100 @@
+"""The model card: what a policy is, what it was trained on and by which run, what it may be used for."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FileError
+from pipeline.files import atomic
+
+FILE = "card.json"
+PAGE = "CARD.md"
+SCHEMA = "booster-lab policy card 1"
+REQUIRED = ("name", "robot", "digest", "run", "data", "shippable", "why", "network", "parity", "task", "files")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelCard:
+    """Everything said of an exported policy; JSON types only."""
+
+    name: str
+    robot: str
+    digest: str
+    """Of network and gains (`pipeline.deployment.digest`)."""
+    run: dict[str, Any]
+    """The training run: `name, commit, command, preset, seed, num_envs, device, iterations, seconds, options, …`."""
+    data: dict[str, Any]
+    """The expert database: `digest, clips, seconds, licence` as its manifest states them."""
+    shippable: bool
+    why: str
+    """Why it may ship, or may not."""
+    network: dict[str, Any]
+    """Sizes of observation, layers and action."""
+    parity: dict[str, Any]
+    """Largest differences of the exported files from the network, and what ran them."""
+    task: dict[str, Any]
+    """Joints, gains, pose, rates: the metadata of the ONNX file."""
+    files: dict[str, str]
+    """Every other file of the export -> digest of its content."""
+    figures: dict[str, Any] = field(default_factory=dict)
+    """What was measured of it, by the name of the measurement; empty where nothing was."""
+
+    def to_text(self) -> str:
+        return json.dumps({"schema": SCHEMA, **vars(self)}, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def write_card(folder: Path, card: ModelCard) -> None:
+    """Write `card.json` and its page for people; JSON last, so that a folder with one is whole."""
+    atomic.write_text(folder / PAGE, page(card))
+    atomic.write_text(folder / FILE, card.to_text())
+
+
+def read_card(folder: Path) -> ModelCard:
+    """The card of an export. Raises FileError where there is none or it lacks something."""
+    path = folder / FILE
+    if not path.is_file():
+        raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
+    try:
+        value = json.loads(path.read_text())
+    except ValueError as error:
+        raise FileError(path, f"is no JSON ({error}).") from error
+    if not isinstance(value, dict) or value.pop("schema", None) != SCHEMA:
+        raise FileError(path, f"is no card of schema {SCHEMA!r}.", "Export the policy again.")
+    missing = [name for name in REQUIRED if name not in value]
+    unknown = sorted(set(value) - set(ModelCard.__dataclass_fields__))
+    if missing or unknown:
+        raise FileError(
+            path, f"lacks {', '.join(missing) or 'nothing'}, has unknown {', '.join(unknown) or 'nothing'}."
+        )
+    return ModelCard(**value)
+
+
+def page(card: ModelCard) -> str:
+    """The card as Markdown."""
+    licence = card.data.get("licence", {})
+    rows = {
+        "robot": card.robot,
+        "run": card.run.get("name", "not stated"),
+        "commit": card.run.get("commit", "not stated"),
+        "command": f"`{card.run['command']}`" if card.run.get("command") else "not stated",
+        "preset, seed": f"{card.run.get('preset', 'not stated')}, {card.run.get('seed', 'not stated')}",
+        "environments, device": f"{card.run.get('num_envs', 'not stated')}, {card.run.get('device', 'not stated')}",
+        "trained": f"{card.run.get('iterations', '?')} iterations, {card.run.get('seconds', '?')} s",
+        "expert database": card.data.get("digest", "not stated"),
+        "clips, seconds": f"{card.data.get('clips', '?')}, {card.data.get('seconds', '?')}",
+        "licence": f"{licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",
+        "may ship": f"{'yes' if card.shippable else 'no'}. {card.why}",
+        "network": " - ".join(str(size) for size in card.network.get("sizes", ())),
+        "parity": f"ONNX {card.parity['onnx']:.1e} ({card.parity['runtime']}), "
+        f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
+        "digest": card.digest,
+    }
+    lines = [f"| {name} | {_cell(value)} |" for name, value in rows.items()]
+    return "\n".join([f"# {card.name}", "", "| | |", "|---|---|", *lines, ""])
+
+
+def _cell(value: Any) -> str:
+    return str(value).replace("|", "\\|").replace("\n", " ")

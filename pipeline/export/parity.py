@@ -1,0 +1,84 @@
+"""Does what was exported give the network's actions? Largest difference over golden and random observations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.deployment import Policy
+from pipeline.export.export_error import ExportError
+from pipeline.export.onnx_model import read_onnx
+from pipeline.export.torch_script import read_torch_script
+
+TOLERANCE = 1e-5
+"""Largest difference of an action from the network's [1]; a quarter of it in a joint's target [rad]."""
+RANDOM = 256
+"""Random observations that are compared."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parity:
+    """Largest absolute differences from the network's numbers in double precision."""
+
+    onnx: float
+    torch_script: float
+    runtime: str
+    """What ran the ONNX file."""
+    observations: int
+
+    @property
+    def holds(self) -> bool:
+        return max(self.onnx, self.torch_script) <= TOLERANCE
+
+
+def observations_to_compare(
+    policy: Policy, golden: Float[np.ndarray, "g n"], rng: np.random.Generator
+) -> Float[np.ndarray, "m n"]:
+    """Golden observations, then random ones spread as the normalizer says that training saw them."""
+    random = policy.mean + policy.scale * rng.normal(size=(RANDOM, policy.observation_size))
+    return np.concatenate([golden, random])
+
+
+def measure_parity(
+    policy: Policy, onnx_path: Path, torch_script_path: Path, observations: Float[np.ndarray, "m n"]
+) -> Parity:
+    """Run both files on observations. Raises ExportError where either is off by more than `TOLERANCE`."""
+    import torch
+
+    wanted = policy.act(observations)
+    single = observations.astype(np.float32)
+    runtime, action = _run_onnx(onnx_path, single)
+    module, _ = read_torch_script(torch_script_path)
+    with torch.no_grad():
+        scripted = module(torch.from_numpy(single)).numpy()
+    parity = Parity(
+        onnx=float(np.abs(action - wanted).max()),
+        torch_script=float(np.abs(scripted - wanted).max()),
+        runtime=runtime,
+        observations=len(observations),
+    )
+    if not parity.holds:
+        raise ExportError(
+            f"exported networks are not the policy: over {len(observations)} observations actions differ by "
+            f"{parity.onnx:.2e} (ONNX, {runtime}) and {parity.torch_script:.2e} (TorchScript); "
+            f"allowed is {TOLERANCE:.0e}. Export it again from the trained network."
+        )
+    return parity
+
+
+def _run_onnx(path: Path, observations: np.ndarray) -> tuple[str, np.ndarray]:
+    """Actions of the ONNX file: by onnxruntime where it is installed, else by ONNX's own evaluator."""
+    model, _ = read_onnx(path)
+    try:
+        import onnxruntime
+    except ImportError:
+        from onnx.reference import ReferenceEvaluator
+
+        (action,) = ReferenceEvaluator(model).run(None, {"observation": observations})  # pyright: ignore
+        return "onnx.reference", np.asarray(action)
+    session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    (action,) = session.run(None, {"observation": observations})
+    return "onnxruntime", np.asarray(action)

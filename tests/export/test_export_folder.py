@@ -1,0 +1,208 @@
+"""The exported folder: whole, marked as its licence allows, its golden vectors and its booster_deploy task true."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from pipeline.deployment import PolicyController, digest, load_policy, save_policy
+from pipeline.errors import FileError, UnknownNameError
+from pipeline.expert.licence import LicenceClass
+from pipeline.export.__main__ import main
+from pipeline.export.booster_deploy import write_task_folder
+from pipeline.export.card import read_card
+from pipeline.export.export_error import ExportError
+from pipeline.export.folder import Source, export_policy, read_export
+from pipeline.export.golden import read_golden
+from pipeline.export.licence import SHIPPABLE, shipping
+from pipeline.export.trained_task import trained_task
+from tests.factories.networks import network, network_file
+from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
+
+RUN = {"name": "run7", "commit": "abc", "command": "python -m pipeline.training --seed 3", "preset": "paper", "seed": 3}
+FREE = {"digest": "d" * 64, "licence": {"strictest": "attribution", "allowed_use": "Any use; name the sources."}}
+CLOSED = {
+    "digest": "e" * 64,
+    "licence": {
+        "strictest": "non-commercial",
+        "allowed_use": "Research and other non-commercial use; name the sources.",
+        "licences": {"CC0-1.0": "public-domain", "AMASS, academic use": "non-commercial"},
+    },
+}
+
+
+def exported(folder, robot, data=FREE, shippable=True):
+    folder.mkdir(parents=True, exist_ok=True)
+    source = Source(policy=network_file(folder / "trained.npz", robot), run=RUN, data=data)
+    return export_policy(folder / "out", "walk", robot, source, np.random.default_rng(0), shippable=shippable)
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory, robot):
+    folder = tmp_path_factory.mktemp("export")
+    exported(folder, robot)
+    return read_export(folder / "out", robot)
+
+
+def test_an_export_reads_as_it_was_written(export, robot):
+    assert export.card.digest == digest(export.policy)
+    assert export.card.network["sizes"] == [720, 32, 16, 21]
+    assert export.card.run == RUN
+    assert export.card.shippable
+    assert export.card.parity["onnx"] <= 1e-5
+    assert set(export.card.files) >= {"policy.npz", "policy.onnx", "golden.npz", "booster_deploy/README.md"}
+    text = (export.folder / "CARD.md").read_text()
+    for said in ("run7", "abc", "python -m pipeline.training --seed 3", "attribution", "Any use"):
+        assert said in text
+
+
+def test_a_file_that_was_changed_is_named(tmp_path, robot):
+    exported(tmp_path, robot)
+    (tmp_path / "out" / "golden.npz").write_bytes(b"other")
+    with pytest.raises(FileError, match=r"golden.npz: missing or not what the card states"):
+        read_export(tmp_path / "out", robot)
+
+
+def test_a_folder_without_a_card_is_no_export(tmp_path, robot):
+    exported(tmp_path, robot)
+    (tmp_path / "out" / "card.json").unlink()
+    with pytest.raises(FileError, match=r"no exported policy here"):
+        read_export(tmp_path / "out", robot)
+
+
+@pytest.mark.parametrize("data", [CLOSED, {}, {"licence": {"strictest": "no-derivatives"}}])
+def test_a_policy_of_closed_data_is_not_marked_shippable(tmp_path, robot, data):
+    with pytest.raises(ExportError, match=r"policy 'walk' can't be marked shippable: the strictest licence"):
+        exported(tmp_path, robot, data)
+    assert not (tmp_path / "out").exists()
+
+
+def test_it_can_be_exported_unmarked_and_says_why(tmp_path, robot):
+    card = exported(tmp_path, robot, CLOSED, shippable=False)
+    assert not card.shippable
+    assert "AMASS, academic use" in card.why
+    assert "CC0" not in card.why
+
+
+def test_every_class_of_licence_is_decided():
+    allowed = {kind for kind in LicenceClass if shipping({"licence": {"strictest": kind.label}}).allowed}
+    assert {kind.label for kind in allowed} == set(SHIPPABLE)
+    assert allowed == {kind for kind in LicenceClass if kind < LicenceClass.NON_COMMERCIAL}
+
+
+def test_a_policy_without_gains_is_refused(tmp_path, robot):
+    save_policy(tmp_path / "bare.npz", dataclasses.replace(network(robot, np.random.default_rng(0)), gains=None))
+    source = Source(policy=tmp_path / "bare.npz", run=RUN, data=FREE)
+    with pytest.raises(ExportError, match=r"has no gains"):
+        export_policy(tmp_path / "out", "bare", robot, source, np.random.default_rng(0), shippable=False)
+
+
+def test_gains_in_another_joint_order_arrive_by_name(robot):
+    policy = network(robot, np.random.default_rng(0))
+    assert policy.gains is not None
+    kp = np.arange(len(robot.joint_names), dtype=float)
+    turned = dataclasses.replace(policy.gains, joint_names=tuple(reversed(robot.joint_names)), kp=kp[::-1])
+    np.testing.assert_array_equal(trained_task(robot, dataclasses.replace(policy, gains=turned)).kp, kp)
+    lacking = dataclasses.replace(policy.gains, joint_names=("Neck", *robot.joint_names[1:]))
+    with pytest.raises(UnknownNameError, match=robot.joint_names[0]):
+        trained_task(robot, dataclasses.replace(policy, gains=lacking))
+
+
+def test_golden_vectors_are_what_the_controller_does(export):
+    golden = read_golden(export.folder / "golden.npz")
+    assert len(golden.command) == 50
+    controller = PolicyController(export.task, export.policy)
+    for step in range(50):
+        targets = controller.targets(
+            golden.gyro_b[step],
+            golden.gravity_b[step],
+            golden.command[step],
+            golden.joint_pos[step],
+            golden.joint_vel[step],
+        )
+        np.testing.assert_array_equal(targets, golden.targets[step])
+        np.testing.assert_array_equal(controller.observation, golden.observation[step])
+
+
+def test_golden_readings_are_a_robots(export, robot):
+    """Gravity is a unit vector that points down at first, positions start at the default pose, history fills."""
+    golden = read_golden(export.folder / "golden.npz")
+    np.testing.assert_allclose(np.linalg.norm(golden.gravity_b, axis=1), 1.0, atol=1e-9)
+    np.testing.assert_array_equal(golden.gravity_b[0], [0.0, 0.0, -1.0])
+    np.testing.assert_array_equal(golden.joint_pos[0], robot.default_joint_pos)
+    assert np.abs(golden.joint_vel).max() > 0.1
+    frames = golden.observation.reshape(50, 10, 72)
+    np.testing.assert_array_equal(frames[0, :9], 0.0)
+    np.testing.assert_array_equal(frames[30, 3], frames[27, 6])
+    np.testing.assert_array_equal(frames[30, -1, 51:], golden.action[29])
+
+
+def test_the_task_of_booster_deploy_has_the_policys_numbers(export, robot):
+    with vendor_modules(robot) as registered:
+        import_task(export.folder / "booster_deploy" / "tasks" / "booster_lab")
+    cfg = registered["booster_lab_walk"]
+    assert cfg.policy_dt == 0.02
+    assert cfg.robot.joint_stiffness == robot.kp.tolist()
+    assert cfg.robot.joint_damping == robot.kd.tolist()
+    assert cfg.robot.default_joint_pos == robot.default_joint_pos.tolist()
+    assert cfg.robot.effort_limit == robot.torque_limit.tolist()
+    assert cfg.policy.policy_joint_names == list(export.task.policy_joints)
+    assert (cfg.policy.action_scale, cfg.policy.actor_obs_history_length) == (0.25, 10)
+    assert 0.0 <= cfg.mujoco.init_pos[2] - robot.default_root_height < 0.01
+
+
+def test_the_vendors_inference_gives_the_golden_targets(export, robot):
+    golden = read_golden(export.folder / "golden.npz")
+    with vendor_modules(robot) as registered:
+        import_task(export.folder / "booster_deploy" / "tasks" / "booster_lab")
+    vendor = VendorPolicy(registered["booster_lab_walk"])
+    for step in range(len(golden.command)):
+        targets = vendor.targets(
+            golden.gyro_b[step],
+            golden.gravity_b[step],
+            golden.command[step],
+            golden.joint_pos[step],
+            golden.joint_vel[step],
+        )
+        assert np.abs(targets - golden.targets[step]).max() < 1e-5
+
+
+def test_a_robot_with_other_joints_stops_the_import(export, robot):
+    renamed = dataclasses.replace(robot, joint_names=("Neck", *robot.joint_names[1:]))
+    with (
+        vendor_modules(renamed),
+        pytest.raises(ValueError, match=r"joints of the policy are not those of T1_23DOF_CFG"),
+    ):
+        import_task(export.folder / "booster_deploy" / "tasks" / "booster_lab")
+
+
+def test_a_robot_that_booster_deploy_lacks_is_refused(tmp_path, export):
+    with pytest.raises(UnknownNameError, match=r"unknown robot of booster_deploy 'g1'; there are: k1, t1"):
+        write_task_folder(tmp_path, dataclasses.replace(export.task, robot="g1"), export.policy, 0.7)
+
+
+def test_the_command_exports_a_run(tmp_path, robot, capsys):
+    run, bundle = tmp_path / "run7", tmp_path / "bundle"
+    run.mkdir()
+    bundle.mkdir()
+    network_file(run / "policy.npz", robot)
+    (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "database_digest": "d1"}))
+    (run / "done.json").write_text(json.dumps({"iterations": 300, "seconds": 1200.0}))
+    (run / "curves.csv").write_text("iteration\n1\n")
+    (bundle / "bundle.json").write_text(json.dumps({"database_digest": "d1", **FREE, "clips": 4}))
+    out = tmp_path / "out"
+    command = [str(run), "--bundle", str(bundle), "--name", "walk", "--out", str(out), "--shippable"]
+    assert main(command) == 0
+    card = read_card(out)
+    assert (card.run["name"], card.run["iterations"], card.data["digest"]) == ("run7", 300, "d1")
+    assert "curves.csv" in card.files
+    (bundle / "bundle.json").write_text(json.dumps({"database_digest": "d2", **FREE}))
+    assert main(command) == 2
+    assert "was trained on the database d1" in capsys.readouterr().err
+
+
+def test_the_same_policy_is_exported_to_the_same_bytes(tmp_path, robot):
+    cards = [exported(tmp_path / name, robot) for name in "ab"]
+    assert cards[0] == cards[1]
+    assert load_policy(tmp_path / "a" / "out" / "policy.npz").gains is not None
