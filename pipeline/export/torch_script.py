@@ -31,6 +31,9 @@ _ALIGNMENT = 64
 class Network(torch.nn.Module):
     """The policy's network in single precision."""
 
+    mean: torch.Tensor
+    scale: torch.Tensor
+
     def __init__(self, policy: Policy):
         super().__init__()
         self.register_buffer("mean", _tensor(policy.mean))

@@ -42,7 +42,7 @@ def files(tmp_path, task, policy):
 def test_both_give_the_networks_actions(files, policy):
     golden = np.random.default_rng(0).normal(size=(5, 720))
     observations = observations_to_compare(policy, golden, np.random.default_rng(1))
-    parity = measure_parity(policy, *files, observations)
+    parity = measure_parity(policy, files[0], files[1], observations)
     assert parity.runtime == "onnxruntime"
     assert parity.observations == 5 + 256
     assert 0.0 < max(parity.onnx, parity.torch_script) <= TOLERANCE
