@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
@@ -13,6 +12,7 @@ from pipeline import rotation
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.simulation.plant import PlantState
+from pipeline.simulation.terrain import FlatGround, Ground
 
 INTEGRATORS = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -24,29 +24,6 @@ PARKED_W = np.array([0.0, 0.0, 50.0])
 """Where the ball waits [m]."""
 BALL_DISTANCE = 0.6
 """From its centre to the root link's centre of mass when it is let go [m]: outside the arms."""
-
-
-@runtime_checkable
-class Ground(Protocol):
-    """A terrain."""
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        """Its shapes, named `ground…`, in the world."""
-        ...
-
-    def height(self, x: float, y: float) -> float:
-        """Of its surface at a place [m]."""
-        ...
-
-
-class FlatGround:
-    """The plane z = 0."""
-
-    def add_to(self, spec: mujoco.MjSpec) -> None:
-        spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
-
-    def height(self, x: float, y: float) -> float:
-        return 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +46,6 @@ class MujocoOptions:
     """Sliding friction between all shapes."""
     armature: Float[np.ndarray, " j"] | None = None
     """[kg m^2]"""
-    joint_range: Float[np.ndarray, "j 2"] | None = None
-    """Position limits [rad]."""
     root_mass_factor: float = 1.0
     """Of mass and inertia of the root link."""
     ground: Ground | None = None
@@ -174,8 +149,6 @@ def _model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjMod
     model.geom_friction[:, 0] = options.friction
     if options.armature is not None:
         model.dof_armature[6 : 6 + joints] = options.armature
-    if options.joint_range is not None:
-        model.jnt_range[1 : 1 + joints] = options.joint_range
     model.body_mass[1] *= options.root_mass_factor
     model.body_inertia[1] *= options.root_mass_factor
     mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -1,0 +1,236 @@
+"""Grounds to walk on: flat, sloping, rough, of small steps and stones. The robot starts at the origin and walks to +x.
+
+Every ground is flat and at height 0 about the origin (`START_M`), except a slope across. What is random in one is drawn
+when it is made.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+START_M = 0.5
+"""Half length of the flat piece where the robot starts [m]."""
+FAR_M = 30.0
+"""What counts as without end [m]."""
+DEPTH_M = 1.0
+"""Thickness of boxes that are ground [m]."""
+
+
+@runtime_checkable
+class Ground(Protocol):
+    """A terrain."""
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Its shapes in the world."""
+        ...
+
+    def height(self, x: float, y: float) -> float:
+        """Of its surface at a place [m]."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatGround:
+    """The plane at a height."""
+
+    z: float = 0.0
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        _plane(spec, self.z)
+
+    def height(self, x: float, y: float) -> float:
+        return self.z
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slope:
+    """A ramp from the end of the start on, up (positive) or down."""
+
+    angle_deg: float
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        _box(spec, "start", (-FAR_M, START_M), 0.0)
+        angle = math.radians(self.angle_deg)
+        half = np.array([FAR_M, FAR_M, DEPTH_M]) / 2.0
+        along, normal = (math.cos(angle), 0.0, math.sin(angle)), (-math.sin(angle), 0.0, math.cos(angle))
+        centre = np.array([START_M, 0.0, 0.0]) + half[0] * np.array(along) - half[2] * np.array(normal)
+        quat = [math.cos(angle / 2.0), 0.0, -math.sin(angle / 2.0), 0.0]
+        spec.worldbody.add_geom(name="ramp", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=centre, quat=quat)
+
+    def height(self, x: float, y: float) -> float:
+        return max(x - START_M, 0.0) * math.tan(math.radians(self.angle_deg))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossSlope:
+    """A plane that rises to the left, under the start too."""
+
+    angle_deg: float
+    margin_m: float = 0.12
+    """Half width of a stance: the ground at the origin is lower by what it rises over this."""
+
+    @property
+    def _drop(self) -> float:
+        return self.margin_m * math.tan(math.radians(self.angle_deg))
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        half = math.radians(self.angle_deg) / 2.0
+        _plane(spec, -self._drop, [math.cos(half), math.sin(half), 0.0, 0.0])
+
+    def height(self, x: float, y: float) -> float:
+        return y * math.tan(math.radians(self.angle_deg)) - self._drop
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bump:
+    """A speed bump across the way: a ridge with sloping sides."""
+
+    at_m: float
+    """Where it begins."""
+    rise_m: float
+    """Its height."""
+    width_m: float
+    """Of the whole."""
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        _plane(spec, 0.0)
+        half = self.width_m / 2.0
+        angle = math.atan2(self.rise_m, half)
+        length = math.hypot(half, self.rise_m)
+        for name, sign in (("up", 1.0), ("down", -1.0)):
+            size = np.array([length, FAR_M, 0.02]) / 2.0
+            middle = np.array([self.at_m + half - sign * half / 2.0, 0.0, self.rise_m / 2.0])
+            normal = np.array([-sign * math.sin(angle), 0.0, math.cos(angle)])
+            quat = [math.cos(angle / 2.0), 0.0, -sign * math.sin(angle / 2.0), 0.0]
+            spec.worldbody.add_geom(
+                name=f"bump_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=middle - size[2] * normal, quat=quat
+            )
+
+    def height(self, x: float, y: float) -> float:
+        half = self.width_m / 2.0
+        return max(self.rise_m * (1.0 - abs(x - self.at_m - half) / half), 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tiles:
+    """Square tiles, each with a height of its own, on a plane: gravel as small steps, or stepping stones with gaps."""
+
+    pitch_m: float
+    """From one tile to the next."""
+    gap_m: float
+    """Between two tiles."""
+    floor_m: float
+    """Height of the plane below."""
+    top_m: Float[np.ndarray, "r c"]
+    """Height of each tile: rows along x from the end of the start on, columns along y about 0."""
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        _plane(spec, self.floor_m)
+        width = self.top_m.shape[1] * self.pitch_m
+        _box(spec, "start", (-FAR_M, START_M), 0.0)
+        _box(spec, "end", (START_M + len(self.top_m) * self.pitch_m, FAR_M), 0.0)
+        half = (self.pitch_m - self.gap_m) / 2.0
+        for row, column in np.ndindex(self.top_m.shape):
+            x = START_M + (row + 0.5) * self.pitch_m
+            y = (column + 0.5) * self.pitch_m - width / 2.0
+            height = self.top_m[row, column] - self.floor_m + 0.05
+            size, pos = [half, half, height / 2.0], [x, y, self.top_m[row, column] - height / 2.0]
+            spec.worldbody.add_geom(name=f"tile_{row}_{column}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=pos)
+
+    def height(self, x: float, y: float) -> float:
+        rows, columns = self.top_m.shape
+        along, across = (x - START_M) / self.pitch_m, y / self.pitch_m + columns / 2.0
+        row, column = math.floor(along), math.floor(across)
+        if row < 0 or row >= rows:
+            return 0.0
+        edge = min(along - row, row + 1 - along, across - column, column + 1 - across) * self.pitch_m
+        on_tile = 0 <= column < columns and edge >= self.gap_m / 2.0
+        return float(self.top_m[row, column]) if on_tile else self.floor_m
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoughGround:
+    """A height field between flat ends, walked along x."""
+
+    spacing_m: float
+    """Between two points of the grid."""
+    z_m: Float[np.ndarray, "c r"]
+    """Height of each point: rows along y about 0, columns along x from the end of the start on."""
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        rows, columns = self.z_m.shape
+        low, high = float(self.z_m.min()), float(self.z_m.max())
+        half_x, half_y = (columns - 1) * self.spacing_m / 2.0, (rows - 1) * self.spacing_m / 2.0
+        spec.add_hfield(
+            name="rough",
+            nrow=rows,
+            ncol=columns,
+            size=[half_x, half_y, max(high - low, 1e-6), DEPTH_M],
+            userdata=((self.z_m - low) / max(high - low, 1e-6)).ravel(),
+        )
+        spec.worldbody.add_geom(
+            name="rough", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="rough", pos=[START_M + half_x, 0.0, low]
+        )
+        _box(spec, "start", (-FAR_M, START_M), 0.0)
+        _box(spec, "end", (START_M + 2.0 * half_x, FAR_M), 0.0)
+
+    def height(self, x: float, y: float) -> float:
+        rows, columns = self.z_m.shape
+        across, along = y / self.spacing_m + (rows - 1) / 2.0, (x - START_M) / self.spacing_m
+        if not (0.0 <= along <= columns - 1):
+            return 0.0
+        row = int(np.clip(round(across), 0, rows - 1))
+        return float(self.z_m[row, round(along)])
+
+
+def gravel(rng: np.random.Generator, *, step_m: float, length_m: float = 9.0, width_m: float = 3.0) -> Tiles:
+    """Tiles of 15 cm side by side, heights uniform in +-`step_m`/2."""
+    pitch = 0.15
+    shape = (round(length_m / pitch), round(width_m / pitch))
+    return Tiles(pitch_m=pitch, gap_m=0.0, floor_m=-step_m, top_m=rng.uniform(-0.5, 0.5, shape) * step_m)
+
+
+def stepping_stones(
+    rng: np.random.Generator, *, gap_m: float, step_m: float, length_m: float = 9.0, width_m: float = 3.0
+) -> Tiles:
+    """Stones of 30 cm with gaps 10 cm deep between them, tops uniform in +-`step_m`/2."""
+    pitch = 0.3 + gap_m
+    shape = (round(length_m / pitch), round(width_m / pitch))
+    return Tiles(pitch_m=pitch, gap_m=gap_m, floor_m=-0.1, top_m=rng.uniform(-0.5, 0.5, shape) * step_m)
+
+
+def rough_ground(
+    rng: np.random.Generator, *, amplitude_m: float, wave_m: float = 0.4, length_m: float = 9.0, width_m: float = 3.0
+) -> RoughGround:
+    """Smooth random hills: noise filtered to a wave length of about `wave_m`, from 0 to +-`amplitude_m` at most."""
+    from scipy.ndimage import gaussian_filter
+
+    spacing = 0.05
+    shape = (round(width_m / spacing) + 1, round(length_m / spacing) + 1)
+    noise = gaussian_filter(rng.normal(size=shape), wave_m / (2.0 * math.pi) / spacing * 2.0, mode="wrap")
+    z = amplitude_m * noise / np.abs(noise).max()
+    ramp = np.clip(np.arange(shape[1]) * spacing / 0.3, 0.0, 1.0)
+    return RoughGround(spacing_m=spacing, z_m=z * ramp * ramp[::-1])
+
+
+def _plane(spec: mujoco.MjSpec, z: float, quat: list[float] | None = None) -> None:
+    spec.worldbody.add_geom(
+        name="ground",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0.0, 0.0, 0.05],
+        pos=[0.0, 0.0, z],
+        quat=quat or [1.0, 0.0, 0.0, 0.0],
+    )
+
+
+def _box(spec: mujoco.MjSpec, name: str, along_x: tuple[float, float], top: float) -> None:
+    low, high = along_x
+    half = [(high - low) / 2.0, FAR_M / 2.0, DEPTH_M / 2.0]
+    pos = [(low + high) / 2.0, 0.0, top - DEPTH_M / 2.0]
+    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=pos)
