@@ -31,9 +31,6 @@ _ALIGNMENT = 64
 class Network(torch.nn.Module):
     """The policy's network in single precision."""
 
-    mean: torch.Tensor
-    scale: torch.Tensor
-
     def __init__(self, policy: Policy):
         super().__init__()
         self.register_buffer("mean", _tensor(policy.mean))
@@ -46,7 +43,7 @@ class Network(torch.nn.Module):
         self.layers = torch.nn.Sequential(*parts[:-1])
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        return self.layers((observation - self.mean) / self.scale)
+        return self.layers((observation - self.mean) / self.scale)  # pyright: ignore[reportOperatorIssue], buffers
 
 
 def _tensor(values: np.ndarray) -> torch.Tensor:
