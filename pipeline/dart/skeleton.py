@@ -7,7 +7,7 @@ from xml.etree import ElementTree as Xml
 import dartpy as dart
 import numpy as np
 
-from pipeline.dart.armature_on_links import added_moments
+from pipeline.simulation.armature_on_links import added_moments
 from pipeline.robot import Robot
 
 

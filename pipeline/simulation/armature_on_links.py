@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.robot import Robot
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 
 
 def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:
@@ -40,3 +41,11 @@ def put_armature_on_links(model: mujoco.MjModel, robot: Robot) -> None:
         body.inertia[:], body.iquat[:] = principal, rotation.from_matrix(axes)
     model.dof_armature[6 : 6 + len(robot.joint_names)] = 0.0
     mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def bridge_plant(robot: Robot, options: MujocoOptions) -> MujocoPlant:
+    """The robot in MuJoCo, its armature on the links."""
+    plant = MujocoPlant(robot, options)
+    put_armature_on_links(plant.model, robot)
+    plant.reset()
+    return plant

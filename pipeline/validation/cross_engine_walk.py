@@ -1,0 +1,164 @@
+"""One cell of the grid in one engine: the walk, and its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.dart.plant import DartPlant
+from pipeline.deployment import DeploymentTask, Policy, PolicyController
+from pipeline.robot import Robot
+from pipeline.simulation.armature_on_links import bridge_plant
+from pipeline.simulation.events import Push
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.plant import Plant, PlantState
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import Command, Controller, run
+from pipeline.simulation.sensors import PerfectSensors, Sensors
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.cross_engine_settings import Cell, Segment, SimulationSettings
+
+MUJOCO, BRIDGE, DART = "mujoco", "bridge", "dart"
+ENGINES = (MUJOCO, BRIDGE, DART)
+"""MuJoCo, MuJoCo with the armature on the links as DART has it, DART."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deployed:
+    """A policy on a robot with its gains and motors: what all engines run alike."""
+
+    robot: Robot
+    task: DeploymentTask
+    policy: Policy
+    envelope: TorqueEnvelope
+    reads: Sensors = field(default_factory=PerfectSensors)
+    """Without a memory of their own: all walks share them."""
+
+    def controller(self) -> Controller:
+        return PolicyController(self.task, self.policy)
+
+    def motors(self) -> PdControl:
+        return PdControl(kp=self.task.kp, kd=self.task.kd, envelope=self.envelope)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What came of a cell. Means are over its last `measured_s` seconds, and NaN after a fall."""
+
+    fell_s: float | None
+    """Time of the fall [s]."""
+    forward_m_s: float
+    lateral_m_s: float
+    """Velocity of the root in its heading's frame."""
+    yaw_rate_rad_s: float
+    height_m: float
+    """Of the root."""
+    power_w: float
+    """Sum over the joints of |torque times speed|."""
+
+    @property
+    def fell(self) -> bool:
+        return self.fell_s is not None
+
+
+def make_plant(engine: str, robot: Robot, settings: SimulationSettings) -> Plant:
+    """The engine of that name."""
+    if engine == DART:
+        return DartPlant(robot, settings.timestep_s, settings.friction)
+    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction)
+    return bridge_plant(robot, options) if engine == BRIDGE else MujocoPlant(robot, options)
+
+
+def walk_cell(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings) -> Figures:
+    """Figures of one walk. Equal arguments give equal bits."""
+    return figures_of(walk(deployed, engine, cell, seed, settings), cell.measured_s)
+
+
+def walk(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings) -> Rollout:
+    """The walk itself; it ends with a fall."""
+    robot = deployed.robot
+    start = start_state(robot, deployed.task, seed, settings)
+    events = [] if cell.push is None else [_push(cell, start)]
+    return run(
+        robot,
+        make_plant(engine, robot, settings),
+        deployed.controller(),
+        deployed.motors(),
+        command_of(cell.segments),
+        cell.seconds,
+        events,
+        sensors=deployed.reads,
+        start=start,
+        wrench_every=1000,
+        stop_on_fall=True,
+    )
+
+
+def start_state(robot: Robot, task: DeploymentTask, seed: int, settings: SimulationSettings) -> PlantState:
+    """At rest: seed 0 in the default pose, others about it and in any direction."""
+    rng = np.random.default_rng(seed)
+    wide = settings.start_joint_pos if seed else 0.0
+    joint_pos = task.default_joint_pos + rng.uniform(-wide, wide, len(robot.joint_names))
+    yaw = float(rng.uniform(-1.0, 1.0)) * settings.start_yaw if seed else 0.0
+    return PlantState(
+        root_pos_w=np.array([0.0, 0.0, robot.default_root_height]),
+        root_quat_w=rotation.about_z(yaw),
+        root_lin_vel_w=np.zeros(3),
+        root_ang_vel_b=np.zeros(3),
+        joint_pos=np.clip(joint_pos, robot.joint_lower, robot.joint_upper),
+        joint_vel=np.zeros(len(robot.joint_names)),
+    )
+
+
+def command_of(segments: Sequence[Segment]) -> Command:
+    """The wanted velocity over time: each segment starts where the one before it had come to."""
+    starts, goals, slews, times = [np.zeros(3)], [], [], [0.0]
+    for segment in segments:
+        goal = np.array(segment.command)
+        goals.append(goal)
+        slews.append(segment.slew)
+        starts.append(_slewed(starts[-1], goal, segment.slew, segment.seconds))
+        times.append(times[-1] + segment.seconds)
+
+    def command(time_s: float) -> Float[np.ndarray, " 3"]:
+        index = min(int(np.searchsorted(times, time_s + 1e-9, side="right")) - 1, len(goals) - 1)
+        return _slewed(starts[index], goals[index], slews[index], time_s - times[index])
+
+    return command
+
+
+def figures_of(rollout: Rollout, measured_s: float) -> Figures:
+    """Means over the end of a rollout."""
+    if rollout.fell:
+        nan = float("nan")
+        return Figures(
+            fell_s=rollout.fell_s, forward_m_s=nan, lateral_m_s=nan, yaw_rate_rad_s=nan, height_m=nan, power_w=nan
+        )
+    last = slice(len(rollout.qpos) - round(measured_s / rollout.timestep_s), None)
+    quat_w, qvel = rollout.qpos[last, 3:7], rollout.qvel[last]
+    velocity = rotation.rotate_inverse(rotation.about_z(rotation.yaw_of(quat_w)), qvel[:, :3]).mean(axis=0)
+    turning = rotation.rotate(quat_w, qvel[:, 3:6]).mean(axis=0)
+    return Figures(
+        fell_s=None,
+        forward_m_s=float(velocity[0]),
+        lateral_m_s=float(velocity[1]),
+        yaw_rate_rad_s=float(turning[2]),
+        height_m=float(rollout.qpos[last, 2].mean()),
+        power_w=float(np.abs(rollout.torque[last] * qvel[:, 6:]).sum(axis=1).mean()),
+    )
+
+
+def _slewed(start: np.ndarray, goal: np.ndarray, slew: float, time_s: float) -> np.ndarray:
+    way = slew * time_s if slew > 0.0 else np.inf
+    return start + np.clip(goal - start, -way, way)
+
+
+def _push(cell: Cell, start: PlantState) -> Push:
+    assert cell.push is not None
+    impulse_w = rotation.rotate(start.root_quat_w, np.array([*cell.push.impulse, 0.0]))
+    return Push(start_s=cell.push.start_s, duration_s=cell.push.duration_s, force_w=impulse_w / cell.push.duration_s)
