@@ -1,0 +1,148 @@
+"""What a training run needs, as plain files that a GPU host can read without the rest of the project.
+
+<folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
+<folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
+<folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
+<folder>/bundle.json   digests of robot and database, and what the database may be used for
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.actuators.adapted_robot import read_actuators
+from pipeline.deployment.task import breadth_first
+from pipeline.expert.frames import FPS
+from pipeline.expert.read import Database, DatabaseClip, read_database
+from pipeline.expert.version import database_version
+from pipeline.files import atomic, digest
+from pipeline.robot import Robot, load_robot
+from pipeline.robot.simulator_model import mujoco_model
+
+SCHEMA = "booster-lab training bundle 1"
+COMMAND_WINDOW_S = 1.0
+"""The command that a frame obeys is its velocity averaged over this time: about a stride."""
+
+MIN_COMMAND = 0.12
+"""A frame slower than this on every axis [m/s, rad/s] obeys the command to stand."""
+
+
+def write_training_bundle(folder: Path, database_folder: Path, robot_folder: Path) -> dict[str, Any]:
+    """Write a bundle of a database and of an adapted robot (a folder with `actuators.csv`); its `bundle.json`.
+
+    Raises DatabaseError, RobotError and FileError for inputs that are not whole.
+    """
+    database, robot = read_database(database_folder), load_robot(robot_folder)
+    files = {
+        "robot.xml": robot.mjcf.encode(),
+        "robot.json": _json(robot_facts(robot, robot_folder)),
+        "expert.npz": expert_arrays(database),
+    }
+    about = {
+        "schema": SCHEMA,
+        "robot": robot.name,
+        "robot_digest": robot.digest,
+        "database_digest": database_version(database_folder),
+        "licence": database.manifest["licence"],
+        "clips": len(database.clips),
+        "seconds": database.manifest["seconds"],
+        "files": {name: digest.of_bytes(data) for name, data in files.items()},
+    }
+    for name, data in {**files, "bundle.json": _json(about)}.items():
+        atomic.write_bytes(folder / name, data)
+    return about
+
+
+def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
+    """What the training environment must know of a robot that its model doesn't say."""
+    motors = {each.joint: each for each in read_actuators(robot_folder)}
+    known = [motors[name].dc_motor_no_load_speed == motors[name].dc_motor_no_load_speed for name in robot.joint_names]
+    line = {"saturation_effort": "dc_motor_saturation_effort", "no_load_speed": "dc_motor_no_load_speed"}
+    return {
+        "robot": robot.name,
+        "root_link": robot.root_link,
+        "joint_names": robot.joint_names,
+        "controlled": robot.controlled,
+        "policy_joints": breadth_first(robot),
+        "default_joint_pos": robot.default_joint_pos.tolist(),
+        "default_root_height": robot.default_root_height,
+        "kp": robot.kp.tolist(),
+        "kd": robot.kd.tolist(),
+        "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],
+        "velocity_limit": [motors[name].box_velocity_limit for name in robot.joint_names],
+        **{
+            key: [getattr(motors[name], field) if ok else None for name, ok in zip(robot.joint_names, known, strict=True)]
+            for key, field in line.items()
+        },
+        "mirror_index": robot.mirror_index.tolist(),
+        "mirror_sign": robot.mirror_sign.tolist(),
+        "hands": robot.hands,
+        "feet": robot.feet,
+        "foot_links": [robot.link_names[robot.tree.site_link[robot.site(foot)]] for foot in robot.feet],
+        "shapes": _shapes(robot),
+    }
+
+
+def _shapes(robot: Robot) -> dict[str, list[str]]:
+    """Names of the collision shapes: of the feet, of the shanks, and of the rest those that are cheap to collide."""
+    model = mujoco_model(robot)
+    feet = {robot.link_names[robot.tree.site_link[robot.site(foot)]] for foot in robot.feet}
+    shanks = {robot.human["left_shank"], robot.human["right_shank"]}
+    cheap = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
+    shapes: dict[str, list[str]] = {"feet": [], "shanks": [], "others": []}
+    for index in range(model.ngeom):
+        if not model.geom_contype[index]:
+            continue
+        link = robot.link_names[int(model.geom_bodyid[index]) - 1]
+        kind = "feet" if link in feet else "shanks" if link in shanks else "others"
+        if kind != "others" or model.geom_type[index] in cheap:
+            shapes[kind].append(model.geom(index).name)
+    return shapes
+
+
+def expert_arrays(database: Database) -> bytes:
+    """The npz of a database: equal databases give equal bytes."""
+    clips = database.clips
+    variants = dict(zip(database.index["clip"], database.index["variant"], strict=True))
+    names = [str(name) for name in database.index["clip"]]
+    arrays = {
+        "frames": np.concatenate([clip.frames for clip in clips]).astype(np.float32),
+        "command": np.concatenate([frame_commands(clip) for clip in clips]).astype(np.float32),
+        "clip_start": np.cumsum([0, *(len(clip.frames) for clip in clips)]),
+        "clip_weight": np.array([clip.weight for clip in clips]),
+        "clip_augmented": np.array([variants[name] != "original" for name in names]),
+        "clip_name": np.array(names),
+        "clip_skill": np.array([clip.skill for clip in clips]),
+    }
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)  # pyright: ignore[reportArgumentType]
+    return stream.getvalue()
+
+
+def frame_commands(clip: DatabaseClip) -> Float[np.ndarray, "t 3"]:
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] of each frame, averaged over a stride around it.
+
+    Where the average is below MIN_COMMAND on every axis it is zero: the robot stands.
+    """
+    quat = clip.frames[:, 3:7]
+    heading = rotation.yaw_of(quat)
+    vel_w = time_series.derivative(clip.frames[:, :3], FPS)
+    cos, sin = np.cos(heading), np.sin(heading)
+    forward, left = vel_w[:, 0] * cos + vel_w[:, 1] * sin, -vel_w[:, 0] * sin + vel_w[:, 1] * cos
+    yaw_rate = time_series.derivative(np.unwrap(heading)[:, None], FPS)[:, 0]
+    width = 2 * round(COMMAND_WINDOW_S * FPS / 2) + 1
+    mean = time_series.moving_mean(np.stack([forward, left, yaw_rate], axis=1), width)
+    mean[(np.abs(mean) < MIN_COMMAND).all(axis=1)] = 0.0
+    return mean
+
+
+def _json(value: dict[str, Any]) -> bytes:
+    return (json.dumps(value, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()

@@ -1,0 +1,47 @@
+"""The policy's action: joint targets q_default + .25 a; joints that it doesn't move keep their default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
+
+SCALE = 0.25
+"""[rad]"""
+
+
+@dataclass(kw_only=True)
+class PolicyActionCfg(ActionTermCfg):
+    """Configuration of `PolicyAction`."""
+
+    def build(self, env) -> PolicyAction:
+        return PolicyAction(self, env)
+
+
+class PolicyAction(ActionTerm):
+    """Actions (n, a) in the network's order to position targets of all joints in the robot's."""
+
+    def __init__(self, cfg: PolicyActionCfg, env):
+        super().__init__(cfg, env)
+        self._index = env.policy_index
+        self._raw = torch.zeros(self.num_envs, len(self._index), device=self.device)
+        self._target = env.default_joint_pos.repeat(self.num_envs, 1)
+
+    @property
+    def action_dim(self) -> int:
+        return len(self._index)
+
+    @property
+    def raw_action(self) -> torch.Tensor:
+        return self._raw
+
+    def process_actions(self, actions: torch.Tensor) -> None:
+        self._raw[:] = actions
+        self._target[:, self._index] = self._env.default_joint_pos[self._index] + SCALE * actions
+
+    def apply_actions(self) -> None:
+        self._entity.set_joint_position_target(self._target)
+
+    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
+        self._raw[slice(None) if env_ids is None else env_ids] = 0.0

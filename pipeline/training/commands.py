@@ -1,0 +1,87 @@
+"""Velocity commands: how they are drawn, and the term that hands them to the environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
+
+from pipeline.training.options import Options
+
+NORMAL = ((-0.6, 1.0), (-0.6, 0.6), (-1.5, 1.5))
+"""Forward [m/s], lateral [m/s], yaw rate [rad/s]."""
+FAST = (1.0, 2.0)
+"""Forward [m/s]."""
+FAST_YAW = 0.5
+"""Largest yaw rate of half of the fast commands [rad/s]; the others go straight. For `paper`, no turning."""
+BALANCED = {"turn": 0.10, "side": 0.10, "straight": 0.15}
+"""Shares of commands on one axis alone in the balanced mixture; what is left after standing and fast is on all axes."""
+
+
+def draw_commands(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
+    """Commands (count, 3): forward and lateral velocity [m/s], yaw rate [rad/s]."""
+    command = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
+    kind = torch.rand(count, device=device)
+    bound = options.standing_share
+    command[kind < bound] = 0.0
+    fast = (kind >= bound) & (kind < bound + options.fast_share)
+    bound += options.fast_share
+    command[fast] = _fast(command[fast], options)
+    if options.mixture == "balanced":
+        for axis, name in ((2, "turn"), (1, "side"), (0, "straight")):
+            alone = (kind >= bound) & (kind < bound + BALANCED[name])
+            bound += BALANCED[name]
+            others = [other for other in range(3) if other != axis]
+            command[alone.nonzero(), torch.tensor(others, device=device)] = 0.0
+    return command
+
+
+def _fast(command: torch.Tensor, options: Options) -> torch.Tensor:
+    count, device = len(command), command.device
+    forward = _uniform(count, *FAST, device)
+    yaw = torch.zeros(count, device=device)
+    if options.mixture == "balanced":
+        yaw = _uniform(count, -FAST_YAW, FAST_YAW, device) * (torch.rand(count, device=device) < 0.5)
+    return torch.stack([forward, torch.zeros_like(yaw), yaw], dim=1)
+
+
+def _uniform(count: int, low: float, high: float, device: str | torch.device) -> torch.Tensor:
+    return low + (high - low) * torch.rand(count, device=device)
+
+
+@dataclass(kw_only=True)
+class VelocityCommandCfg(CommandTermCfg):
+    """Configuration of `VelocityCommand`."""
+
+    def build(self, env) -> VelocityCommand:
+        return VelocityCommand(self, env)
+
+
+class VelocityCommand(CommandTerm):
+    """The command of each environment, drawn anew every few seconds."""
+
+    def __init__(self, cfg: VelocityCommandCfg, env):
+        super().__init__(cfg, env)
+        self._command = torch.zeros(self.num_envs, 3, device=self.device)
+        self.age = torch.zeros(self.num_envs, device=self.device)
+        """Time since the command was given [s]."""
+
+    @property
+    def command(self) -> torch.Tensor:
+        return self._command
+
+    def give(self, env_ids: torch.Tensor, command: torch.Tensor) -> None:
+        """Set the command of some environments."""
+        self._command[env_ids] = command
+        self.age[env_ids] = 0.0
+
+    def _resample_command(self, env_ids: torch.Tensor) -> None:
+        self.give(env_ids, draw_commands(len(env_ids), self._env.context.options, self.device))
+
+    def _update_command(self, env_ids: torch.Tensor | None) -> None:
+        if env_ids is None:
+            self.age += self._env.step_dt
+
+    def _update_metrics(self) -> None:
+        """None: `curves.py` keeps the figures."""

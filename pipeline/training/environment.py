@@ -1,0 +1,188 @@
+"""The paper's environment on mjlab: scene, terms and the windows that the discriminator reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from mjlab.envs import ManagerBasedRlEnv, ManagerBasedRlEnvCfg
+from mjlab.envs.mdp import dr
+from mjlab.managers.event_manager import EventTermCfg
+from mjlab.managers.scene_entity_config import SceneEntityCfg
+from mjlab.scene import SceneCfg
+from mjlab.sensor import ContactMatch, ContactSensorCfg
+from mjlab.sim import MujocoCfg, SimulationCfg
+
+from pipeline.training.action import PolicyActionCfg
+from pipeline.training.bundle import Bundle, RobotFacts
+from pipeline.training.commands import VelocityCommandCfg
+from pipeline.training.expert_sampling import ReferenceStates
+from pipeline.training.initial_state import begin_episodes
+from pipeline.training.motion_features import state_features
+from pipeline.training.observations import observation_cfg
+from pipeline.training.options import Options
+from pipeline.training.pushes import PushForce, grown, push_velocity
+from pipeline.training.readings import Readings
+from pipeline.training.reward_table import reward_cfg
+from pipeline.training.robot_entity import robot_entity
+from pipeline.training.terminations import termination_cfg
+from pipeline.training.terrain import terrain_cfg
+
+PHYSICS_S = 0.005
+DECIMATION = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Context:
+    """What the environment's terms read besides the simulation."""
+
+    bundle: Bundle
+    options: Options
+    references: ReferenceStates
+
+
+class AmpEnvironment(ManagerBasedRlEnv):
+    """mjlab's environment with the readings of `Readings` and, in `extras`, the discriminator's windows."""
+
+    def __init__(self, bundle: Bundle, options: Options, num_envs: int, device: str, seed: int):
+        robot = bundle.robot
+        references = ReferenceStates(bundle.expert, options, seed, device)
+        self.context = Context(bundle=bundle, options=options, references=references)
+        self.policy_index = torch.from_numpy(robot.index(robot.policy_joints)).to(device)
+        self.controlled_index = torch.from_numpy(robot.index(robot.controlled)).to(device)
+        self.default_joint_pos = torch.from_numpy(robot.default_joint_pos).float().to(device)
+        self.effort_limit = torch.from_numpy(robot.effort_limit).float().to(device)
+        self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
+        self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
+        super().__init__(environment_cfg(robot, options, num_envs, seed), device)
+
+    def load_managers(self) -> None:
+        """mjlab's managers; the readings must be there before, the windows' size is known after."""
+        robot, options = self.context.bundle.robot, self.context.options
+        self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
+        self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
+        span = (options.window - 1) * options.window_stride + 1
+        size = 18 + 2 * len(self.controlled_index)
+        self._motion = torch.zeros(self.num_envs, span, size, device=self.device)
+        super().load_managers()
+
+    @property
+    def command(self) -> torch.Tensor:
+        """The velocity command (n, 3)."""
+        return self.command_manager.get_command("velocity")
+
+    def iteration(self) -> float:
+        """How many iterations of training the environment has lived through."""
+        return self.common_step_counter / self.context.options.steps
+
+    def penalty_factor(self) -> float:
+        """What penalties are multiplied by at this iteration."""
+        options = self.context.options
+        return grown((options.penalty_start, 1.0), self.iteration(), options.penalty_iterations)
+
+    def step(self, action: torch.Tensor):
+        """mjlab's step; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows within one episode."""
+        result = super().step(action)
+        self._motion = torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1)
+        self.extras["motion"] = self._motion[:, :: self.context.options.window_stride]
+        self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
+        return result
+
+    def motion_features(self) -> torch.Tensor:
+        """Features of the current states (n, f)."""
+        read, index = self.readings, self.controlled_index
+        return state_features(
+            read.root_pos_w,
+            read.root_quat_w,
+            read.lin_vel_w,
+            read.ang_vel_b,
+            read.joint_pos[:, index],
+            read.joint_vel[:, index],
+            read.ends_pos_w,
+        )
+
+    def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
+        super()._reset_idx(env_ids)
+        assert env_ids is not None
+        own = self.own_command[env_ids]
+        kept = ~own.isnan().any(dim=1)
+        self.command_manager.get_term("velocity").give(env_ids[kept], own[kept])
+
+
+def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:
+    """The environment in mjlab's terms."""
+    rough = options.terrain == "rough"
+    return ManagerBasedRlEnvCfg(
+        decimation=DECIMATION,
+        episode_length_s=options.episode_s,
+        seed=seed,
+        scene=SceneCfg(
+            num_envs=num_envs,
+            terrain=terrain_cfg(options, seed),
+            entities={"robot": robot_entity(robot, options)},
+            sensors=_sensors(robot),
+        ),
+        sim=SimulationCfg(
+            nconmax=60 if rough else 40,
+            njmax=300 if rough else 200,
+            mujoco=MujocoCfg(timestep=PHYSICS_S, iterations=10, ls_iterations=20),
+        ),
+        observations=observation_cfg(),
+        actions={"joints": PolicyActionCfg(entity_name="robot")},
+        commands={"velocity": VelocityCommandCfg(resampling_time_range=options.resample_s)},
+        rewards=reward_cfg(options),
+        terminations=termination_cfg(options),
+        events=_events(robot, options),
+    )
+
+
+def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
+    touching = [shape for kind in ("shanks", "others") for shape in robot.shapes[kind]]
+
+    def sensor(name: str, mode, pattern: tuple[str, ...]) -> ContactSensorCfg:
+        return ContactSensorCfg(
+            name=name,
+            primary=ContactMatch(mode=mode, pattern=pattern, entity="robot"),
+            fields=("found", "force"),
+            reduce="netforce",
+            track_air_time=name == "feet_contact",
+            history_length=DECIMATION,
+        )
+
+    feet = sensor("feet_contact", "body", tuple(f"^{link}$" for link in robot.foot_links))
+    return feet, sensor("other_contact", "geom", tuple(f"^{shape}$" for shape in touching))
+
+
+def _events(robot: RobotFacts, options: Options) -> dict[str, EventTermCfg]:
+    feet = tuple(f"^{name}$" for name in robot.shapes["feet"])
+    trunk = (f"^{robot.root_link}$",)
+    events = {
+        "friction": EventTermCfg(
+            mode="startup",
+            func=dr.geom_friction,
+            params={
+                "asset_cfg": SceneEntityCfg("robot", geom_names=feet),
+                "operation": "abs",
+                "ranges": options.friction,
+                "shared_random": True,
+            },
+        ),
+        "gains": EventTermCfg(
+            mode="startup",
+            func=dr.pd_gains,
+            params={"kp_range": options.gain_range, "kd_range": options.gain_range},
+        ),
+        "trunk": EventTermCfg(
+            mode="startup",
+            func=dr.pseudo_inertia,
+            params={"asset_cfg": SceneEntityCfg("robot", body_names=trunk), "alpha_range": options.trunk_density},
+        ),
+        "begin": EventTermCfg(mode="reset", func=begin_episodes),
+    }
+    if options.push_speed[1] > 0.0:
+        events["push_velocity"] = EventTermCfg(
+            mode="interval", interval_range_s=options.push_interval_s, func=push_velocity
+        )
+    if options.push_impulse[1] > 0.0:
+        events["push_force"] = EventTermCfg(mode="step", func=PushForce)
+    return events

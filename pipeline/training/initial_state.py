@@ -1,0 +1,58 @@
+"""How an episode begins: mostly at an expert frame, else near the default pose."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from mjlab.utils.lab_api.math import quat_apply, quat_from_euler_xyz, quat_mul
+
+LIFT_M = 0.02
+"""Expert frames are put this much higher, so that no sole begins in the ground [m]."""
+JOINT_NOISE = 0.02
+"""[rad]"""
+SPEED_NOISE = 0.2
+"""Of the base near the default pose [m/s, rad/s]."""
+
+
+def begin_episodes(env, env_ids: torch.Tensor) -> None:
+    """Write root and joint states of environments that begin an episode, and give some the frame's own command."""
+    options, robot = env.context.options, env.scene["robot"]
+    count, device = len(env_ids), env.device
+    frames, command = env.context.references.draw(count)
+    pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
+    home = torch.rand(count, device=device) >= options.reference_share
+    pos[home, 2] = env.context.bundle.robot.default_root_height + LIFT_M
+    quat[home] = torch.tensor([1.0, 0.0, 0.0, 0.0], device=device)
+    joints[home] = env.default_joint_pos
+    joint_vel[home] = 0.0
+    lin_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
+    ang_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
+    turn = quat_from_euler_xyz(*(torch.zeros(2, count, device=device)), 2.0 * math.pi * torch.rand(count, device=device))
+    quat, lin_vel_w, ang_vel_w = quat_mul(turn, quat), quat_apply(turn, lin_vel_w), quat_apply(turn, ang_vel_w)
+    joints += JOINT_NOISE * (2.0 * torch.rand_like(joints) - 1.0)
+    joints = torch.clamp(joints, *env.joint_limits)
+    pos[:, :2] = 0.0
+    pos[:, 2] += options.roughness_m if options.terrain == "rough" else 0.0
+    robot.write_root_link_pose_to_sim(torch.cat([pos + env.scene.env_origins[env_ids], quat], dim=1), env_ids=env_ids)
+    robot.write_root_link_velocity_to_sim(torch.cat([lin_vel_w, ang_vel_w], dim=1), env_ids=env_ids)
+    robot.write_joint_state_to_sim(joints, joint_vel, env_ids=env_ids)
+    env.readings.restart(env_ids)
+    keeps = ~home & (torch.rand(count, device=device) < options.reference_command_share)
+    env.own_command[env_ids] = torch.where(keeps[:, None], command, torch.nan)
+
+
+def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """Root position and quaternion, joints, world velocities of the root and joint velocities of expert frames."""
+    index = env.controlled_index
+    count = len(index)
+    pos, quat = frames[:, :3].clone(), frames[:, 3:7].clone()
+    joints, joint_vel = (env.default_joint_pos.repeat(len(frames), 1) for _ in range(2))
+    joint_vel[:] = 0.0
+    joints[:, index] = frames[:, 7 : 7 + count]
+    after = 7 + count + 12
+    lin_vel_w = quat_apply(quat, frames[:, after : after + 3])
+    ang_vel_w = quat_apply(quat, frames[:, after + 3 : after + 6])
+    joint_vel[:, index] = frames[:, after + 6 : after + 6 + count]
+    pos[:, 2] += LIFT_M
+    return pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel

@@ -1,0 +1,65 @@
+"""What the discriminator sees of a frame, worked out by one function for the expert and for the policy.
+
+60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq.
+"""
+
+from __future__ import annotations
+
+import torch
+from mjlab.utils.lab_api.math import quat_apply_inverse
+
+FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
+"""Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: what hardly moves in the data
+must not outweigh all else."""
+
+CLIP = 10.0
+"""Normalized features are cut here."""
+
+
+def features(
+    joint_pos: torch.Tensor, ends_b: torch.Tensor, lin_vel_b: torch.Tensor, ang_vel_b: torch.Tensor, joint_vel: torch.Tensor
+) -> torch.Tensor:
+    """(n, 18 + 2 a + …) of joints (n, a) in the expert's order and end effectors (n, 12) in the trunk's frame."""
+    return torch.cat([joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel], dim=1)
+
+
+def state_features(
+    root_pos_w: torch.Tensor,
+    root_quat_w: torch.Tensor,
+    lin_vel_w: torch.Tensor,
+    ang_vel_b: torch.Tensor,
+    joint_pos: torch.Tensor,
+    joint_vel: torch.Tensor,
+    ends_pos_w: torch.Tensor,
+) -> torch.Tensor:
+    """Features of simulator states; `ends_pos_w` (n, 4, 3) are hands and feet in the world."""
+    quat = root_quat_w[:, None].expand(-1, ends_pos_w.shape[1], -1)
+    ends_b = quat_apply_inverse(quat, ends_pos_w - root_pos_w[:, None])
+    lin_vel_b = quat_apply_inverse(root_quat_w, lin_vel_w)
+    return features(joint_pos, ends_b.flatten(1), lin_vel_b, ang_vel_b, joint_vel)
+
+
+def frame_features(frames: torch.Tensor) -> torch.Tensor:
+    """Features of expert frames (n, 37 + 2 a)."""
+    joints = (frames.shape[1] - 37) // 2
+    parts = torch.split(frames, [3, 4, joints, 12, 3, 3, joints, 12], dim=1)
+    _, _, joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel, _ = parts
+    return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
+
+
+def floors(joints: int) -> torch.Tensor:
+    """The least standard deviation of each feature."""
+    sizes = {"joint_pos": joints, "ends": 12, "lin_vel": 3, "ang_vel": 3, "joint_vel": joints}
+    return torch.cat([torch.full((size,), FLOORS[name]) for name, size in sizes.items()])
+
+
+class FeatureNormalizer:
+    """Mean and standard deviation of the expert's features, fitted once."""
+
+    def __init__(self, expert: torch.Tensor, joints: int):
+        self.mean = expert.mean(dim=0)
+        self.std = torch.maximum(expert.std(dim=0), floors(joints).to(expert))
+
+    def __call__(self, windows: torch.Tensor) -> torch.Tensor:
+        """Windows (n, h, f) as the discriminator takes them (n, h f)."""
+        return torch.clamp((windows - self.mean) / self.std, -CLIP, CLIP).flatten(1)

@@ -1,0 +1,76 @@
+"""What actor and critic see.
+
+The actor's 72 x 10 numbers are those of `pipeline/deployment/observation.py`, time-major, the oldest frame first, zeros
+where there is none yet; joints in the network's order. The critic sees the newest frame without noise, the base's
+velocity and which feet touch.
+"""
+
+from __future__ import annotations
+
+import torch
+from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
+
+HISTORY = 10
+
+
+def frame(
+    gyro_b: torch.Tensor,
+    gravity_b: torch.Tensor,
+    command: torch.Tensor,
+    joint_offset: torch.Tensor,
+    joint_vel: torch.Tensor,
+    last_action: torch.Tensor,
+) -> torch.Tensor:
+    """One frame (n, 9 + 3 a); joints in the network's order, positions counted from the default pose."""
+    return torch.cat([gyro_b, gravity_b, command, joint_offset, joint_vel, last_action], dim=1)
+
+
+def newest_frame(env) -> torch.Tensor:
+    """The frame of the current state."""
+    readings, index = env.readings, env.policy_index
+    return frame(
+        readings.ang_vel_b,
+        readings.gravity_b,
+        env.command,
+        (readings.joint_pos - env.default_joint_pos)[:, index],
+        readings.joint_vel[:, index],
+        env.action_manager.action,
+    )
+
+
+def noise_scale(noise: tuple[float, float, float, float], joints: int) -> torch.Tensor:
+    """Half width of the uniform noise of each number of a frame; command and last action have none."""
+    gyro, gravity, pos, vel = noise
+    parts = [(gyro, 3), (gravity, 3), (0.0, 3), (pos, joints), (vel, joints), (0.0, joints)]
+    return torch.cat([torch.full((size,), value) for value, size in parts])
+
+
+class ActorHistory:
+    """The last frames of each environment, with the sensors' noise."""
+
+    def __init__(self, cfg: ObservationTermCfg, env):
+        joints = len(env.policy_index)
+        self._frames = torch.zeros(env.num_envs, HISTORY, 9 + 3 * joints, device=env.device)
+        self._scale = noise_scale(env.context.options.noise, joints).to(env.device)
+
+    def __call__(self, env) -> torch.Tensor:
+        newest = newest_frame(env)
+        newest += self._scale * (2.0 * torch.rand_like(newest) - 1.0)
+        self._frames = torch.cat([self._frames[:, 1:], newest[:, None]], dim=1)
+        return self._frames.flatten(1)
+
+    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
+        self._frames[slice(None) if env_ids is None else env_ids] = 0.0
+
+
+def critic_frame(env) -> torch.Tensor:
+    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5)."""
+    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float()], dim=1)
+
+
+def observation_cfg() -> dict[str, ObservationGroupCfg]:
+    """The groups `actor` and `critic`."""
+    return {
+        "actor": ObservationGroupCfg(terms={"history": ObservationTermCfg(func=ActorHistory)}),
+        "critic": ObservationGroupCfg(terms={"frame": ObservationTermCfg(func=critic_frame)}),
+    }

@@ -1,0 +1,166 @@
+"""Every number of a training run. `presets.py` says which of them are the paper's and why others differ."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.training.training_error import TrainingError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The defaults are the paper's where it states a number, else those of its references."""
+
+    # The world
+    terrain: str = "plane"
+    """`plane`, or `rough`: a heightfield of random roughness."""
+    roughness_m: float = 0.03
+    """Height range of the rough terrain [m]."""
+    motors: str = "line"
+    """`line`: torque falls above the knee speed as the torque-speed curve does; `box`: a constant limit."""
+    action_lag_steps: int = 0
+    """A joint target arrives up to this many physics steps of .005 s late."""
+    episode_s: float = 20.0
+    """Length of an episode [s]."""
+
+    # Commands
+    mixture: str = "paper"
+    """`paper`: standing, normal, fast. `balanced`: also shares of turning on the spot, sideways, straight and slow."""
+    standing_share: float = 0.10
+    """Of the commands."""
+    fast_share: float = 0.35
+    """Of the commands."""
+    resample_s: tuple[float, float] = (8.0, 12.0)
+    """Time between commands [s]."""
+
+    # Rewards
+    sigma2: float = 0.25
+    """Width of the tracking kernels [m^2/s^2]."""
+    penalty_start: float = 1.0
+    """Factor of all penalties but the termination's at the start …"""
+    penalty_iterations: int = 0
+    """… grows to 1 over this many iterations."""
+    joint_limit: str = "indicator"
+    """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .9 of their range [rad]."""
+    energy_factor: float = 1.0
+    """Of the paper's energy weight."""
+    slide_factor: float = 1.0
+    """Of the paper's feet-slide weight."""
+    action_rate_factor: float = 1.0
+    """Of the paper's action-rate weight."""
+    mean_tracking: float = 0.0
+    """Weight of tracking by the velocity averaged over .4 s, each axis."""
+    mean_sigma2: float = 0.02
+    """Width of those kernels."""
+    standing_still: float = 0.0
+    """Weight of steps and joint speed while the command is to stand."""
+    single_stance: float = 0.0
+    """Weight of the time on one foot (up to .4 s) while walking."""
+    saturation: float = 0.0
+    """Weight of torque beyond .85 of a joint's limit."""
+
+    # Terminations
+    max_tilt_deg: float = 60.0
+    min_height_m: float = 0.45
+    stall: bool = False
+    """End an episode, without the penalty, in which the robot stands though it is told to move."""
+    stall_speed: float = 0.2
+    """Commanded speed [m/s] above which standing is a stall …"""
+    stall_yaw: float = 0.3
+    """… and yaw rate [rad/s]."""
+    stall_share: float = 0.3
+    """Less than this share of the command is standing."""
+    stall_s: float = 1.5
+    """For this long [s]."""
+
+    # Where episodes start
+    reference_share: float = 0.85
+    """Episodes that start at an expert frame; the others near the default pose."""
+    reference_command_share: float = 0.0
+    """Of these, how many get the frame's own command."""
+    reference_by_cell: bool = False
+    """Frames drawn so that their commands are distributed as the policy's."""
+
+    # Randomization
+    friction: tuple[float, float] = (0.4, 1.2)
+    gain_range: tuple[float, float] = (0.9, 1.1)
+    """Factor of stiffness and damping, each joint."""
+    trunk_density: tuple[float, float] = (-0.05, 0.1)
+    """Half the logarithm of the factor of the trunk's mass and inertia."""
+    noise: tuple[float, float, float, float] = (0.2, 0.05, 0.01, 0.5)
+    """Uniform noise of gyro [rad/s], gravity, joint positions [rad] and velocities [rad/s]."""
+
+    # Pushes
+    push_interval_s: tuple[float, float] = (4.0, 8.0)
+    push_speed: tuple[float, float] = (0.3, 1.5)
+    """Largest change of the base's horizontal velocity [m/s], at the start and at the end of the ramp."""
+    push_impulse: tuple[float, float] = (0.0, 0.0)
+    """Largest impulse of a .1 s force on the trunk [N s], at the start and at the end of the ramp; 0: no such pushes."""
+    push_iterations: int = 1000
+    """Length of the ramp."""
+
+    # Adversarial motion prior
+    style: float = 0.3
+    """Share of the style reward in the blend; 0 trains without a discriminator."""
+    alpha: float = 0.25
+    beta: float = 0.1
+    """Of r = alpha (1 + tanh(beta D))."""
+    window: int = 4
+    """Frames the discriminator sees."""
+    window_stride: int = 1
+    """Control steps between these frames."""
+    expert_by_cell: bool = False
+    """Expert windows drawn so that their commands are distributed as the policy's, else by MotionWeight alone."""
+    use_augmented: bool = True
+    """Whether mirrored and time-scaled clips are used."""
+    expert_windows: int = 200_000
+    """Preloaded."""
+    discriminator_hidden: tuple[int, ...] = (512, 256)
+    discriminator_rate: float = 1e-4
+    discriminator_steps: int = 8
+    """Gradient steps an iteration …"""
+    discriminator_batch: int = 4096
+    """… of this many expert and as many policy windows."""
+    gradient_penalty: float = 10.0
+    drift: float = 0.0
+    """Weight of E[D^2], which keeps a score that has no zero from drifting."""
+    replay_windows: int = 500_000
+
+    # PPO
+    steps: int = 24
+    """Control steps of each environment an iteration."""
+    epochs: int = 5
+    mini_batches: int = 4
+    learning_rate: float = 1e-3
+    entropy: float = 0.005
+    desired_kl: float = 0.01
+    init_std: float = 0.6
+    hidden: tuple[int, ...] = (512, 256, 128)
+    symmetry: bool = True
+    """Mirrored samples beside each mini-batch's own."""
+
+    def changed(self, **values: Any) -> Options:
+        """These options with some changed. Raises TrainingError for a name or value that is none."""
+        known = {field.name for field in dataclasses.fields(self)}
+        for name in values:
+            if name not in known:
+                raise TrainingError(f"unknown option '{name}'; there are: {', '.join(sorted(known))}")
+        return dataclasses.replace(self, **values)
+
+    def with_texts(self, texts: dict[str, str]) -> Options:
+        """These options with some changed, each value given as text in the form of the option's default."""
+        known = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return self.changed(**{name: _parse(name, text, known.get(name)) for name, text in texts.items()})
+
+
+def _parse(name: str, text: str, like: Any) -> Any:
+    try:
+        if isinstance(like, bool):
+            return {"true": True, "false": False}[text.lower()]
+        if isinstance(like, tuple):
+            return tuple(type(like[0])(part) for part in text.split(","))
+        return type(like)(text) if like is not None else text
+    except (KeyError, ValueError) as error:
+        raise TrainingError(f"option '{name}' is '{text}'; it must look like '{like}'.") from error

@@ -1,0 +1,194 @@
+"""The task reward: the 19 terms of the paper's table with their weights, and what options add to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from mjlab.managers.reward_manager import RewardTermCfg
+
+from pipeline.training import reward_terms as terms
+from pipeline.training.options import Options
+from pipeline.training.readings import CONTACT_FORCE, yaw_frame
+
+STEP_S = 0.02
+"""mjlab multiplies weights by the control step [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """One row of the table."""
+
+    name: str
+    equation: str
+    weight: float
+    value: Callable
+    """Of the environment, (n,)."""
+    added: str = ""
+    """Why it is there, where the paper does not have it; its off-switch is the option of that name set to 0."""
+
+
+def table(options: Options) -> tuple[Term, ...]:
+    """The rows under these options; those of weight 0 are left out."""
+    rows = (*_tracking(options), *_motion(options), *_feet(options), *_added(options))
+    return tuple(row for row in rows if row.weight != 0.0)
+
+
+def reward_cfg(options: Options) -> dict[str, RewardTermCfg]:
+    """The table as mjlab's reward manager takes it."""
+    return {row.name: RewardTermCfg(func=_Evaluate, weight=row.weight, params={"row": row.name}) for row in table(options)}
+
+
+class _Evaluate:
+    """A row as a term of mjlab. Penalties but the termination's grow in over the first iterations."""
+
+    def __init__(self, cfg: RewardTermCfg, env):
+        options = env.context.options
+        self._row = next(row for row in table(options) if row.name == cfg.params["row"])
+        self._ramped = self._row.weight < 0.0 and self._row.name != "termination"
+
+    def __call__(self, env, row: str) -> torch.Tensor:
+        value = self._row.value(env)
+        return value * env.penalty_factor() if self._ramped else value
+
+
+def _tracking(options: Options) -> tuple[Term, ...]:
+    def kernel(axis: int) -> Callable:
+        return lambda env: terms.tracking(env.command, env.readings.velocity, axis, options.sigma2)
+
+    names = ("tracking_x", "tracking_y", "tracking_yaw")
+    symbols = ("v_x", "v_y", "w_z")
+    return tuple(
+        Term(name=name, equation=f"exp(-({symbol}_cmd - {symbol})^2 / sigma^2)", weight=3.0, value=kernel(axis))
+        for axis, (name, symbol) in enumerate(zip(names, symbols, strict=True))
+    )
+
+
+def _motion(options: Options) -> tuple[Term, ...]:
+    limit = terms.limit_indicator if options.joint_limit == "indicator" else terms.limit_excess
+    return (
+        Term(
+            name="lin_vel_z", equation="v_z^2", weight=-1.0, value=lambda env: terms.square(env.readings.lin_vel_b[:, 2])
+        ),
+        Term(
+            name="ang_vel_xy",
+            equation="|w_xy|^2",
+            weight=-0.05,
+            value=lambda env: terms.square(env.readings.ang_vel_b[:, :2]),
+        ),
+        Term(
+            name="energy",
+            equation="|tau * dq|",
+            weight=-1e-3 * options.energy_factor,
+            value=lambda env: terms.energy(env.readings.torque, env.readings.joint_vel),
+        ),
+        Term(name="torque", equation="|tau|^2", weight=-1e-4, value=lambda env: terms.square(env.readings.torque)),
+        Term(name="joint_vel", equation="|dq|^2", weight=-1e-3, value=lambda env: terms.square(env.readings.joint_vel)),
+        Term(
+            name="joint_acc", equation="|ddq|^2", weight=-2.5e-7, value=lambda env: terms.square(env.readings.joint_acc)
+        ),
+        Term(
+            name="action_rate",
+            equation="|a_t - a_(t-1)|^2",
+            weight=-0.1 * options.action_rate_factor,
+            value=lambda env: terms.square(env.action_manager.action - env.action_manager.prev_action),
+        ),
+        Term(
+            name="orientation", equation="|g_xy|^2", weight=-2.0, value=lambda env: terms.square(env.readings.gravity_b[:, :2])
+        ),
+        Term(
+            name="joint_limit",
+            equation="1[q > q_max] + 1[q < q_min]",
+            weight=-20.0,
+            value=lambda env: limit(env.readings.joint_pos, *env.joint_limits),
+        ),
+        Term(name="termination", equation="1[terminated]", weight=-200.0, value=lambda env: env.fell.float()),
+    )
+
+
+def _feet(options: Options) -> tuple[Term, ...]:
+    return (
+        Term(
+            name="undesired_contacts",
+            equation="sum 1[|f_i| > 1]",
+            weight=-1.0,
+            value=lambda env: terms.undesired_contacts(env.readings.other_force_history_w, CONTACT_FORCE),
+        ),
+        Term(
+            name="feet_slide",
+            equation="sum 1[c_i] |v_i,xy|",
+            weight=-0.25 * options.slide_factor,
+            value=lambda env: terms.feet_slide(env.readings.contacts, env.readings.feet_vel_w),
+        ),
+        Term(
+            name="feet_force",
+            equation="clip(|f_z| - 500, 0, 400)",
+            weight=-3e-3,
+            value=lambda env: terms.feet_force(env.readings.feet_force_w),
+        ),
+        Term(
+            name="feet_too_near",
+            equation="max(0, .2 - |p_lf - p_rf|)",
+            weight=-2.0,
+            value=lambda env: terms.feet_too_near(env.readings.feet_pos_w),
+        ),
+        Term(
+            name="feet_stumble",
+            equation="1[|f_xy| > 5 |f_z|]",
+            weight=-2.0,
+            value=lambda env: terms.feet_stumble(env.readings.feet_force_w),
+        ),
+        Term(
+            name="feet_lateral_distance",
+            equation="1[|v_y_cmd| < .1] ||p_lf,y - p_rf,y| - .2|",
+            weight=-2.0,
+            value=lambda env: terms.feet_lateral_distance(env.command, _lateral_gap(env)),
+        ),
+    )
+
+
+def _added(options: Options) -> tuple[Term, ...]:
+    mean = tuple(
+        Term(
+            name=f"mean_tracking_{name}",
+            equation="exp(-(v_cmd - mean v)^2 / mean_sigma2)",
+            weight=options.mean_tracking,
+            value=_mean_kernel(axis, options.mean_sigma2),
+            added="the wide kernel pays .99 for an error of .05; this one, on the average over a step, does not",
+        )
+        for axis, name in enumerate(("x", "y", "yaw"))
+    )
+    return (
+        *mean,
+        Term(
+            name="standing_still",
+            equation="1[c = 0] (feet in the air + .05 |dq|)",
+            weight=-options.standing_still,
+            value=lambda env: terms.standing_still(env.command, env.readings.contacts, env.readings.joint_vel),
+            added="tracking alone pays stepping on the spot as well as standing",
+        ),
+        Term(
+            name="single_stance",
+            equation="1[c != 0, one foot] min(time on it, .4)",
+            weight=options.single_stance,
+            value=lambda env: terms.single_stance(env.command, env.readings.contacts, env.readings.stance_time),
+            added="half the stride at twice the cadence was the fault of earlier runs",
+        ),
+        Term(
+            name="saturation",
+            equation="sum max(0, |tau| / limit - .85)",
+            weight=-options.saturation,
+            value=lambda env: terms.saturation(env.readings.torque, env.effort_limit),
+            added="leaves the motors a reserve",
+        ),
+    )
+
+
+def _mean_kernel(axis: int, sigma2: float) -> Callable:
+    return lambda env: terms.tracking(env.command, env.readings.mean_velocity, axis, sigma2)
+
+
+def _lateral_gap(env) -> torch.Tensor:
+    gap_w = env.readings.feet_pos_w[:, 0] - env.readings.feet_pos_w[:, 1]
+    return yaw_frame(env.readings.root_quat_w, gap_w)[:, 1]

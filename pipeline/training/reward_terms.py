@@ -1,0 +1,94 @@
+"""The task reward's terms, each a pure function of tensors; N environments first.
+
+`reward_table.py` gives each its equation and weight. Velocities `c` and `v` are (n, 3): forward, lateral, yaw rate.
+Penalties are returned as positive numbers; their weights are negative.
+"""
+
+from __future__ import annotations
+
+import torch
+
+FORCE_SOFT = 500.0
+"""Foot force that costs nothing [N]."""
+FORCE_SPAN = 400.0
+"""Beyond it the cost stops growing here [N]."""
+FEET_APART = 0.2
+"""[m]"""
+STANCE_TIME = 0.4
+"""Time on one foot that a step is paid up to [s]."""
+
+
+def tracking(command: torch.Tensor, velocity: torch.Tensor, axis: int, sigma2: float) -> torch.Tensor:
+    """exp(-(c - v)^2 / sigma^2) on one axis."""
+    return torch.exp(-torch.square(command[:, axis] - velocity[:, axis]) / sigma2)
+
+
+def square(value: torch.Tensor) -> torch.Tensor:
+    """x^2 of (n,), |x|^2 of (n, k)."""
+    return torch.square(value) if value.ndim == 1 else torch.sum(torch.square(value), dim=1)
+
+
+def energy(torque: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
+    """|tau * dq|, the norm over joints of their powers."""
+    return torch.linalg.norm(torque * joint_vel, dim=1)
+
+
+def limit_indicator(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
+    """How many joints are beyond their limits."""
+    return ((joint_pos > upper) | (joint_pos < lower)).float().sum(dim=1)
+
+
+def limit_excess(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
+    """By how much joints are beyond .9 of their range [rad]."""
+    middle, half = (lower + upper) / 2.0, 0.9 * (upper - lower) / 2.0
+    return torch.clamp((joint_pos - middle).abs() - half, min=0.0).sum(dim=1)
+
+
+def undesired_contacts(force_history_w: torch.Tensor, threshold: float) -> torch.Tensor:
+    """How many links (n, b, h, 3) were pressed by more than the threshold [N] during the step."""
+    return (torch.linalg.norm(force_history_w, dim=-1).amax(dim=-1) > threshold).float().sum(dim=1)
+
+
+def feet_slide(contacts: torch.Tensor, feet_vel_w: torch.Tensor) -> torch.Tensor:
+    """Horizontal speed of the feet that touch, summed [m/s]."""
+    return (torch.linalg.norm(feet_vel_w[..., :2], dim=-1) * contacts).sum(dim=1)
+
+
+def feet_force(feet_force_w: torch.Tensor) -> torch.Tensor:
+    """What the norm of the feet's vertical forces is beyond FORCE_SOFT, at most FORCE_SPAN [N]."""
+    return torch.clamp(torch.linalg.norm(feet_force_w[..., 2], dim=1) - FORCE_SOFT, 0.0, FORCE_SPAN)
+
+
+def feet_too_near(feet_pos_w: torch.Tensor) -> torch.Tensor:
+    """How much nearer than FEET_APART the feet are [m]."""
+    return torch.clamp(FEET_APART - torch.linalg.norm(feet_pos_w[:, 0] - feet_pos_w[:, 1], dim=1), min=0.0)
+
+
+def feet_stumble(feet_force_w: torch.Tensor) -> torch.Tensor:
+    """1 where a foot is pushed more than five times as much sideways as up."""
+    sideways = torch.linalg.norm(feet_force_w[..., :2], dim=-1)
+    return (sideways > 5.0 * feet_force_w[..., 2].abs()).any(dim=1).float()
+
+
+def feet_lateral_distance(command: torch.Tensor, lateral_gap: torch.Tensor) -> torch.Tensor:
+    """How far the feet's lateral distance in the yaw frame [m] is from FEET_APART, unless told to go sideways."""
+    return torch.abs(lateral_gap.abs() - FEET_APART) * (command[:, 1].abs() < 0.1)
+
+
+def standing_still(command: torch.Tensor, contacts: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
+    """Feet in the air and a twentieth of the joints' speed [rad/s] while the command is to stand."""
+    stands = (command.abs() < 1e-6).all(dim=1)
+    lifted = 2.0 - contacts.float().sum(dim=1)
+    return stands * (lifted + 0.05 * torch.linalg.norm(joint_vel, dim=1))
+
+
+def single_stance(command: torch.Tensor, contacts: torch.Tensor, stance_time: torch.Tensor) -> torch.Tensor:
+    """How long the robot has been on one foot [s], up to STANCE_TIME, while told to move."""
+    single = contacts.sum(dim=1) == 1
+    moves = (command.abs() > 1e-6).any(dim=1)
+    return torch.clamp(stance_time.amin(dim=1), max=STANCE_TIME) * (single & moves)
+
+
+def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:
+    """Torque beyond .85 of the limits, as a share of them, summed over joints."""
+    return torch.clamp(torque.abs() / limit - 0.85, min=0.0).sum(dim=1)

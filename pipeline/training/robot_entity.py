@@ -1,0 +1,66 @@
+"""The robot in mjlab: its model, motors, collision shapes and default pose."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+from mjlab.actuator import DcMotorActuatorCfg, IdealPdActuatorCfg
+from mjlab.entity import EntityArticulationInfoCfg, EntityCfg
+from mjlab.utils.spec_config import CollisionCfg
+
+from pipeline.training.bundle import RobotFacts
+from pipeline.training.options import Options
+
+GROUND, FEET = 1, 2
+"""Bits of the collision masks: everything meets the ground; feet also meet feet and shanks."""
+
+
+def robot_entity(robot: RobotFacts, options: Options) -> EntityCfg:
+    """The robot with its motors; joints that the policy doesn't move are held by the same kind of motor."""
+    return EntityCfg(
+        spec_fn=lambda: mujoco.MjSpec.from_string(robot.mjcf),
+        init_state=EntityCfg.InitialStateCfg(
+            pos=(0.0, 0.0, robot.default_root_height),
+            joint_pos={f"^{name}$": float(q) for name, q in zip(robot.joint_names, robot.default_joint_pos, strict=True)},
+        ),
+        collisions=(_collisions(robot),),
+        articulation=EntityArticulationInfoCfg(
+            actuators=tuple(_motor(robot, joint, options) for joint in range(len(robot.joint_names)))
+        ),
+        sort_actuators=True,
+    )
+
+
+def _motor(robot: RobotFacts, joint: int, options: Options) -> IdealPdActuatorCfg:
+    """A joint's motor: position control behind its torque limit, or behind its torque-speed line."""
+    common = {
+        "target_names_expr": (f"^{robot.joint_names[joint]}$",),
+        "stiffness": float(robot.kp[joint]),
+        "damping": float(robot.kd[joint]),
+        "effort_limit": float(robot.effort_limit[joint]),
+        "delay_max_lag": options.action_lag_steps,
+    }
+    no_load = float(robot.no_load_speed[joint])
+    if options.motors == "box":
+        return IdealPdActuatorCfg(**common)
+    if math.isnan(no_load):  # the same kind of motor, so that all of them stay one batch: a line no joint reaches
+        no_load, stall = 1e6, 1e3 * float(robot.effort_limit[joint])
+    else:
+        stall = float(robot.saturation_effort[joint])
+    return DcMotorActuatorCfg(**common, saturation_effort=stall, velocity_limit=no_load)
+
+
+def _collisions(robot: RobotFacts) -> CollisionCfg:
+    """Feet, shanks and the outermost shapes meet the ground; of the robot itself only feet and shanks meet."""
+    feet, shanks, others = (robot.shapes[kind] for kind in ("feet", "shanks", "others"))
+    named = {f"^{name}$": (FEET, GROUND | FEET) for name in feet} | {f"^{name}$": (0, GROUND | FEET) for name in shanks}
+    named |= {f"^{name}$": (0, GROUND) for name in others}
+    return CollisionCfg(
+        geom_names_expr=tuple(named),
+        contype={name: bits[0] for name, bits in named.items()},
+        conaffinity={name: bits[1] for name, bits in named.items()},
+        condim=3,
+        priority={name: int(name.strip("^$") in feet) for name in named},
+        friction=(1.0,),
+    )

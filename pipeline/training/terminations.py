@@ -1,0 +1,62 @@
+"""When an episode ends before its time."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from mjlab.envs.mdp.terminations import time_out
+from mjlab.managers.termination_manager import TerminationTermCfg
+
+from pipeline.training.options import Options
+
+
+def fallen(gravity_b: torch.Tensor, height: torch.Tensor, max_tilt_deg: float, min_height_m: float) -> torch.Tensor:
+    """Whether the root is tilted too far or too low (n,)."""
+    return (-gravity_b[:, 2] < math.cos(math.radians(max_tilt_deg))) | (height < min_height_m)
+
+
+def stands_though_told(command: torch.Tensor, velocity: torch.Tensor, options: Options) -> torch.Tensor:
+    """Whether (n,) the robot follows less than its share of a command to move, or of one to turn.
+
+    Planar: commanded speed above `stall_speed` and velocity along the command below `stall_share` of it. Turning:
+    likewise. A command of both must be followed in both.
+    """
+    speed = torch.linalg.norm(command[:, :2], dim=1)
+    along = (velocity[:, :2] * command[:, :2]).sum(dim=1) / speed.clamp(min=1e-6)
+    planar = (speed > options.stall_speed) & (along < options.stall_share * speed)
+    turn = command[:, 2].abs()
+    turned = velocity[:, 2] * torch.sign(command[:, 2])
+    return planar | ((turn > options.stall_yaw) & (turned < options.stall_share * turn))
+
+
+class Stall:
+    """Ends an episode in which `stands_though_told` holds for `stall_s`, of the averaged velocity."""
+
+    def __init__(self, cfg: TerminationTermCfg, env):
+        self._seconds = torch.zeros(env.num_envs, device=env.device)
+
+    def __call__(self, env) -> torch.Tensor:
+        options = env.context.options
+        stalls = stands_though_told(env.command, env.readings.mean_velocity, options)
+        stalls &= env.command_manager.get_term("velocity").age > options.stall_s
+        self._seconds = torch.where(stalls, self._seconds + env.step_dt, 0.0)
+        return self._seconds > options.stall_s
+
+    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
+        self._seconds[slice(None) if env_ids is None else env_ids] = 0.0
+
+
+def _fell(env) -> torch.Tensor:
+    env.readings.advance()
+    options = env.context.options
+    env.fell = fallen(env.readings.gravity_b, env.readings.height, options.max_tilt_deg, options.min_height_m)
+    return env.fell
+
+
+def termination_cfg(options: Options) -> dict[str, TerminationTermCfg]:
+    """Falls, the stall rule where it is on, and the end of the time."""
+    rules = {"fell": TerminationTermCfg(func=_fell), "time": TerminationTermCfg(func=time_out, time_out=True)}
+    if options.stall:
+        rules["stall"] = TerminationTermCfg(func=Stall)
+    return rules

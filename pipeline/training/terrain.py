@@ -1,0 +1,33 @@
+"""The ground: a plane, or a heightfield of random roughness with a flat border."""
+
+from __future__ import annotations
+
+from mjlab.terrains import HfRandomUniformTerrainCfg, TerrainEntityCfg, TerrainGeneratorCfg
+
+from pipeline.training.options import Options
+
+PATCH_M = 10.0
+PATCHES = 8
+"""Rows and columns of patches that episodes begin on."""
+BORDER_M = 30.0
+"""Flat ground around them: how far a run of 20 s may lead out [m]."""
+
+
+def terrain_cfg(options: Options, seed: int) -> TerrainEntityCfg:
+    """The ground under these options."""
+    if options.terrain == "plane":
+        return TerrainEntityCfg(terrain_type="plane")
+    patch = HfRandomUniformTerrainCfg(
+        noise_range=(0.0, options.roughness_m), noise_step=0.005, downsampled_scale=0.2, horizontal_scale=0.1
+    )
+    return TerrainEntityCfg(
+        terrain_type="generator",
+        terrain_generator=TerrainGeneratorCfg(
+            seed=seed,
+            size=(PATCH_M, PATCH_M),
+            border_width=BORDER_M,
+            num_rows=PATCHES,
+            num_cols=PATCHES,
+            sub_terrains={"rough": patch},
+        ),
+    )
