@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.catalog.measure import measure
+from pipeline.catalog.flight import Person
+from pipeline.catalog.measure import bridged, measure
 from pipeline.catalog.repeated_frames import each_once, times_stored
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.catalog.time_base import TimeBase, judge
@@ -15,7 +16,6 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
-from pipeline.quality.gap_bridge import bridge_positions
 from pipeline.readers import ReadMotion, Source, read_motion, refuse_outside_link
 
 
@@ -52,7 +52,7 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
     """
     corrected = correct(read, settings=settings, rate_is_stated=rate_is_stated)
     clip = corrected.clip
-    measured = measure(clip, settings)
+    measured = measure(clip, settings, corrected.person)
     reasons = (*read.notes, *corrected.reasons, *_too_little_recorded(clip, measured, settings))
     numbers = {**_identity(read, clip), **measured, **_clocks(corrected.time_base)}
     numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
@@ -72,6 +72,8 @@ class Corrected:
     """Frame of the file that is the clip's first."""
     time_base: TimeBase | None
     """How the rate was judged; None for a robot, whose gait and size are not a person's."""
+    person: Person | None
+    """What the rate was judged by, where it is the clip's; None for a robot, and where the rate was wrong."""
     reasons: tuple[Reason, ...]
 
 
@@ -82,15 +84,23 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     if times > 1:
         reasons.append(_repeated(clip, times))
         clip = each_once(clip, times, first)
-    time_base = None
+    time_base = person = None
     if isinstance(clip, HumanClip):
-        time_base = judge(bridge_positions(clip, settings.bridge_s), read.skeleton, settings.time_base)
+        person = bridged(clip, settings)
+        time_base = judge(person, read.skeleton, settings.time_base)
     if time_base is not None and time_base.contradicted:
         reason = _contradicted(clip, time_base, rate_is_stated)
         reasons.append(reason)
         if reason.effect == "repaired" and time_base.fps is not None:
-            clip = dataclasses.replace(clip, fps=time_base.fps)
-    return Corrected(clip=clip, times_stored=times, first_frame=first, time_base=time_base, reasons=tuple(reasons))
+            clip, person = dataclasses.replace(clip, fps=time_base.fps), None
+    return Corrected(
+        clip=clip,
+        times_stored=times,
+        first_frame=first,
+        time_base=time_base,
+        person=person,
+        reasons=tuple(reasons),
+    )
 
 
 def _too_little_recorded(

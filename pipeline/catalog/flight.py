@@ -8,6 +8,7 @@ because gravity is known. The trunk stands for the body: over right recordings o
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter1d
 
 from pipeline import time_series
-from pipeline.catalog.gait import leg_length, stride_frames
+from pipeline.catalog.gait import Legs
 from pipeline.clips.human_clip import FEET, HumanClip
 
 STILL_SHARE = 0.25
@@ -40,13 +41,23 @@ class Flights:
         return np.array([stop - start for start, stop in self.phases], dtype=float)
 
 
-def find_flights(clip: HumanClip) -> Flights:
+@dataclass(frozen=True, kw_only=True)
+class Person(Legs):
+    """A person's clip as both clocks look at it."""
+
+    @functools.cached_property
+    def flights(self) -> Flights:
+        """The flight phases of running and jumping."""
+        return find_flights(self)
+
+
+def find_flights(legs: Legs) -> Flights:
     """The flight phases of running and jumping; none where no steps are seen or positions are missing."""
-    stride = stride_frames(clip)
-    if stride is None:
+    clip, step_rate = legs.clip, legs.step_rate
+    if step_rate is None:
         return Flights(phases=(), fall=np.zeros(0))
     height = 0.5 * (clip.pos("pelvis") + clip.pos("chest"))[:, 2]
-    airborne = _airborne(clip, 2 * int(stride / 2.0) + 1) & np.isfinite(height)
+    airborne = _airborne(clip, 2 * int(2.0 / step_rate / 2.0) + 1, legs.leg_length) & np.isfinite(height)
     phases = tuple(
         (start, stop)
         for start, stop in time_series.runs(airborne)
@@ -55,9 +66,8 @@ def find_flights(clip: HumanClip) -> Flights:
     return Flights(phases=phases, fall=np.array([_fall(height[start:stop]) for start, stop in phases]))
 
 
-def _airborne(clip: HumanClip, stride: int) -> Bool[np.ndarray, " t"]:
+def _airborne(clip: HumanClip, stride: int, leg: float) -> Bool[np.ndarray, " t"]:
     """Frames (t,) in which no foot stands, while the body travels at least a leg's length in a stride."""
-    leg = leg_length(clip)
     points = np.stack([clip.pos(f"{side}_{part}") for side in FEET for part in ("ankle", "toe")], axis=1)
     slowest = np.linalg.norm(time_series.derivative(points, 1.0), axis=2).min(axis=1)
     travel = time_series.derivative(_filled_mean(clip.pos("pelvis")[:, :2], stride), 1.0)

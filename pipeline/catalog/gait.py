@@ -5,6 +5,7 @@ Nothing here needs the clip's rate, so that it can be used to judge it.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 
@@ -33,36 +34,53 @@ class Steps:
     """Way of the pelvis in each step [m]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Legs:
+    """A person's clip as the steps' clock looks at it; what is needed several times is worked out once."""
+
+    clip: HumanClip
+
+    @functools.cached_property
+    def leg_length(self) -> float:
+        """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
+        return leg_length(self.clip)
+
+    @functools.cached_property
+    def facing(self) -> np.ndarray:
+        """Horizontal normal of the line between the hips (t, 2), unit."""
+        left = self.clip.pos("left_hip") - self.clip.pos("right_hip")
+        return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+
+    @functools.cached_property
+    def step_events(self) -> Int[np.ndarray, " n"]:
+        """Frames at which one ankle leads the other most, left and right in turns."""
+        return _step_events(self)
+
+    @functools.cached_property
+    def step_rate(self) -> float | None:
+        """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
+        events = self.step_events
+        return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
+
+
 def leg_length(clip: HumanClip) -> float:
     """Thigh plus shank [m], median over frames, mean of both sides; NaN where nothing was recorded."""
     sides = []
     for side in FEET:
         hip, knee, ankle = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
-        length = np.linalg.norm(knee - hip, axis=1) + np.linalg.norm(ankle - knee, axis=1)
+        length = rotation.length(knee - hip) + rotation.length(ankle - knee)
         length = length[np.isfinite(length)]
         sides.append(float(np.median(length)) if len(length) else float("nan"))
     return sum(sides) / len(sides)
 
 
-def stride_frames(clip: HumanClip) -> float | None:
-    """Median duration of two steps in any direction [frames]; None where fewer than two steps are seen."""
-    rate = step_rate(clip)
-    return None if rate is None else 2.0 / rate
-
-
-def step_rate(clip: HumanClip) -> float | None:
-    """Median number of steps a frame, in any direction; None where fewer than two steps are seen."""
-    events = _step_events(clip)
-    return None if len(events) < 3 else 1.0 / float(np.median(np.diff(events)))
-
-
-def steps_ahead(clip: HumanClip) -> Steps:
+def steps_ahead(legs: Legs) -> Steps:
     """The straight steps ahead, each between two moments at which one ankle leads most: double supports of walking.
 
     Frames with missing positions are left out; a step across them is not counted.
     """
-    events = _step_events(clip)
-    pelvis, facing = clip.pos("pelvis")[:, :2], _facing(clip)
+    events = legs.step_events
+    pelvis, facing = legs.clip.pos("pelvis")[:, :2], legs.facing
     known = np.asarray(np.isfinite(np.concatenate([pelvis, facing], axis=1)).all(axis=1))
     frames, length, before = [], [], None
     for first, last in itertools.pairwise(events):
@@ -77,13 +95,13 @@ def steps_ahead(clip: HumanClip) -> Steps:
     return Steps(frames=np.array(frames, dtype=float), length=np.array(length))
 
 
-def _step_events(clip: HumanClip) -> Int[np.ndarray, " n"]:
-    """Frames at which one ankle leads the other most, left and right in turns."""
-    lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * _facing(clip), axis=1)
+def _step_events(legs: Legs) -> Int[np.ndarray, " n"]:
+    clip = legs.clip
+    lead = np.sum((clip.pos("left_ankle") - clip.pos("right_ankle"))[:, :2] * legs.facing, axis=1)
     index = np.flatnonzero(np.isfinite(lead))
     if len(index) < 3:
         return np.zeros(0, dtype=int)
-    prominence = LEAST_SPREAD * leg_length(clip)
+    prominence = LEAST_SPREAD * legs.leg_length
     left = [(int(frame), True) for frame in index[find_peaks(lead[index], prominence=prominence)[0]]]
     right = [(int(frame), False) for frame in index[find_peaks(-lead[index], prominence=prominence)[0]]]
     events = []
@@ -91,12 +109,6 @@ def _step_events(clip: HumanClip) -> Int[np.ndarray, " n"]:
         frames = [frame for frame, _ in same]
         events.append((frames[0] + frames[-1]) // 2)
     return np.array(events, dtype=int)
-
-
-def _facing(clip: HumanClip) -> np.ndarray:
-    """Horizontal normal of the line between the hips (t, 2), unit."""
-    left = clip.pos("left_hip") - clip.pos("right_hip")
-    return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline import time_series
-from pipeline.catalog.flight import find_flights
-from pipeline.catalog.gait import leg_length, step_rate
+from pipeline.catalog.flight import Person
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number
@@ -15,12 +14,13 @@ from pipeline.quality.gap_bridge import bridge_positions
 from pipeline.quality.planar_motion import planar_motion
 
 
-def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> dict[str, Number]:
+def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Person | None = None) -> dict[str, Number]:
     """Frames, missing frames, speeds [m/s], yaw rates [rad/s]; of a person also gait, legs and feet.
 
     `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
 
-    Short gaps are bridged first. None stands for what cannot be measured.
+    Short gaps are bridged first; `person` is `bridged(clip)` where that was looked at before. None stands for what
+    cannot be measured.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
@@ -35,7 +35,12 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings) -> dict[str,
     }
     if not isinstance(clip, HumanClip):
         return numbers
-    return {**numbers, **_of_person(bridge_positions(clip, settings.bridge_s))}
+    return {**numbers, **_of_person(person or bridged(clip, settings))}
+
+
+def bridged(clip: HumanClip, settings: CatalogSettings) -> Person:
+    """A person's clip with its short gaps bridged, as gait and flights are read from it."""
+    return Person(clip=bridge_positions(clip, settings.bridge_s))
 
 
 def _missing(clip: HumanClip | RobotClip) -> np.ndarray:
@@ -47,13 +52,13 @@ def _missing(clip: HumanClip | RobotClip) -> np.ndarray:
     return np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0)
 
 
-def _of_person(clip: HumanClip) -> dict[str, Number]:
-    rate = step_rate(clip)
-    leg = leg_length(clip)
+def _of_person(person: Person) -> dict[str, Number]:
+    clip = person.clip
+    rate, leg = person.step_rate, person.leg_length
     return {
         "leg_length": _round(leg) if np.isfinite(leg) else None,
         "cadence_per_min": None if rate is None else _round(60.0 * rate * clip.fps),
-        "flight_share": _round(find_flights(clip).frames.sum() / clip.frame_count),
+        "flight_share": _round(person.flights.frames.sum() / clip.frame_count),
         "stance_foot_speed": _stance_foot_speed(clip),
     }
 

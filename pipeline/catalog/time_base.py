@@ -13,10 +13,9 @@ from fnmatch import fnmatchcase
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.catalog.flight import Flights, find_flights
-from pipeline.catalog.gait import Steps, leg_length, steps_ahead
+from pipeline.catalog.flight import Flights, Person
+from pipeline.catalog.gait import Steps, steps_ahead
 from pipeline.catalog.settings import TimeBaseSettings
-from pipeline.clips.human_clip import HumanClip
 
 GRAVITY = 9.81
 """[m/s²]"""
@@ -62,16 +61,17 @@ class TimeBase:
     """All standard rates that explain a contradiction [Hz]."""
 
 
-def judge(clip: HumanClip, skeleton: str, settings: TimeBaseSettings) -> TimeBase:
+def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase:
     """Hold a clip's rate against gravity and gait. `skeleton`: name of its map, which tells who recorded it."""
-    gravity = _by_gravity(find_flights(clip), clip.fps, settings)
-    gait = _by_gait(steps_ahead(clip), leg_length(clip), clip.fps, settings)
+    fps = person.clip.fps
+    gravity = _by_gravity(person.flights, fps, settings)
+    gait = _by_gait(steps_ahead(person), person.leg_length, fps, settings)
     decisive = gravity or gait
     if decisive is None:
         return TimeBase(
             gravity=None, gait=None, ratio=None, limit=None, contradicted=False, certain=False, fps=None, candidates=()
         )
-    size, limit = _apart(decisive.fps, clip.fps), decisive.limit
+    size, limit = _apart(decisive.fps, fps), decisive.limit
     contradicted = size >= limit
     agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.certain_gait_ratio
     certain = contradicted and (size >= settings.certain_gait_ratio if gravity is None else agree)
@@ -79,7 +79,7 @@ def judge(clip: HumanClip, skeleton: str, settings: TimeBaseSettings) -> TimeBas
     return TimeBase(
         gravity=gravity,
         gait=gait,
-        ratio=decisive.fps / clip.fps,
+        ratio=decisive.fps / fps,
         limit=limit,
         contradicted=contradicted,
         certain=certain,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.catalog import CatalogSettings, judge
-from pipeline.catalog.flight import find_flights
-from pipeline.catalog.gait import leg_length, steps_ahead
+from pipeline.catalog.flight import Person
+from pipeline.catalog.gait import steps_ahead
 from pipeline.clips.human_clip import HumanClip
 from pipeline.files import settings as settings_file
 from pipeline.readers import Statement, read_motion
@@ -20,6 +20,10 @@ SETTINGS = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings).t
 FACTORS = (1 / 5, 1 / 4, 1 / 3, 1 / 2, 1 / 1.5, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 
+def judged(clip, skeleton, settings):
+    return judge(Person(clip=clip), skeleton, settings)
+
+
 def at(clip, fps):
     return dataclasses.replace(clip, fps=fps)
 
@@ -27,25 +31,25 @@ def at(clip, fps):
 @pytest.mark.parametrize("fps", [60.0, 100.0, 120.0, 240.0])
 def test_a_runner_falls_with_gravity_in_every_flight(fps):
     clip = runner(fps)
-    flights = find_flights(clip)
+    flights = Person(clip=clip).flights
     assert len(flights.phases) >= 8
     assert flights.fall * fps**2 == pytest.approx(np.full(len(flights.fall), 9.81), rel=0.02)
     assert flights.frames.max() / fps <= FLIGHT_S + 2.0 / fps
 
 
 def test_a_walker_never_flies():
-    assert find_flights(walker(seconds=10.0)).phases == ()
+    assert Person(clip=walker(seconds=10.0)).flights.phases == ()
 
 
 @pytest.mark.parametrize("true_fps", [30.0, 60.0, 100.0, 120.0])
 def test_right_rates_of_runs_are_kept(true_fps):
-    assert not judge(runner(true_fps), "", SETTINGS).contradicted
+    assert not judged(runner(true_fps), "", SETTINGS).contradicted
 
 
 @pytest.mark.parametrize("true_fps", [60.0, 120.0, 240.0])
 @pytest.mark.parametrize("factor", FACTORS)
 def test_wrong_rates_of_runs_are_found_and_the_true_one_with_them(true_fps, factor):
-    found = judge(at(runner(true_fps), true_fps * factor), "", SETTINGS)
+    found = judged(at(runner(true_fps), true_fps * factor), "", SETTINGS)
     assert found.contradicted
     assert found.certain
     assert found.fps == true_fps
@@ -53,23 +57,23 @@ def test_wrong_rates_of_runs_are_found_and_the_true_one_with_them(true_fps, fact
 
 
 def test_two_rates_that_fit_are_not_chosen_between():
-    found = judge(at(runner(108.0), 30.0), "", SETTINGS)
+    found = judged(at(runner(108.0), 30.0), "", SETTINGS)
     assert found.contradicted
     assert set(found.candidates) == {100.0, 120.0}
     assert found.fps is None
 
 
 def test_what_a_skeleton_is_usually_recorded_at_decides_between_two_rates():
-    assert judge(at(runner(108.0), 30.0), "cmu_daz", SETTINGS).fps == 120.0
+    assert judged(at(runner(108.0), 30.0), "cmu_daz", SETTINGS).fps == 120.0
 
 
 def test_24_and_25_hz_are_not_told_apart_but_the_nearest_is_taken():
-    assert judge(at(runner(25.0, seconds=10.0), 60.0), "", SETTINGS).fps in (None, 24.0, 25.0)
+    assert judged(at(runner(25.0, seconds=10.0), 60.0), "", SETTINGS).fps in (None, 24.0, 25.0)
 
 
 @pytest.mark.parametrize("factor", [1 / 4, 1 / 2, 2.0, 4.0])
 def test_wrong_rates_of_walks_are_found_by_their_steps(factor):
-    found = judge(at(walker(seconds=10.0), 60.0 * factor), "", SETTINGS)
+    found = judged(at(walker(seconds=10.0), 60.0 * factor), "", SETTINGS)
     assert found.gravity is None
     assert found.contradicted
     assert found.certain
@@ -79,31 +83,31 @@ def test_wrong_rates_of_walks_are_found_by_their_steps(factor):
 @pytest.mark.parametrize("stride_s", [1.0, 1.1, 1.25])
 def test_people_may_walk_faster_and_slower_than_usual(stride_s):
     clip = walker(seconds=10.0, gait=Gait(speed_m_s=1.2, stride_s=stride_s))
-    found = judge(clip, "", SETTINGS)
+    found = judged(clip, "", SETTINGS)
     assert found.gait is not None
     assert not found.contradicted
 
 
 def test_who_does_not_walk_is_not_judged():
-    found = judge(standing(seconds=5.0), "", SETTINGS)
+    found = judged(standing(seconds=5.0), "", SETTINGS)
     assert (found.gravity, found.gait, found.ratio, found.contradicted) == (None, None, None, False)
 
 
 def test_steps_are_measured_in_frames_and_metres():
-    steps = steps_ahead(walker(seconds=10.0, fps=60.0, gait=Gait(speed_m_s=1.2, stride_s=1.1)))
+    steps = steps_ahead(Person(clip=walker(seconds=10.0, fps=60.0, gait=Gait(speed_m_s=1.2, stride_s=1.1))))
     assert len(steps.frames) >= 14
     assert np.median(steps.frames) == pytest.approx(33.0, abs=1.0)
     assert np.median(steps.length) == pytest.approx(0.66, abs=0.02)
 
 
 def test_a_run_has_steps_of_its_cadence():
-    steps = steps_ahead(runner(120.0))
+    steps = steps_ahead(Person(clip=runner(120.0)))
     assert np.median(steps.frames) / 120.0 == pytest.approx(STEP_S, abs=0.01)
 
 
 def test_the_judgement_does_not_depend_on_place_and_heading():
     clip = runner(120.0)
-    here, there = judge(clip, "", SETTINGS), judge(turned(clip, 2.0, (40.0, -3.0, 0.4)), "", SETTINGS)
+    here, there = judged(clip, "", SETTINGS), judged(turned(clip, 2.0, (40.0, -3.0, 0.4)), "", SETTINGS)
     assert there.gravity.fps == pytest.approx(here.gravity.fps, rel=1e-6)
     assert there.gait.fps == pytest.approx(here.gait.fps, rel=1e-6)
 
@@ -113,15 +117,15 @@ def test_missing_frames_and_a_first_frame_elsewhere_do_not_disturb():
     pos = clip.body_pos_w.copy()
     pos[0] += 20.0
     pos[300:340] = np.nan
-    found = judge(at(dataclasses.replace(clip, body_pos_w=pos), 25.0), "", SETTINGS)
+    found = judged(at(dataclasses.replace(clip, body_pos_w=pos), 25.0), "", SETTINGS)
     assert found.fps == 120.0
 
 
 def test_a_clip_without_any_sample_is_not_judged():
     clip = runner(60.0)
     empty = dataclasses.replace(clip, body_pos_w=np.full_like(clip.body_pos_w, np.nan))
-    assert not judge(empty, "", SETTINGS).contradicted
-    assert np.isnan(leg_length(empty))
+    assert not judged(empty, "", SETTINGS).contradicted
+    assert np.isnan(Person(clip=empty).leg_length)
 
 
 def real_people(mocap):
@@ -138,9 +142,9 @@ def real_people(mocap):
 def test_of_real_recordings_right_rates_are_kept_and_no_wrong_one_is_replaced_by_another(mocap):
     decided = 0
     for file, skeleton, clip in real_people(mocap):
-        assert not judge(clip, skeleton, SETTINGS).contradicted, file
+        assert not judged(clip, skeleton, SETTINGS).contradicted, file
         for factor in FACTORS:
-            found = judge(at(clip, clip.fps * factor), skeleton, SETTINGS)
+            found = judged(at(clip, clip.fps * factor), skeleton, SETTINGS)
             if found.certain and found.fps is not None:
                 assert found.fps == clip.fps, (file, factor)
                 decided += 1
