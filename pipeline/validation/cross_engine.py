@@ -16,7 +16,8 @@ import numpy as np
 
 from pipeline.batch import ClipPool
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
-from pipeline.validation.cross_engine_walk import DART, ENGINES, MUJOCO, Deployed, Figures, walk_cell
+from pipeline.validation.cross_engine_walk import DART, ENGINES, MUJOCO, Figures, walk_cell
+from pipeline.validation.deployed import Deployed
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}
 HELD = (MUJOCO, DART)

@@ -12,7 +12,7 @@ from pipeline.deployment import Policy
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.sensors import PerfectSensors, Reading
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.cross_engine_walk import Deployed
+from pipeline.validation.deployed import Deployed
 
 Fault = Callable[[Deployed], Deployed]
 

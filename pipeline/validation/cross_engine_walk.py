@@ -3,47 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.dart.plant import DartPlant
-from pipeline.deployment import DeploymentTask, Policy, PolicyController
+from pipeline.deployment import DeploymentTask
 from pipeline.robot import Robot
 from pipeline.simulation.armature_on_links import bridge_plant
 from pipeline.simulation.events import Push
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import Plant, PlantState
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import Command, Controller, run
-from pipeline.simulation.sensors import PerfectSensors, Sensors
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.run import Command, run
 from pipeline.validation.cross_engine_settings import Cell, Segment, SimulationSettings
+from pipeline.validation.deployed import Deployed
 
 MUJOCO, BRIDGE, DART = "mujoco", "bridge", "dart"
 ENGINES = (MUJOCO, BRIDGE, DART)
 """MuJoCo, MuJoCo with the armature on the links as DART has it, DART."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Deployed:
-    """A policy on a robot with its gains and motors: what all engines run alike."""
-
-    robot: Robot
-    task: DeploymentTask
-    policy: Policy
-    envelope: TorqueEnvelope
-    reads: Sensors = field(default_factory=PerfectSensors)
-    """Without a memory of their own: all walks share them."""
-
-    def controller(self) -> Controller:
-        return PolicyController(self.task, self.policy)
-
-    def motors(self) -> PdControl:
-        return PdControl(kp=self.task.kp, kd=self.task.kd, envelope=self.envelope)
 
 
 @dataclass(frozen=True, kw_only=True)
