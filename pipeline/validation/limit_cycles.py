@@ -1,0 +1,218 @@
+"""The cycle that a walk's joints go through: extracted from a record, and held against another's.
+
+    JointSeries (a leg's hip pitch and knee over time)
+      -> period by autocorrelation -> phase of the hip's fundamental -> cycles cut at equal phase -> LimitCycle
+    two LimitCycles -> Comparison: shape distance, period, amplitude
+
+A cycle is a stride of one leg. Definitions:
+
+- **period**: mean time from one phase 0 of the hip's fundamental to the next [s];
+- **amplitude** of an angle: largest less smallest value of the mean cycle [rad];
+- **spread**: root of the mean squared distance of the single cycles from the mean one, in the plane hip-knee [rad];
+- **shape distance** of two closed curves a and b in a plane, both centred, P points each at equal phase: the smallest
+  root of the mean squared distance |a(i) - b(i + s)| over all shifts s, as a share of the curves' size, which is the
+  root of the mean squared distance from their centres, of both together. 0: the same shape and size, wherever it lies
+  and however long it takes; sqrt(2): the same circle run the other way round.
+- **offset**: distance of the centres in the plane hip-knee [rad].
+
+Planes: hip against knee [rad], and each angle against its speed times T / 2 pi of its own walk [rad], in which a sine
+is a circle at any cadence.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.errors import PipelineError
+
+PHASES = 100
+"""Points of a cycle."""
+SHORTEST_S, LONGEST_S = 0.3, 2.5
+"""Periods that are looked for [s]: a robot that trembles and one that sways walk neither."""
+LEAST_LIKENESS = 0.6
+"""Autocorrelation at the period below which a record repeats nothing."""
+LEAST_CYCLES = 3
+
+HIP, KNEE, HIP_VEL, KNEE_VEL = range(4)
+PLANES = ("hip against knee", "hip against its speed", "knee against its speed")
+
+
+class NoCycleError(PipelineError):
+    """A record without a cycle.
+
+    Args:
+        name: of the record
+        problem: what it has instead
+    """
+
+    def __init__(self, name: str, problem: str):
+        self.problem = problem
+        super().__init__(f"{name}: no limit cycle: {problem}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointSeries:
+    """One leg's hip pitch and knee at a steady command."""
+
+    name: str
+    rate_hz: float
+    hip: Float[np.ndarray, " n"]
+    """[rad]"""
+    knee: Float[np.ndarray, " n"]
+    """[rad]"""
+    hip_vel: Float[np.ndarray, " n"]
+    """[rad/s]"""
+    knee_vel: Float[np.ndarray, " n"]
+    """[rad/s]"""
+
+    @property
+    def table(self) -> Float[np.ndarray, "n 4"]:
+        """Columns HIP, KNEE, HIP_VEL, KNEE_VEL."""
+        return np.stack([self.hip, self.knee, self.hip_vel, self.knee_vel], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitCycle:
+    """The mean stride of a record."""
+
+    name: str
+    cycles: int
+    period_s: float
+    period_std_s: float
+    mean: Float[np.ndarray, "p 4"]
+    """At equal steps of phase: hip, knee [rad] and their speeds [rad/s]."""
+    spread_rad: float
+
+    @property
+    def hip_amplitude_rad(self) -> float:
+        return float(np.ptp(self.mean[:, HIP]))
+
+    @property
+    def knee_amplitude_rad(self) -> float:
+        return float(np.ptp(self.mean[:, KNEE]))
+
+    def plane(self, name: str) -> Float[np.ndarray, "p 2"]:
+        """The closed curve in one of `PLANES` [rad]."""
+        if name == PLANES[0]:
+            return self.mean[:, [HIP, KNEE]]
+        angle, speed = (HIP, HIP_VEL) if name == PLANES[1] else (KNEE, KNEE_VEL)
+        return np.stack([self.mean[:, angle], self.mean[:, speed] * self.period_s / (2.0 * math.pi)], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Another walk's cycle held against a reference."""
+
+    name: str
+    reference: str
+    shape_distance: dict[str, float]
+    """By plane."""
+    offset_rad: float
+    period_ratio: float
+    """The other's to the reference's."""
+    hip_amplitude_ratio: float
+    knee_amplitude_ratio: float
+
+
+def limit_cycle(series: JointSeries) -> LimitCycle:
+    """The cycle of a record. Raises NoCycleError where nothing repeats or there are too few repetitions."""
+    table = series.table
+    if not np.isfinite(table).all():
+        raise NoCycleError(series.name, "some of its numbers are not finite")
+    period_s = _period(series)
+    starts = _phase_zeros(series.hip, series.rate_hz, period_s)
+    if len(starts) < LEAST_CYCLES + 1:
+        raise NoCycleError(series.name, f"{max(len(starts) - 1, 0)} whole cycles, wanted are {LEAST_CYCLES}")
+    cycles = np.array([_resampled(table, *pair) for pair in itertools.pairwise(starts)])
+    lengths = np.diff(starts) / series.rate_hz
+    mean = cycles.mean(axis=0)
+    away = cycles[:, :, [HIP, KNEE]] - mean[:, [HIP, KNEE]]
+    return LimitCycle(
+        name=series.name,
+        cycles=len(cycles),
+        period_s=float(lengths.mean()),
+        period_std_s=float(lengths.std()),
+        mean=mean,
+        spread_rad=float(np.sqrt(np.mean(np.sum(away**2, axis=-1)))),
+    )
+
+
+def compare(reference: LimitCycle, other: LimitCycle) -> Comparison:
+    """`other` held against `reference`."""
+    between = reference.mean[:, [HIP, KNEE]].mean(axis=0) - other.mean[:, [HIP, KNEE]].mean(axis=0)
+    return Comparison(
+        name=other.name,
+        reference=reference.name,
+        shape_distance={name: shape_distance(reference.plane(name), other.plane(name)) for name in PLANES},
+        offset_rad=float(np.linalg.norm(between)),
+        period_ratio=other.period_s / reference.period_s,
+        hip_amplitude_ratio=other.hip_amplitude_rad / max(reference.hip_amplitude_rad, 1e-9),
+        knee_amplitude_ratio=other.knee_amplitude_rad / max(reference.knee_amplitude_rad, 1e-9),
+    )
+
+
+def shape_distance(one: Float[np.ndarray, "p 2"], two: Float[np.ndarray, "p 2"]) -> float:
+    """Shape distance of two closed curves, see above; the same either way round."""
+    a, b = (curve - curve.mean(axis=0) for curve in (one, two))
+    size = np.mean(np.sum(a**2, axis=1)) + np.mean(np.sum(b**2, axis=1))
+    products = sum(np.fft.ifft(np.conj(np.fft.fft(a[:, i])) * np.fft.fft(b[:, i])).real for i in range(2))
+    squared = size - 2.0 * float(np.max(products)) / len(a)
+    return math.sqrt(max(squared, 0.0) / max(size / 2.0, 1e-12))
+
+
+def _period(series: JointSeries) -> float:
+    """The lag [s] at which hip and knee repeat themselves best, the first of those about as good."""
+    centred = np.stack([series.hip, series.knee], axis=1)
+    centred = centred - centred.mean(axis=0)
+    first = math.ceil(SHORTEST_S * series.rate_hz)
+    last = min(math.floor(LONGEST_S * series.rate_hz), len(centred) // 2)
+    if last <= first + 2:
+        raise NoCycleError(series.name, f"{len(centred) / series.rate_hz:.1f} s are too short")
+    likeness = np.array([_likeness(centred, lag) for lag in range(first - 1, last + 2)])
+    inner = likeness[1:-1]
+    peaks = np.flatnonzero((inner >= likeness[:-2]) & (inner > likeness[2:])) + 1
+    best = float(likeness[peaks].max()) if len(peaks) else 0.0
+    if best < LEAST_LIKENESS:
+        raise NoCycleError(series.name, f"its likeness to itself is {best:.2f} at best, wanted is {LEAST_LIKENESS}")
+    peak = int(peaks[np.flatnonzero(likeness[peaks] >= 0.95 * best)[0]])
+    before, at, after = likeness[peak - 1 : peak + 2]
+    bend = before - 2.0 * at + after
+    shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return (first - 1 + peak + shift) / series.rate_hz
+
+
+def _likeness(values: np.ndarray, lag: int) -> float:
+    early, late = values[:-lag], values[lag:]
+    norm = math.sqrt(float(np.sum(early**2)) * float(np.sum(late**2)))
+    return float(np.sum(early * late)) / norm if norm > 1e-12 else 0.0
+
+
+def _phase_zeros(hip: np.ndarray, rate_hz: float, period_s: float) -> Float[np.ndarray, " c"]:
+    """Sample positions, between samples, at which the phase of the fundamental of the hip is a multiple of 2 pi.
+
+    The phase at a time is that of the record's Fourier sum over the two periods around it, under a Hann window.
+    """
+    omega = 2.0 * math.pi / (period_s * rate_hz)
+    half = math.ceil(period_s * rate_hz)
+    window = np.hanning(2 * half + 1)
+    index = np.arange(len(hip))
+    if len(hip) < len(window):
+        return np.zeros(0)
+    turned = (hip - hip.mean()) * np.exp(-1j * omega * index)
+    slow = np.convolve(turned, window, mode="valid")
+    at = index[half : half + len(slow)]
+    phase = (np.unwrap(np.angle(slow)) + omega * at) / (2.0 * math.pi)
+    whole = np.arange(math.ceil(phase[0]), math.floor(phase[-1]) + 1)
+    rising = np.maximum.accumulate(phase)
+    return np.interp(whole, rising, at)
+
+
+def _resampled(table: np.ndarray, start: float, stop: float) -> Float[np.ndarray, "p 4"]:
+    places = start + (stop - start) * np.arange(PHASES) / PHASES
+    index = np.arange(len(table))
+    return np.stack([np.interp(places, index, column) for column in table.T], axis=1)
