@@ -63,7 +63,7 @@ def main() -> None:
         settings = dataclasses.replace(base, fps=fps)
         ours = run_ours(clips, settings, robot, parsed.repeat)
         theirs = run_gmr(clips, fps, gmr, robot) if gmr else None
-        bars += _bars(ours, theirs, fps) + _from_text(files, chain, settings, robot, theirs)
+        bars += _bars(ours, theirs, fps) + _from_text(files, chain, settings, robot, theirs, parsed.repeat)
         if parsed.each:
             _print_each(ours, fps)
     if gmr is None and not parsed.json:
@@ -126,10 +126,11 @@ def _speed(ours: Scored, theirs: Scored | None, at: str) -> list[Bar]:
 
 
 def _from_text(
-    files: list[Path], chain: Chain, settings: RetargetSettings, robot: Robot, theirs: Scored | None
+    files: list[Path], chain: Chain, settings: RetargetSettings, robot: Robot, theirs: Scored | None, repeat: int
 ) -> list[Bar]:
-    """From text to CSV: each step's share and the speed of the whole."""
-    spent = text_to_csv(files, chain, settings, robot)
+    """From text to CSV: each step's share and the speed of the whole, each the median of `repeat` runs."""
+    runs = [text_to_csv(files, chain, settings, robot) for _ in range(repeat)]
+    spent = {step: statistics.median(run[step] for run in runs) for step in runs[0]}
     at, frames = f"{settings.fps:g} Hz", spent.pop("frames")
     total_s = sum(spent.values())
     bars = [

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 
@@ -51,5 +52,5 @@ def each_once(clip: HumanClip | RobotClip, times: int, first: int) -> HumanClip 
 def _steps(clip: HumanClip | RobotClip) -> Float[np.ndarray, " steps"]:
     """Largest change from each frame to the next: of a person's joint positions [m], of a robot's joints [rad]."""
     if isinstance(clip, HumanClip):
-        return np.linalg.norm(np.diff(clip.body_pos_w, axis=0), axis=2).max(axis=1)
+        return rotation.length(np.diff(clip.body_pos_w, axis=0)).max(axis=1)
     return np.abs(np.diff(clip.joint_pos, axis=0)).max(axis=1)

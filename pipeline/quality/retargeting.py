@@ -90,11 +90,11 @@ def stance_drifts(point_pos_w: Float[np.ndarray, "t 3"], contact: Bool[np.ndarra
     """For each stance the largest horizontal distance [m] between two places of the point (the sole's centre) in it."""
     drifts = []
     for start, stop in time_series.runs(contact):
-        place = point_pos_w[start:stop, :2]
-        drifts.append(np.linalg.norm(place[:, None] - place[None, :], axis=-1).max())
+        way_x, way_y = (np.subtract.outer(place, place) for place in point_pos_w[start:stop, :2].T)
+        drifts.append(np.sqrt((way_x * way_x + way_y * way_y).max()))
     return np.array(drifts)
 
 
 def angle_between_vectors(a: Float[np.ndarray, "t 3"], b: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, " t"]:
     """Angle [rad] between vectors, accurate near 0 and pi (arctan2 of cross and dot product)."""
-    return np.arctan2(np.linalg.norm(rotation.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return np.arctan2(rotation.length(rotation.cross(a, b)), np.sum(a * b, axis=-1))

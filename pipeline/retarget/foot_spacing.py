@@ -33,17 +33,20 @@ def overlap(
     """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between their soles."""
     along, across = [], []
     places = np.linspace(sole.rear + sole.half_width, sole.front - sole.half_width, DISCS)
+    cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
     for foot in (left, right):
-        direction = np.stack([np.cos(foot[:, YAW]), np.sin(foot[:, YAW])], axis=-1)
-        discs_w = foot[:, None, :2] + places[:, None] * direction[:, None, :]
-        cosine, sine = np.cos(heading)[:, None], np.sin(heading)[:, None]
-        along.append(cosine * discs_w[..., 0] + sine * discs_w[..., 1])
-        across.append(cosine * discs_w[..., 1] - sine * discs_w[..., 0])
+        discs_x = foot[:, :1] + places * np.cos(foot[:, YAW])[:, None]
+        discs_y = foot[:, 1:2] + places * np.sin(foot[:, YAW])[:, None]
+        along.append(cosine * discs_x + sine * discs_y)
+        across.append(cosine * discs_y - sine * discs_x)
     reach = 2.0 * CORNER * sole.half_width + gap
-    way = along[0][:, :, None] - along[1][:, None, :]
+    near = across[0].min(axis=1) - across[1].max(axis=1) < reach  # others are apart wherever they are along the heading
+    way = along[0][near, :, None] - along[1][near, None, :]
     needed = np.sqrt(np.maximum(reach**2 - way**2, 0.0))
-    lacking = np.where(np.abs(way) < reach, needed - (across[0][:, :, None] - across[1][:, None, :]), 0.0)
-    return np.maximum(lacking.max(axis=(1, 2)), 0.0)
+    apart = across[0][near, :, None] - across[1][near, None, :]
+    lacking = np.zeros(len(left))
+    lacking[near] = np.maximum(np.where(np.abs(way) < reach, needed - apart, 0.0).max(axis=(1, 2)), 0.0)
+    return lacking
 
 
 def space_footholds(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pipeline import rotation
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.errors import ClipError
 
@@ -68,4 +69,4 @@ def foot_pitch(ankle_pos_w: Float[np.ndarray, "t 3"], toe_pos_w: Float[np.ndarra
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(a - b, axis=-1)
+    return rotation.length(a - b)

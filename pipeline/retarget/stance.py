@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline import time_series
+from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.retarget.settings import StanceSettings
 
@@ -24,7 +24,7 @@ def low_and_slow(clip: HumanClip, settings: StanceSettings) -> Bool[np.ndarray, 
     columns = []
     for side in FEET:
         toe_pos_w = clip.pos(f"{side}_toe")
-        speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=-1)
+        speed = rotation.length(time_series.derivative(toe_pos_w, clip.fps))
         height = toe_pos_w[:, 2] - np.percentile(toe_pos_w[:, 2], 5.0)
         columns.append((height < settings.toe_height) & (speed < settings.toe_speed_m_s))
     return np.stack(columns, axis=-1)
