@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -46,11 +47,14 @@ class Figures:
         return self.fell_s is not None
 
 
-def make_plant(engine: str, robot: Robot, settings: SimulationSettings) -> Plant:
-    """The engine of that name."""
+def make_plant(engine: str, deployed: Deployed, settings: SimulationSettings) -> Plant:
+    """The engine of that name with the deployment's robot, and its armature where that is not the robot's."""
+    robot = deployed.robot
+    if deployed.armature is not None:
+        robot = dataclasses.replace(robot, armature=deployed.armature)
     if engine == DART:
         return DartPlant(robot, settings.timestep_s, settings.friction)
-    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction)
+    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction, armature=robot.armature)
     return bridge_plant(robot, options) if engine == BRIDGE else MujocoPlant(robot, options)
 
 
@@ -66,7 +70,7 @@ def walk(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: Simul
     events = [] if cell.push is None else [_push(cell, start)]
     return run(
         robot,
-        make_plant(engine, robot, settings),
+        make_plant(engine, deployed, settings),
         deployed.controller(),
         deployed.motors(),
         command_of(cell.segments),

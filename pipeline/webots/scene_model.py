@@ -1,0 +1,221 @@
+"""What a project's PROTO and world say, read back as bodies, hinges, devices and contacts.
+
+The stand-ins simulate this and not the robot's tables: an error of the PROTO shows in them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.errors import FileError
+from pipeline.webots.vrml import Node, Proto, Scene, VrmlError, from_text
+
+
+@dataclass(frozen=True, kw_only=True)
+class Primitive:
+    """A bounding object in its body's frame: box (full sizes), sphere (radius), cylinder and capsule (radius, height
+    without caps) along its z."""
+
+    kind: str
+    size: tuple[float, ...]
+    pos: Float[np.ndarray, " 3"]
+    quat: Float[np.ndarray, " 4"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hinge:
+    """The joint that a body hangs on, in the parent's frame."""
+
+    anchor: Float[np.ndarray, " 3"]
+    axis: Float[np.ndarray, " 3"]
+    position: float
+    """At the start [rad]."""
+    stops: tuple[float, float] | None
+    """[rad]; None where both fields are 0, which Webots takes for none."""
+    motor: str
+    sensor: str
+    max_torque: float
+    """[N m]"""
+    max_velocity: float
+    """[rad/s]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A solid with mass. Its pose is in the parent's frame, at the hinge's `position`."""
+
+    name: str
+    parent: int
+    """Index; -1 for the robot itself."""
+    pos: Float[np.ndarray, " 3"]
+    quat: Float[np.ndarray, " 4"]
+    mass: float
+    com: Float[np.ndarray, " 3"]
+    moment: Float[np.ndarray, "3 3"]
+    """About the centre of mass, in the body's axes [kg m^2]."""
+    shapes: tuple[Primitive, ...]
+    hinge: Hinge | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """How robot and floor touch."""
+
+    friction: float
+    bounce: float
+    soft_erp: float
+    soft_cfm: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneModel:
+    """A world with one robot on a floor at z = 0. Bodies stand after their parents, the root first."""
+
+    name: str
+    controller: str
+    timestep_ms: float
+    gravity: float
+    erp: float
+    cfm: float
+    contact: Contact
+    bodies: tuple[Body, ...]
+    imu: dict[str, tuple[str, Float[np.ndarray, " 3"]]]
+    """Name of each inertial sensor of the root -> its node type and place in the root's frame."""
+    self_collision: bool
+
+    @property
+    def hinges(self) -> tuple[tuple[int, Hinge], ...]:
+        """Index of the moved body and its hinge, in the order of the file."""
+        return tuple((index, body.hinge) for index, body in enumerate(self.bodies) if body.hinge is not None)
+
+
+def read_scene(world: Path) -> SceneModel:
+    """The model of a world file and the PROTO that it names. Raises FileError."""
+    scene = _scene(world)
+    protos = {proto.name: proto for path in scene.extern for proto in _scene(world.parent / path).protos}
+    placed = [node for node in scene.nodes if node.kind in protos]
+    if len(placed) != 1:
+        raise FileError(world, f"has {len(placed)} robots of its PROTOs {', '.join(protos) or '(none)'}, wanted one.")
+    proto = protos[placed[0].kind]
+    try:
+        return _model(scene, proto, _instance(proto, placed[0]))
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise FileError(world, f"lacks or misstates a field of its robot or WorldInfo ({error!r}).") from error
+
+
+def _scene(path: Path) -> Scene:
+    if not path.is_file():
+        raise FileError(path, "there is no such file.", "Write the project with booster-lab webots-project.")
+    try:
+        return from_text(path.read_text(encoding="utf-8"))
+    except VrmlError as error:
+        raise FileError(path, str(error)) from error
+
+
+def _instance(proto: Proto, node: Node) -> dict[str, Any]:
+    """The interface's values: the node's, and the defaults of the others."""
+    return {name: node.fields.get(name, default) for _, name, default in proto.interface}
+
+
+def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
+    info = next(node for node in scene.nodes if node.kind == "WorldInfo").fields
+    bodies: list[Body] = []
+    _add(bodies, proto.body, -1, None, values)
+    own = proto.body.fields["children"]
+    sensors = [node for node in own if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
+    return SceneModel(
+        name=values["name"],
+        controller=values["controller"],
+        timestep_ms=info["basicTimeStep"][0],
+        gravity=info["gravity"][0],
+        erp=info["ERP"][0],
+        cfm=info["CFM"][0],
+        contact=_contact(info["contactProperties"], proto.body.fields["contactMaterial"], _floor_material(scene)),
+        bodies=tuple(bodies),
+        imu={node.fields["name"]: (node.kind, np.array(node.fields["translation"])) for node in sensors},
+        self_collision=proto.body.fields.get("selfCollision", False),
+    )
+
+
+def _floor_material(scene: Scene) -> str:
+    floors = [node for node in scene.nodes if node.kind == "Solid" and node.all("Plane")]
+    return floors[0].fields["contactMaterial"]
+
+
+def _contact(properties: list[Node], robot: str, floor: str) -> Contact:
+    pairs = {frozenset((each.fields["material1"], each.fields["material2"])): each.fields for each in properties}
+    found = pairs[frozenset((robot, floor))]
+    return Contact(
+        friction=found["coulombFriction"][0],
+        bounce=found["bounce"][0],
+        soft_erp=found["softERP"][0],
+        soft_cfm=found["softCFM"][0],
+    )
+
+
+def _add(bodies: list[Body], solid: Node, parent: int, joint: Node | None, values: dict[str, Any]) -> None:
+    fields = solid.fields if joint else {**solid.fields, **{key: values[key] for key in ("translation", "rotation")}}
+    physics = fields["physics"].fields
+    i11, i22, i33, i12, i13, i23 = physics["inertiaMatrix"]
+    index = len(bodies)
+    bodies.append(
+        Body(
+            name=fields["name"] if joint else values["name"],
+            parent=parent,
+            pos=np.array(fields["translation"]),
+            quat=_quat(fields["rotation"]),
+            mass=physics["mass"][0],
+            com=np.array(physics["centerOfMass"]),
+            moment=np.array([[i11, i12, i13], [i12, i22, i23], [i13, i23, i33]]),
+            shapes=tuple(_shapes(fields["boundingObject"])),
+            hinge=None if joint is None else _hinge(joint),
+        )
+    )
+    for child in fields["children"]:
+        if child.kind == "HingeJoint":
+            _add(bodies, child.fields["endPoint"], index, child, values)
+
+
+def _hinge(joint: Node) -> Hinge:
+    parameters = joint.fields["jointParameters"].fields
+    motor, sensor = joint.fields["device"]
+    low, high = parameters["minStop"][0], parameters["maxStop"][0]
+    return Hinge(
+        anchor=np.array(parameters["anchor"]),
+        axis=np.array(parameters["axis"]),
+        position=parameters["position"][0],
+        stops=(low, high) if low or high else None,
+        motor=motor.fields["name"],
+        sensor=sensor.fields["name"],
+        max_torque=motor.fields["maxTorque"][0],
+        max_velocity=motor.fields["maxVelocity"][0],
+    )
+
+
+def _shapes(bound: Node) -> list[Primitive]:
+    """Primitives of a Group, with or without a Pose around each."""
+    found = []
+    for child in bound.fields["children"]:
+        posed = child.kind == "Pose"
+        pos = np.array(child.fields["translation"]) if posed else np.zeros(3)
+        quat = _quat(child.fields["rotation"]) if posed else rotation.IDENTITY.copy()
+        shape = child.fields["children"][0] if posed else child
+        keys = {
+            "Box": ("size",),
+            "Sphere": ("radius",),
+            "Cylinder": ("radius", "height"),
+            "Capsule": ("radius", "height"),
+        }
+        size = tuple(number for key in keys[shape.kind] for number in shape.fields[key])
+        found.append(Primitive(kind=shape.kind.lower(), size=size, pos=pos, quat=quat))
+    return found
+
+
+def _quat(axis_angle: tuple[float, ...]) -> np.ndarray:
+    return rotation.from_axis_angle(np.array(axis_angle[:3]), axis_angle[3])
