@@ -60,13 +60,13 @@ class SensorNoise:
 
 
 class NoisySensors:
-    """Uniform noise on all that they say."""
+    """Uniform noise on all that others say, the truth where none are given."""
 
-    def __init__(self, noise: SensorNoise, rng: np.random.Generator):
-        self.noise, self.rng = noise, rng
+    def __init__(self, noise: SensorNoise, rng: np.random.Generator, of: Sensors | None = None):
+        self.noise, self.rng, self.of = noise, rng, of or PerfectSensors()
 
     def read(self, state: PlantState) -> Reading:
-        true = PerfectSensors().read(state)
+        true = self.of.read(state)
 
         def noisy(value: np.ndarray, width: float) -> np.ndarray:
             return value + self.rng.uniform(-width, width, value.shape)

@@ -1,0 +1,96 @@
+"""What is measured of a rollout: figures with name, unit and the side on which they are good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.foot_slip import lowest_corner_slip
+from pipeline.quality.sole import sole_motion
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.trial import Trial, Wanted
+
+CLIP_HZ = 100.0
+"""At which slip and contacts are looked at: the rate of the recorded forces."""
+SATURATED = 0.999
+"""Share of the envelope from which a joint counts as saturated."""
+CONTACT_N = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """A figure of a cell."""
+
+    name: str
+    unit: str
+    lower_is_better: bool
+    says: str
+
+
+FIGURES = {
+    each.name: each
+    for each in (
+        Figure(name="falls", unit="trials", lower_is_better=True, says="trials with Trunk z < .45 m or tilt > 60 deg"),
+        Figure(name="survival", unit="share", lower_is_better=False, says="trials that do not fall"),
+        Figure(name="speed_error", unit="m/s", lower_is_better=True, says="length of mean velocity less command"),
+        Figure(name="yaw_rate_error", unit="rad/s", lower_is_better=True, says="mean yaw rate less command"),
+        Figure(name="power", unit="W", lower_is_better=True, says="mean of sum |torque x joint speed|"),
+        Figure(name="slip", unit="m/s", lower_is_better=True, says="speed of the lowest sole corner in contact"),
+        Figure(name="saturation", unit="%", lower_is_better=True, says="leg joint samples at the torque envelope"),
+        Figure(name="drift", unit="m", lower_is_better=True, says="way between first and last place"),
+        Figure(name="steps", unit="steps", lower_is_better=True, says="feet set down"),
+    )
+}
+
+Numbers = dict[str, float]
+
+
+def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numbers:
+    """Figures of a rollout from `measure_s` to its end; of one that fell, when, and nothing else."""
+    if rollout.fell_s is not None:
+        return {"fell": 1.0, "fell_s": round(rollout.fell_s, 6)}
+    clip = rollout.clip("trial", CLIP_HZ, trial.measure_s)
+    velocity = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)
+    wanted = trial.command.last
+    contacts = clip.contacts
+    assert contacts is not None
+    moved = clip.root_pos_w[-1, :2] - clip.root_pos_w[0, :2]
+    numbers = {
+        "fell": 0.0,
+        "forward": velocity.forward_m_s,
+        "lateral": velocity.lateral_m_s,
+        "yaw_rate": velocity.yaw_rate_rad_s,
+        "speed_error": _speed_error(velocity.forward_m_s, velocity.lateral_m_s, wanted),
+        "yaw_rate_error": abs(velocity.yaw_rate_rad_s - wanted.yaw_rate),
+        "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
+        "drift": float(np.hypot(*moved)),
+        "steps": float((contacts[1:] & ~contacts[:-1]).sum()),
+        **_effort(rollout, trial.measure_s, envelope),
+    }
+    return {name: float(value) for name, value in numbers.items()}
+
+
+def _speed_error(forward: float, lateral: float, wanted: Wanted) -> float:
+    return float(np.hypot(forward - wanted.forward, lateral - wanted.lateral))
+
+
+def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Numbers:
+    """Power of all joints and saturation of the legs'."""
+    taken = slice(round(measure_s / rollout.timestep_s), None)
+    torque, speed = rollout.torque[taken], rollout.qvel[taken, 6:]
+    legs = leg_joints(rollout)
+    lower, upper = envelope.bounds(speed)
+    reached = (torque >= SATURATED * np.abs(upper)) | (torque <= -SATURATED * np.abs(lower))
+    return {
+        "power": float(np.abs(torque * speed).sum(axis=1).mean()),
+        "saturation": 100.0 * float(reached[:, legs].mean()),
+    }
+
+
+def leg_joints(rollout: Rollout) -> np.ndarray:
+    """Joints between the root's waist and a foot: those whose name says hip, knee or ankle."""
+    names = rollout.robot.joint_names
+    return np.array([index for index, name in enumerate(names) if any(p in name for p in ("Hip", "Knee", "Ankle"))])

@@ -1,0 +1,95 @@
+"""Pushes: 8 directions x 8 times x 6 impulses, standing and walking, by three models of a push.
+
+- `force`: a constant horizontal force at the trunk's centre of mass for .1 s, as the published figures have it;
+- `kick`: the whole robot's velocity changed at once by impulse / mass;
+- `ball`: a ball of 10 kg that flies into the trunk at the speed it has after a drop; 1.3 m is the paper's. It is taken
+  away after .3 s. Its momentum is that of its name; how much of it the robot takes is the collision's business.
+
+The first two thirds of a figure's name say which model: figures of different models are not the same quantity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.robot import Robot
+from pipeline.simulation.contact_wrench import GRAVITY
+from pipeline.simulation.events import Event, Kick, Push, Throw
+from pipeline.simulation.mujoco_plant import Ball
+from pipeline.validation.cells import SURVIVING, Cell
+from pipeline.validation.trial import Conditions, Profile, Trial, Wanted
+
+IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
+"""[N s]"""
+DIRECTIONS = 8
+"""The first is forward, then every 45 degrees to the left."""
+TIMES_S = tuple(3.0 + 0.1 * count for count in range(8))
+"""Over more than a gait cycle."""
+AFTER_S = 3.0
+"""How long a robot has to stay up after a push [s]."""
+PUSH_S = 0.1
+BALL = Ball(mass=10.0, radius=0.12)
+BALL_S = 0.3
+DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
+"""Heights [m] from which the ball has the speed of its flight."""
+WALKING = Wanted(forward=0.5)
+
+ToEvent = Callable[[float, np.ndarray, float], Event]
+
+
+def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")) -> tuple[Cell, ...]:
+    """All cells of the named push models: 12 of 64 trials each."""
+    cells = []
+    for model in models:
+        for gait, wanted in (("standing", Wanted()), ("walking", WALKING)):
+            for size in DROPS_M if model == "ball" else IMPULSES:
+                cells.append(push_cell(robot, model, gait, wanted, size))
+    return tuple(cells)
+
+
+def push_cell(robot: Robot, model: str, gait: str, wanted: Wanted, size: float) -> Cell:
+    """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
+
+    Args:
+        robot: whose mass a kick is shared by
+        model: `force, kick` or `ball`
+        gait: word in the cell's name
+        wanted: what it does when it is pushed
+        size: impulse [N s]; of a ball the drop [m]
+    """
+    conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
+    trials = []
+    for number, time_s in enumerate(TIMES_S):
+        for part in range(DIRECTIONS):
+            angle = 2.0 * math.pi * part / DIRECTIONS
+            direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+            trials.append(
+                Trial(
+                    seed=0,
+                    command=Profile(wanted=(wanted,)),
+                    seconds=TIMES_S[number] + AFTER_S,
+                    measure_s=time_s,
+                    events=(_event(robot, model, size, direction, time_s),),
+                    conditions=conditions,
+                )
+            )
+    unit = "m" if model == "ball" else "Ns"
+    return Cell(
+        name=f"push {model} {gait} {size:g} {unit}", group=f"pushes {model}", figures=SURVIVING, trials=tuple(trials)
+    )
+
+
+def _event(robot: Robot, model: str, size: float, direction_w: np.ndarray, start_s: float) -> Event:
+    if model == "force":
+        return Push(start_s=start_s, duration_s=PUSH_S, force_w=size / PUSH_S * direction_w)
+    if model == "kick":
+        return Kick(start_s=start_s, delta_v_w=size / robot.total_mass * direction_w)
+    return Throw(start_s=start_s, direction_w=direction_w, speed=ball_speed(size), duration_s=BALL_S)
+
+
+def ball_speed(drop: float) -> float:
+    """Speed [m/s] after falling `drop` [m]."""
+    return math.sqrt(2.0 * GRAVITY * drop)

@@ -1,0 +1,128 @@
+"""A trial as a rollout in MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.errors import UnknownNameError
+from pipeline.robot import Kinematics
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.plant import PlantState
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import run
+from pipeline.simulation.sensors import NoisySensors
+from pipeline.simulation.terrain import (
+    Bump,
+    CrossSlope,
+    FlatGround,
+    Ground,
+    Slope,
+    gravel,
+    rough_ground,
+    stepping_stones,
+)
+from pipeline.validation.deployed import Deployed
+from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
+
+TIMESTEP_S = 0.002
+WRENCH_EVERY = 5
+"""The ground's forces are read at 100 Hz."""
+BUMP_AT_M, BUMP_WIDTH_M = 1.5, 0.4
+STONE_GAP_M = 0.04
+
+KINDS = ("slope", "cross_slope", "bump", "gravel", "stones", "rough")
+
+
+class Worlds:
+    """Plants by their conditions, each compiled once."""
+
+    def __init__(self, one: Deployed):
+        self.one = one
+        self._plants: dict[tuple, MujocoPlant] = {}
+
+    def plant(self, conditions: Conditions) -> MujocoPlant:
+        key = (conditions.friction, conditions.root_mass_factor, conditions.ground, conditions.ball)
+        if key not in self._plants:
+            options = MujocoOptions(
+                timestep_s=TIMESTEP_S,
+                friction=conditions.friction,
+                root_mass_factor=conditions.root_mass_factor,
+                armature=self.one.armature,
+                ground=ground_of(conditions.ground),
+                ball=conditions.ball,
+            )
+            self._plants[key] = MujocoPlant(self.one.robot, options)
+        return self._plants[key]
+
+
+def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
+    """The rollout of a trial; equal trials give equal bits."""
+    one, conditions = worlds.one, trial.conditions
+    plant = worlds.plant(conditions)
+    rng = np.random.default_rng(trial.seed)
+    start = None if trial.seed == 0 else drawn_start(one, trial.start, plant.ground, rng)
+    sensors = one.reads if conditions.noise is None else NoisySensors(conditions.noise, rng, one.reads)
+    rate_hz = one.task.control_hz
+    commands = trial.command.sampled(rate_hz, trial.seconds)
+    motors = PdControl(
+        kp=conditions.gain_factor * one.task.kp, kd=conditions.gain_factor * one.task.kd, envelope=one.envelope
+    )
+    flat = isinstance(plant.ground, FlatGround)
+    return run(
+        one.robot,
+        plant,
+        one.controller(),
+        motors,
+        lambda time_s: commands[round(time_s * rate_hz)],
+        trial.seconds,
+        trial.events,
+        sensors=sensors,
+        start=start,
+        delay_s=conditions.delay_s,
+        wrench_every=WRENCH_EVERY,
+        ground_height=None if flat else plant.ground.height,
+        stop_on_fall=stop_on_fall,
+    )
+
+
+def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Generator) -> PlantState:
+    """A state near the default pose, the lowest corner of the soles on the ground."""
+    robot, joints = one.robot, len(one.robot.joint_names)
+    joint_pos = one.task.default_joint_pos + rng.uniform(-start.joint_pos, start.joint_pos, joints)
+    joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)
+    tilt = rng.uniform(-start.tilt, start.tilt, 2)
+    quat = rotation.from_rotvec(np.array([tilt[0], tilt[1], 0.0]))
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((1, 3)), quat[None], joint_pos[None])
+    corners = kinematics.site_pos_w(poses, [name for foot in robot.sole_corners for name in foot])
+    height = ground.height(0.0, 0.0) - float(corners[..., 2].min())
+    return PlantState(
+        root_pos_w=np.array([0.0, 0.0, height]),
+        root_quat_w=quat,
+        root_lin_vel_w=rng.uniform(-start.lin_vel, start.lin_vel, 3) * np.array([1.0, 1.0, 0.0]),
+        root_ang_vel_b=rng.uniform(-start.ang_vel, start.ang_vel, 3),
+        joint_pos=joint_pos,
+        joint_vel=rng.uniform(-start.joint_vel, start.joint_vel, joints),
+    )
+
+
+def ground_of(spec: GroundSpec | None) -> Ground:
+    """The terrain of a specification. Raises UnknownNameError."""
+    if spec is None:
+        return FlatGround()
+    rng = np.random.default_rng(spec.seed)
+    if spec.kind == "slope":
+        return Slope(angle_deg=spec.size)
+    if spec.kind == "cross_slope":
+        return CrossSlope(angle_deg=spec.size)
+    if spec.kind == "bump":
+        return Bump(at_m=BUMP_AT_M, rise_m=spec.size, width_m=BUMP_WIDTH_M)
+    if spec.kind == "gravel":
+        return gravel(rng, step_m=spec.size)
+    if spec.kind == "stones":
+        return stepping_stones(rng, gap_m=STONE_GAP_M, step_m=spec.size)
+    if spec.kind == "rough":
+        return rough_ground(rng, amplitude_m=spec.size)
+    raise UnknownNameError("terrain", spec.kind, KINDS)
