@@ -1,0 +1,163 @@
+"""Whose cycles are compared: walks in two engines, spans of logs; what is missing is said."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.deployment import deployment_task, load_policy
+from pipeline.files import settings as settings_files
+from pipeline.hardware_logs.trial import Gap, Trial
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.limit_cycle_walks import (
+    LimitCycleSettings,
+    Walker,
+    limit_cycles,
+    steady_span,
+    trial_series,
+)
+from pipeline.validation.limit_cycles import PLANES, limit_cycle
+from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
+from tests.factories.networks import network
+
+RATE_HZ = 100.0
+
+
+@pytest.fixture(scope="module")
+def settings(root):
+    return settings_files.read(root / "data" / "limit_cycles.yaml", LimitCycleSettings)
+
+
+def walking_log(robot, *, speed=0.6, seconds=20.0, period_s=0.8, changed=None):
+    """A log of a robot that stands 2 s, then swings its legs at a command; `changed` edits its arrays."""
+    count = round(seconds * RATE_HZ)
+    time_s = np.arange(count) / RATE_HZ
+    walks = (time_s >= 2.0).astype(float)
+    phase = 2.0 * math.pi * time_s / period_s
+    joint_pos = np.tile(robot.default_joint_pos, (count, 1))
+    joint_vel = np.zeros_like(joint_pos)
+    for side, lead in (("Left", 0.0), ("Right", math.pi)):
+        for part, size, ahead in (("Hip_Pitch", 0.3, 0.0), ("Knee_Pitch", 0.5, 1.0)):
+            column = robot.joint(f"{side}_{part}")
+            joint_pos[:, column] += walks * size * np.cos(phase + lead + ahead)
+            joint_vel[:, column] = -walks * size * 2.0 * math.pi / period_s * np.sin(phase + lead + ahead)
+    command = np.zeros((count, 3))
+    command[:, 0] = speed * walks
+    nothing = np.zeros((count, len(robot.joint_names)))
+    arrays = {
+        **dict.fromkeys(("torque_est", "temperature_c", "target_pos", "target_torque", "kp", "kd"), nothing),
+        **dict.fromkeys(("rpy", "gyro_b", "acc_b", "odometer"), np.zeros((count, 3))),
+        "time_s": time_s,
+        "joint_pos": joint_pos,
+        "joint_vel": joint_vel,
+        "command": command,
+        "lost": nothing.astype(int),
+        "fall_state": np.zeros(count, dtype=int),
+    }
+    if changed:
+        changed(arrays)
+    return Trial(
+        name="walk",
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        policy_digest=None,
+        command_source="schedule",
+        simulated=False,
+        integrity="complete",
+        rate_hz=RATE_HZ,
+        start_ns=0,
+        log_digest="0" * 64,
+        notes=(),
+        events=(),
+        gaps=(),
+        **arrays,
+    )
+
+
+def test_a_log_gives_the_span_of_its_command_without_the_start(robot, settings):
+    span = steady_span(walking_log(robot), 0.6, settings)
+    assert span == slice(round((2.0 + settings.settled_s) * RATE_HZ), 2000)
+
+
+def test_a_leg_of_a_log_has_its_cycle(robot, settings):
+    trial = walking_log(robot)
+    span = steady_span(trial, 0.6, settings)
+    assert span is not None
+    for side in ("left", "right"):
+        found = limit_cycle(trial_series(trial, span, side, f"log {side}", settings))
+        assert found.period_s == pytest.approx(0.8, rel=1e-3)
+        assert found.hip_amplitude_rad == pytest.approx(0.6, rel=1e-2)
+        assert found.knee_amplitude_rad == pytest.approx(1.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0])
+def test_a_log_of_another_command_gives_nothing(robot, settings, speed):
+    assert steady_span(walking_log(robot, speed=speed), 0.6, settings) is None
+
+
+def test_a_turn_a_fall_and_a_gap_end_a_span(robot, settings):
+    def turning(arrays):
+        arrays["command"][1200:, 2] = 0.4
+
+    def falling(arrays):
+        arrays["fall_state"][1500:] = 1
+
+    assert steady_span(walking_log(robot, changed=turning), 0.6, settings) == slice(600, 1200)
+    assert steady_span(walking_log(robot, changed=falling), 0.6, settings) == slice(600, 1500)
+    gap = Gap(start_s=13.995, stop_s=14.5, reason="lost")
+    assert steady_span(dataclasses.replace(walking_log(robot), gaps=(gap,)), 0.6, settings) == slice(600, 1400)
+
+
+def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
+    walker = Walker(
+        robot=robot,
+        task=deployment_task(robot),
+        policy=network(robot, np.random.default_rng(0)),
+        envelope=TorqueEnvelope(limit=robot.torque_limit),
+    )
+    short = dataclasses.replace(settings, shown_m_s=())
+    (found,) = limit_cycles(walker, [walking_log(robot)], short)
+    assert found.required
+    assert [text.split(":")[0] for text in found.reasons] == ["MuJoCo at 0.6 m/s", "DART at 0.6 m/s"]
+    assert set(found.cycles) == {"log walk left", "log walk right"}
+    assert found.comparisons == ()
+    assert limit_cycle_plots([found]).startswith(b"\x89PNG")
+
+
+@pytest.mark.shared
+def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings):
+    """At .6 m/s; the log of other legs is far from it."""
+    walker = Walker(
+        robot=robot,
+        task=deployment_task(robot),
+        policy=load_policy(policies / "t1_walk.npz"),
+        envelope=TorqueEnvelope(limit=robot.torque_limit),
+    )
+    (found,) = limit_cycles(walker, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
+    assert found.reasons == ()
+    by_name = {each.name: each for each in found.comparisons}
+    assert set(by_name) == {"DART left", "DART right", "log walk left", "log walk right"}
+    for side in ("left", "right"):
+        dart, log = by_name[f"DART {side}"], by_name[f"log walk {side}"]
+        assert 0.9 < dart.period_ratio < 1.1
+        assert log.shape_distance[PLANES[0]] > 2.0 * dart.shape_distance[PLANES[0]]
+    assert 0.7 < found.cycles["MuJoCo left"].period_s < 1.1
+    json_types = found.to_dict()
+    assert [row["record"] for row in json_types["cycles"]][:2] == ["MuJoCo left", "MuJoCo right"]
+    assert limit_cycle_plots([found]) == limit_cycle_plots([found])
+
+
+def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
+    """The bars bite: the same legs at another cadence and stroke."""
+    from pipeline.validation.limit_cycle_walks import _reasons
+    from pipeline.validation.limit_cycles import compare
+
+    def cycle(name, period_s):
+        trial = walking_log(robot, period_s=period_s)
+        span = steady_span(trial, 0.6, settings)
+        assert span is not None
+        return limit_cycle(trial_series(trial, span, "left", name, settings))
+
+    reasons = _reasons(compare(cycle("MuJoCo left", 0.8), cycle("DART left", 0.4)), settings)
+    assert reasons == ["DART left against MuJoCo left: period 0.500 times, allowed is 1 ± 0.06"]
