@@ -63,6 +63,7 @@ class MujocoPlant:
         self.model = _model(robot, self.options, self.ground)
         self.data = mujoco.MjData(self.model)
         joints = len(robot.joint_names)
+        self._pushed = False
         self._qpos, self._qvel = slice(7, 7 + joints), slice(6, 6 + joints)
         self._feet = [int(self.model.site_bodyid[self.model.site(name).id]) for name in robot.feet]
         self._default = PlantState(
@@ -78,6 +79,7 @@ class MujocoPlant:
     def reset(self, state: PlantState | None = None) -> None:
         data, state = self.data, state or self._default
         mujoco.mj_resetData(self.model, data)
+        self._pushed = False
         data.qpos[:3], data.qpos[3:7], data.qpos[self._qpos] = state.root_pos_w, state.root_quat_w, state.joint_pos
         data.qvel[:3], data.qvel[3:6] = state.root_lin_vel_w, state.root_ang_vel_b
         data.qvel[self._qvel] = state.joint_vel
@@ -97,7 +99,9 @@ class MujocoPlant:
 
     def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
         self.data.qfrc_applied[self._qvel] = torque
-        self.data.xfrc_applied[1, :3] = 0.0 if force_w is None else force_w
+        if force_w is not None or self._pushed:
+            self.data.xfrc_applied[1, :3] = 0.0 if force_w is None else force_w
+            self._pushed = force_w is not None
         mujoco.mj_step(self.model, self.data)
 
     def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
@@ -107,7 +111,7 @@ class MujocoPlant:
         wrench = data.cfrc_ext[self._feet]
         force, moment = wrench[:, 3:], wrench[:, :3]
         arm = data.subtree_com[model.body_rootid[self._feet]] - data.xpos[self._feet]
-        return np.concatenate([force, moment + np.cross(arm, force)], axis=1)
+        return np.concatenate([force, moment + rotation.cross(arm, force)], axis=1)
 
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
         self.data.qvel[:3] += delta_v_w

@@ -30,11 +30,11 @@ class TorqueEnvelope:
             upper = np.broadcast_to(self.limit, np.shape(speed)).astype(float)
             return -upper, upper
         width = np.maximum(self.no_load_speed - self.knee_speed, 1e-9)
-        forward = self.limit * np.clip((self.no_load_speed - speed) / width, -1.0, 1.0)
-        backward = self.limit * np.clip((self.no_load_speed + speed) / width, -1.0, 1.0)
+        forward = self.limit * np.minimum(np.maximum((self.no_load_speed - speed) / width, -1.0), 1.0)
+        backward = self.limit * np.minimum(np.maximum((self.no_load_speed + speed) / width, -1.0), 1.0)
         return -backward, forward
 
     def clip(self, torque: Float[np.ndarray, "*t j"], speed: Float[np.ndarray, "*t j"]) -> Float[np.ndarray, "*t j"]:
         """The torque [N m] that the motors give when `torque` is asked for."""
         lower, upper = self.bounds(speed)
-        return np.clip(torque, lower, upper)
+        return np.minimum(np.maximum(torque, lower), upper)
