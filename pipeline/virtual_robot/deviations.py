@@ -21,6 +21,8 @@ class Deviations:
     """Joint -> share of its torque limit that its motor still gives."""
     gain_scale: float = 1.0
     """Of kp and kd that the motors follow, against those that are sent."""
+    command_scale: float = 1.0
+    """Share of the command that reaches the controller."""
     friction: float = 1.0
     delay_s: float = 0.0
     """From targets to motors [s]."""
@@ -39,6 +41,7 @@ class Deviations:
         said += [f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()]
         numbers = {
             "gains": (self.gain_scale, 1.0, "times"),
+            "command told to the controller": (self.command_scale, 1.0, "times"),
             "friction": (self.friction, 1.0, ""),
             "delay": (1000.0 * self.delay_s, 0.0, "ms"),
             "trunk mass": (self.root_mass_factor, 1.0, "times"),

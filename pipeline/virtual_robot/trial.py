@@ -59,7 +59,7 @@ def simulate(
 ) -> tuple[Rollout, RobotLog]:
     """The walk, and the log of it. `envelope` is that of the nominal motors; the robot's torque limits if not given."""
     differs = trial.deviations
-    task = controller.task
+    task, wanted = controller.task, command_of(trial.command)
     motors = PdControl(
         kp=differs.gain_scale * task.kp,
         kd=differs.gain_scale * task.kd,
@@ -70,13 +70,14 @@ def simulate(
         _plant(robot, trial),
         controller,
         motors if trial.stop_s is None else StoppedMotors(**vars(motors), stop_s=trial.stop_s),
-        command_of(trial.command),
+        lambda time_s: differs.command_scale * wanted(time_s),
         trial.seconds,
         trial.pushes,
         sensors=NoisySensors(NOISE, rng),
         delay_s=differs.delay_s,
         wrench_every=5,
     )
+    rollout = dataclasses.replace(rollout, command=rollout.command / differs.command_scale)
     losses = {"message_loss": differs.message_loss, "motor_loss_hz": differs.motor_loss_hz}
     quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, differs.hot, 1.0)

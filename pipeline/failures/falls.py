@@ -1,0 +1,116 @@
+"""Falls, from the attitude and from what the robot says of itself; and what was seen before them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.failures.failure import Failure
+from pipeline.failures.held import Excuse, excuse_at
+from pipeline.failures.settings import ExcuseSettings, FallSettings
+from pipeline.failures.signals import Signals
+
+FALLING = 1
+"""`/fall_down` from here on: falling, has fallen, getting up."""
+BOTH, ATTITUDE_ALONE, FLAG_ALONE = 0.99, 0.9, 0.5
+"""Confidence by who saw the fall."""
+
+
+def falls(
+    signals: Signals, settings: FallSettings, excused: tuple[Excuse, ...], excuse: ExcuseSettings
+) -> list[Failure]:
+    """Each fall once, from its onset."""
+    tipped = [(start, True) for start, _ in time_series.runs((signals.tilt_deg > settings.tilt_deg) & signals.known)]
+    seen: list[tuple[int, bool]] = []
+    for start, by_attitude in sorted(tipped + [(start, False) for start in _flags(signals)]):
+        if seen and signals.time_s[start] - signals.time_s[seen[-1][0]] < settings.flag_s:
+            seen[-1] = (seen[-1][0], seen[-1][1] or by_attitude)
+        else:
+            seen.append((start, by_attitude))
+    return [
+        _fall(signals, start, by_attitude, settings, excused, excuse) for start, by_attitude in _apart(signals, seen)
+    ]
+
+
+def _apart(signals: Signals, seen: list[tuple[int, bool]]) -> list[tuple[int, bool]]:
+    """Falls between which the robot stood up again."""
+    kept: list[tuple[int, bool]] = []
+    for start, by_attitude in seen:
+        if kept and not np.any(signals.tilt_deg[kept[-1][0] : start] < 20.0):
+            continue
+        kept.append((start, by_attitude))
+    return kept
+
+
+def _flags(signals: Signals) -> list[int]:
+    """Where the robot begins to say that it falls."""
+    state = signals.trial.fall_state[:: signals.every]
+    return [start for start, _ in time_series.runs(state >= FALLING)]
+
+
+def _fall(
+    signals: Signals,
+    start: int,
+    by_attitude: bool,
+    settings: FallSettings,
+    excused: tuple[Excuse, ...],
+    excuse: ExcuseSettings,
+) -> Failure:
+    onset = onset_of(signals, start, settings.onset_deg)
+    time_s = float(signals.time_s[onset])
+    after = signals.at(time_s + settings.flag_s)
+    flagged = any(
+        abs(float(signals.time_s[flag]) - signals.time_s[start]) < settings.flag_s for flag in _flags(signals)
+    )
+    width = slice(onset, max(after, onset + 1))
+    evidence: dict[str, float | bool | str] = {
+        "attitude": by_attitude,
+        "robot says so": flagged,
+        "largest tilt [deg]": float(signals.tilt_deg[width].max()),
+        "seconds from onset": float(signals.time_s[start]) - time_s,
+    }
+    pushed = push_before(signals, onset, start, settings)
+    if pushed is not None:
+        evidence |= {"cause": "push", "push [m/s]": pushed}
+    forward, lateral, yaw = signals.command[onset].tolist()
+    return Failure(
+        kind="fall",
+        time_s=time_s,
+        until_s=float(signals.time_s[start]),
+        command=(forward, lateral, yaw),
+        direction=direction_of(signals, onset, start),
+        confidence=BOTH if by_attitude and flagged else ATTITUDE_ALONE if by_attitude else FLAG_ALONE,
+        excuse=excuse_at(time_s, excused, excuse) or excuse_at(float(signals.time_s[start]), excused, excuse),
+        evidence=evidence,
+    )
+
+
+def onset_of(signals: Signals, fallen: int, onset_deg: float) -> int:
+    """The last sample before a fall at which the trunk was upright."""
+    upright = np.flatnonzero(signals.tilt_deg[: fallen + 1] < onset_deg)
+    return int(upright[-1]) if len(upright) else 0
+
+
+def direction_of(signals: Signals, onset: int, fallen: int) -> str:
+    """Where the trunk leaned on its way down."""
+    forward, left = signals.lean_b[onset : fallen + 1].mean(axis=0).tolist()
+    if abs(forward) >= abs(left):
+        return "forward" if forward > 0.0 else "backward"
+    return "left" if left > 0.0 else "right"
+
+
+def push_before(signals: Signals, onset: int, fallen: int, settings: FallSettings) -> float | None:
+    """Change of velocity [m/s] of the strongest push before a fall, by the accelerometer; None where none was."""
+    width = max(round(settings.push_width_s * signals.fps) | 1, 1)
+    mean = time_series.moving_mean(signals.acceleration_w, width)
+    strength = np.linalg.norm(mean, axis=1)
+    upright = signals.tilt_deg < 0.5 * settings.tilt_deg
+    first = signals.at(float(signals.time_s[onset]) - settings.cause_s)
+    near = np.arange(first, fallen + 1)
+    near = near[upright[near] & signals.known[near]]
+    if not len(near) or strength[near].max() < settings.push_m_s2:
+        return None
+    peak = near[int(np.argmax(strength[near]))]
+    around = slice(max(peak - width, 0), peak + width + 1)
+    change = float(np.linalg.norm(signals.acceleration_w[around].sum(axis=0) / signals.fps))
+    return change if change > settings.push_m_s else None

@@ -1,0 +1,113 @@
+"""Everything that went wrong in a trial, in the order of time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.actuators import JointActuator
+from pipeline.failures.failure import Failure
+from pipeline.failures.falls import falls
+from pipeline.failures.gait import slips, stumbles
+from pipeline.failures.held import excuse_at, excuse_failures, excuses
+from pipeline.failures.motors import hot_motors, speed_saturations, torque_saturations
+from pipeline.failures.packets import lost_packets
+from pipeline.failures.settings import FailureSettings
+from pipeline.failures.signals import Signals, signals_of
+from pipeline.failures.tracking import delay_and_gain, steady_stretches, tracking_divergences
+from pipeline.failures.trial_report import UNVERIFIED, VERIFIED, TrialReport
+from pipeline.hardware_logs.trial import Trial
+from pipeline.robot import Robot
+
+
+def find_failures(
+    trial: Trial, robot: Robot, actuators: Sequence[JointActuator], settings: FailureSettings, *, file: str = ""
+) -> TrialReport:
+    """What a trial shows. `actuators` are the joints' calibrated motors in the robot's order.
+
+    After its first fall a trial is looked at for nothing but falls, heat and packets. Raises RobotMismatchError.
+    """
+    signals = signals_of(trial, robot)
+    excused = excuses(signals, settings.excuse)
+    down = falls(signals, settings.fall, excused, settings.excuse)
+    ends = [float(trial.time_s[-1]) + 1.0, *(each.time_s for each in down)]
+    until_s = min(ends + [each.start_s - settings.excuse.before_s for each in excused])
+    found = [
+        *down,
+        *excuse_failures(signals, excused),
+        *stumbles(signals, settings.stumble, until_s - 0.5 if down else until_s),
+        *slips(signals, settings.slip, until_s),
+        *torque_saturations(signals, actuators, settings.torque, until_s),
+        *speed_saturations(signals, actuators, settings.speed, until_s),
+        *tracking_divergences(signals, settings.tracking, until_s),
+        *hot_motors(signals, settings.heat),
+        *lost_packets(signals, settings.packets),
+    ]
+    found = [_excused(_explained(each, signals, found, settings), excused, settings) for each in found]
+    return TrialReport(
+        trial=trial.name,
+        file=file or trial.name,
+        sha256=trial.log_digest,
+        robot=trial.robot,
+        policy=trial.policy_digest or "",
+        simulated=trial.simulated,
+        integrity=UNVERIFIED if trial.integrity == "unverified" else VERIFIED,
+        seconds=trial.seconds,
+        commands=_commands(signals, settings, until_s),
+        failures=tuple(sorted(found, key=lambda each: (each.time_s, each.kind, each.joint))),
+        notes=_notes(signals),
+    )
+
+
+def _explained(failure: Failure, signals: Signals, found: Sequence[Failure], settings: FailureSettings) -> Failure:
+    """A fall that no push explains may be that of a weak motor or of late targets."""
+    if failure.kind != "fall" or "cause" in failure.evidence:
+        return failure
+    weak = [each.joint for each in found if each.evidence.get("weaker than calibrated") is True]
+    if weak:
+        return dataclasses.replace(failure, evidence={**failure.evidence, "cause": "weak motor", "motor": weak[0]})
+    slipped = [each for each in found if each.kind == "slip" and failure.time_s - each.until_s < settings.fall.cause_s]
+    if slipped:
+        return dataclasses.replace(failure, evidence={**failure.evidence, "cause": "slip"})
+    start, stop = signals.at(0.5), signals.at(failure.time_s)
+    if stop - start < signals.fps:
+        return failure
+    delay, _ = delay_and_gain(signals, settings.tracking, start, stop)
+    evidence = {**failure.evidence, "delay [s]": delay}
+    if delay > settings.tracking.delay_s:
+        evidence["cause"] = "delay"
+    return dataclasses.replace(failure, evidence=evidence)
+
+
+def _excused(failure: Failure, excused: tuple, settings: FailureSettings) -> Failure:
+    """What a gait does in hands or when it was stopped is not the policy's either."""
+    if failure.excuse or failure.kind not in ("stumble", "slip", "tracking", "torque_saturation", "speed_saturation"):
+        return failure
+    return dataclasses.replace(failure, excuse=excuse_at(failure.time_s, excused, settings.excuse))
+
+
+def _commands(
+    signals: Signals, settings: FailureSettings, until_s: float
+) -> tuple[tuple[float, float, float, float], ...]:
+    """Steady commands and how long each was walked."""
+    found = []
+    for start, stop in steady_stretches(signals, settings.tracking, until_s):
+        forward, lateral, yaw = np.round(signals.command[start], 3).tolist()
+        found.append((forward, lateral, yaw, round((stop - start) / signals.fps, 3)))
+    return tuple(found)
+
+
+def _notes(signals: Signals) -> tuple[str, ...]:
+    trial = signals.trial
+    notes = list(trial.notes)
+    if not np.isfinite(np.asarray(trial.kp)).any():
+        notes.append("no /joint_ctrl: what the motors were asked for is not known, saturation is not looked for")
+    if trial.command_source == "unknown":
+        notes.append("the command is not known: tracking is not looked at, and failures belong to no command cell")
+    unknown = sum(stop - start for start, stop in time_series.runs(~signals.known)) / signals.fps
+    if unknown > 0.0:
+        notes.append(f"{unknown:.2f} s are not known")
+    return tuple(notes)

@@ -1,0 +1,129 @@
+"""When a robot was in a person's hands or stopped by its operator: what it did then is no failure of its policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.failures.failure import HELD, STOPPED, Failure
+from pipeline.failures.settings import ExcuseSettings
+from pipeline.failures.signals import Signals
+
+UPRIGHT_DEG, TIPPED_DEG = 30.0, 60.0
+"""A robot tilted further lies or falls, its feet bear nothing then either: over a whole window, and at its middle."""
+HARDEST_PULL = -0.2
+"""Estimates of the weight on the feet below this are errors and count as this."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Excuse:
+    """A stretch of time [s] and why."""
+
+    start_s: float
+    stop_s: float
+    why: str
+    said: dict[str, float | bool | str]
+
+
+def excuses(signals: Signals, settings: ExcuseSettings) -> tuple[Excuse, ...]:
+    """Stretches in hands, and from the operator's stop to the end."""
+    return (*_held(signals, settings), *_stopped(signals, settings))
+
+
+def excuse_at(time_s: float, found: tuple[Excuse, ...], settings: ExcuseSettings) -> str:
+    """Why what began at a time is not the policy's; empty if nothing speaks for that."""
+    for each in found:
+        if each.start_s - settings.before_s <= time_s <= each.stop_s + settings.after_s:
+            return each.why
+    return ""
+
+
+def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure]:
+    """The stretches themselves, told as `held` and `stopped`."""
+    kinds = {HELD: "held", STOPPED: "stopped"}
+    return [
+        Failure(
+            kind=kinds[each.why],
+            time_s=each.start_s,
+            until_s=each.stop_s,
+            command=_command(signals, each.start_s),
+            confidence=0.95,
+            excuse=each.why,
+            evidence=each.said,
+        )
+        for each in found
+    ]
+
+
+def _command(signals: Signals, time_s: float) -> tuple[float, float, float]:
+    forward, lateral, yaw = signals.command[signals.at(time_s)].tolist()
+    return forward, lateral, yaw
+
+
+def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
+    """By the physics of hanging, or as the operator noted it."""
+    support = np.clip(signals.support.sum(axis=1), HARDEST_PULL, 2.0)
+    felt = signals.specific_force
+    found = []
+    for window_s, limit_deg in ((settings.window_s, UPRIGHT_DEG), (settings.short_s, TIPPED_DEG)):
+        width = max(round(window_s * signals.fps) | 1, 1)
+        reach = width if window_s == settings.window_s else 1
+        tipped = time_series.moving_mean((signals.tilt_deg > limit_deg).astype(float), reach) > 0.0
+        borne = time_series.moving_mean(support, width)
+        hangs = ~tipped & signals.known & (borne < settings.support) & (felt > settings.specific_force)
+        for start, stop in time_series.runs(hangs):
+            if (stop - start) / signals.fps >= settings.short_s:
+                half = 0.5 * window_s
+                found.append(
+                    Excuse(
+                        start_s=max(float(signals.time_s[start]) - half, 0.0),
+                        stop_s=float(signals.time_s[stop - 1]) + half,
+                        why=HELD,
+                        said={"weight on the feet": float(borne[start:stop].min()), "gravity felt": float(felt[start])},
+                    )
+                )
+    return _joined(found) + _noted(signals)
+
+
+def _joined(found: list[Excuse]) -> list[Excuse]:
+    """Stretches that touch as one."""
+    joined: list[Excuse] = []
+    for each in sorted(found, key=lambda one: one.start_s):
+        if joined and each.start_s <= joined[-1].stop_s:
+            joined[-1] = replace(joined[-1], stop_s=max(each.stop_s, joined[-1].stop_s))
+        else:
+            joined.append(each)
+    return joined
+
+
+def _noted(signals: Signals) -> list[Excuse]:
+    """`held` and `released` of the operator."""
+    end, since, found = float(signals.time_s[-1]), None, []
+    for event in sorted(signals.trial.events, key=lambda each: each.time_s):
+        if event.kind == "held":
+            since = event.time_s if since is None else since
+        elif event.kind == "released" and since is not None:
+            found.append(Excuse(start_s=since, stop_s=event.time_s, why=HELD, said={"noted by": "the operator"}))
+            since = None
+    if since is not None:
+        found.append(Excuse(start_s=since, stop_s=end, why=HELD, said={"noted by": "the operator"}))
+    return found
+
+
+def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
+    """The operator's note, or joints that are only damped from some time on."""
+    trial, end = signals.trial, float(signals.time_s[-1])
+    times = [(event.time_s, "noted by the operator") for event in trial.events if event.kind == "stop"]
+    kp = np.nan_to_num(np.asarray(trial.kp, dtype=float)).sum(axis=1)
+    sent = kp[np.isfinite(np.asarray(trial.kp)).all(axis=1)]
+    if len(sent) and sent.max() > 0.0:
+        started = int(np.argmax(kp > 0.5 * sent.max()))
+        damped = np.flatnonzero(kp[started:] < settings.damping_kp * sent.max())
+        if len(damped):
+            times.append((float(trial.time_s[started + damped[0]]), "the joints' stiffness went to 0"))
+    if not times:
+        return []
+    time_s, how = min(times)
+    return [Excuse(start_s=time_s, stop_s=end, why=STOPPED, said={"stop": how})]

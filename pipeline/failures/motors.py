@@ -1,0 +1,163 @@
+"""Motors that give less torque than they are asked for, turn faster than they may, or get hot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.actuators import JointActuator, log_envelope
+from pipeline.failures.failure import Failure
+from pipeline.failures.gait import windows_over
+from pipeline.failures.settings import HeatSettings, SpeedSettings, TorqueSettings
+from pipeline.failures.signals import Signals
+
+REACHED = 1.12
+"""A plateau that the log exceeds elsewhere by more is none: the motor can give more."""
+MAD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+
+def asked_torque(signals: Signals) -> np.ndarray:
+    """What the joint controllers ask of the motors at each sample of the trial (m, j) [N m]; NaN before commands."""
+    trial = signals.trial
+    position = np.asarray(trial.target_pos, dtype=float) - trial.joint_pos
+    return trial.kp * position - trial.kd * trial.joint_vel + np.nan_to_num(trial.target_torque)
+
+
+def torque_saturations(
+    signals: Signals, actuators: Sequence[JointActuator], settings: TorqueSettings, until_s: float
+) -> list[Failure]:
+    """Joints whose motors gave the same torque whenever they were asked for more: below the calibrated limit at any
+    time, at that limit for a large share of a window."""
+    trial = signals.trial
+    used = trial.measured & (trial.time_s < until_s)
+    asked = asked_torque(signals)
+    torque, speed = np.asarray(trial.torque_est, dtype=float), np.asarray(trial.joint_vel, dtype=float)
+    if not used.any():
+        return []
+    logs = log_envelope(actuators, speed[used], torque[used])
+    found = []
+    for joint, (actuator, log) in enumerate(zip(actuators, logs, strict=True)):
+        limit = actuator.box_effort_limit
+        short = (np.abs(asked[:, joint]) - np.abs(torque[:, joint]) > settings.asked_over * limit) & used
+        short &= (np.sign(asked[:, joint]) == np.sign(torque[:, joint])) & (
+            np.abs(speed[:, joint]) < actuator.box_velocity_limit
+        )
+        short = _long(short, settings.run_s, trial.rate_hz)
+        if short.sum() < settings.least_s * trial.rate_hz:
+            continue
+        given = np.abs(torque[short, joint])
+        level = float(np.median(given))
+        spread = MAD * float(np.median(np.abs(given - level))) / max(level, 1e-6)
+        if spread > settings.spread or log.max_torque > REACHED * level:
+            continue
+        failure = _saturation(signals, joint, short, level, spread, actuator, asked, settings)
+        if failure is not None:
+            found.append(failure)
+    return found
+
+
+def _long(mask: np.ndarray, least_s: float, rate_hz: float) -> np.ndarray:
+    """Only stretches of at least `least_s`."""
+    kept = np.zeros_like(mask)
+    for start, stop in time_series.runs(mask):
+        if stop - start >= least_s * rate_hz:
+            kept[start:stop] = True
+    return kept
+
+
+def _saturation(
+    signals: Signals,
+    joint: int,
+    short: np.ndarray,
+    level: float,
+    spread: float,
+    actuator: JointActuator,
+    asked: np.ndarray,
+    settings: TorqueSettings,
+) -> Failure | None:
+    """The failure of a joint's plateau; None where it is the calibrated limit and reached rarely."""
+    limit, trial = actuator.box_effort_limit, signals.trial
+    windows = windows_over(short, settings.nominal_share, settings.window_s, trial.rate_hz)
+    weak = level < settings.at_limit * limit
+    if not weak and not windows:
+        return None
+    first = int(np.argmax(short)) if weak else windows[0][0]
+    last = len(short) - 1 - int(np.argmax(short[::-1])) if weak else windows[-1][1] - 1
+    forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[first]))].tolist()
+    seconds = float(short.sum() / trial.rate_hz)
+    return Failure(
+        kind="torque_saturation",
+        time_s=float(trial.time_s[first]),
+        until_s=float(trial.time_s[last]),
+        command=(forward, lateral, yaw),
+        joint=actuator.joint,
+        confidence=float(np.clip(0.95 - 3.0 * spread * min(1.0, 0.5 / seconds), 0.5, 0.95)),
+        evidence={
+            "given_n_m": level,
+            "limit_n_m": limit,
+            "asked_n_m": float(np.percentile(np.abs(asked[short, joint]), 90)),
+            "seconds": seconds,
+            "spread": spread,
+            "weaker than calibrated": weak,
+        },
+    )
+
+
+def speed_saturations(
+    signals: Signals, actuators: Sequence[JointActuator], settings: SpeedSettings, until_s: float
+) -> list[Failure]:
+    """Joints that turn faster than their motors' limit for a share of a window."""
+    trial = signals.trial
+    speed = np.abs(np.asarray(trial.joint_vel, dtype=float))
+    used = trial.measured & (trial.time_s < until_s)
+    found = []
+    for joint, actuator in enumerate(actuators):
+        fast = (speed[:, joint] > settings.ratio * actuator.box_velocity_limit) & used
+        for start, stop, share in windows_over(fast, settings.share, settings.window_s, trial.rate_hz)[:1]:
+            forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[start]))].tolist()
+            found.append(
+                Failure(
+                    kind="speed_saturation",
+                    time_s=float(trial.time_s[start]),
+                    until_s=float(trial.time_s[stop - 1]),
+                    command=(forward, lateral, yaw),
+                    joint=actuator.joint,
+                    confidence=min(0.7 + 0.2 * (share / settings.share - 1.0), 0.95),
+                    evidence={
+                        "share of the time": share,
+                        "fastest [rad/s]": float(speed[fast, joint].max()),
+                        "limit [rad/s]": actuator.box_velocity_limit,
+                    },
+                )
+            )
+    return found
+
+
+def hot_motors(signals: Signals, settings: HeatSettings) -> list[Failure]:
+    """Motors above the allowed temperature."""
+    trial = signals.trial
+    temperature = np.nan_to_num(np.asarray(trial.temperature_c, dtype=float), nan=-273.0)
+    found = []
+    for joint, name in enumerate(trial.joint_names):
+        hot = _long(temperature[:, joint] >= settings.temperature_c, settings.rise_s, trial.rate_hz)
+        if hot.any():
+            first = int(np.argmax(hot))
+            forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[first]))].tolist()
+            found.append(
+                Failure(
+                    kind="overheating",
+                    time_s=float(trial.time_s[first]),
+                    until_s=float(trial.time_s[len(hot) - 1 - int(np.argmax(hot[::-1]))]),
+                    command=(forward, lateral, yaw),
+                    joint=name,
+                    confidence=0.95,
+                    evidence={
+                        "hottest [degC]": float(temperature[:, joint].max()),
+                        "at the start [degC]": float(temperature[np.argmax(temperature[:, joint] > -200.0), joint]),
+                    },
+                )
+            )
+    return found

@@ -1,0 +1,175 @@
+"""What counts as a failure, as `data/failures.yaml` states it; there stand the values and their sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.files.ranges import PART, POSITIVE, SHARE, Range, check, increasing
+
+
+@dataclass(frozen=True, kw_only=True)
+class FallSettings:
+    """Falls, by attitude and by what the robot says."""
+
+    tilt_deg: float
+    """A trunk tilted further has fallen."""
+    onset_deg: float
+    """A fall begins when the tilt was last below this."""
+    flag_s: float
+    """Attitude and the robot's own message tell the same fall when they are closer than this [s]."""
+    push_m_s2: float
+    """Horizontal acceleration that is a push."""
+    push_width_s: float
+    """... averaged over this time [s]."""
+    push_m_s: float
+    """Least change of velocity by a push."""
+    cause_s: float
+    """A push so long before a fall is its cause [s]."""
+
+    def __post_init__(self) -> None:
+        check(self, increasing(self, "onset_deg", "tilt_deg"), push_width_s=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExcuseSettings:
+    """When a robot is held by hand or stopped."""
+
+    support: float
+    """Feet that bear less than this share of the weight don't hold the robot."""
+    specific_force: float
+    """A trunk that feels more than this share of gravity does not fall freely."""
+    window_s: float
+    """Both as means over this time [s]."""
+    short_s: float
+    """... or over this one, for as long, where the robot is tipped meanwhile [s]."""
+    after_s: float
+    """So long after it was let go a failure is the holder's [s]."""
+    before_s: float
+    """So long before as well [s]."""
+    damping_kp: float
+    """Stiffness below this share of the usual one stops the robot."""
+
+    def __post_init__(self) -> None:
+        check(self, support=PART, specific_force=PART, window_s=POSITIVE, damping_kp=PART)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StumbleSettings:
+    """A robot that nearly fell."""
+
+    tilt_deg: float
+    rate: float
+    """Of roll and pitch [rad/s], mean over 0.1 s."""
+    settle_s: float
+    """Of two in this time the first is told [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipSettings:
+    """Feet that slide while they bear the robot."""
+
+    foot_m_s: float
+    """Speed of a bearing sole over the ground [m/s]."""
+    share: float
+    """Share of a window."""
+    window_s: float
+
+    def __post_init__(self) -> None:
+        check(self, foot_m_s=POSITIVE, share=PART, window_s=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueSettings:
+    """Motors that give less than they are asked for."""
+
+    asked_over: float
+    """Asked less given, over the limit."""
+    run_s: float
+    """Shortest stretch that counts [s]."""
+    least_s: float
+    """Least sum of such stretches [s]."""
+    spread: float
+    """Largest spread (1.48 MAD) of what was given, over its median."""
+    at_limit: float
+    """Plateaus above this share of the calibrated limit are that limit."""
+    nominal_share: float
+    """Share of a window at the calibrated limit."""
+    window_s: float
+
+    def __post_init__(self) -> None:
+        check(self, asked_over=PART, spread=PART, at_limit=PART, nominal_share=PART, window_s=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedSettings:
+    """Joints faster than their motors."""
+
+    ratio: float
+    share: float
+    window_s: float
+
+    def __post_init__(self) -> None:
+        check(self, share=PART, window_s=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeatSettings:
+    """Hot motors."""
+
+    temperature_c: float
+    rise_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PacketSettings:
+    """Motors and messages that are not heard."""
+
+    lost_hz: float
+    gap_s: float
+    window_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingSettings:
+    """Commanded against achieved velocity."""
+
+    steady_s: float
+    settle_s: float
+    forward: tuple[float, float]
+    """Largest difference: a [m/s] + b times the command."""
+    lateral: tuple[float, float]
+    yaw: tuple[float, float]
+    """[rad/s]"""
+    delay_s: float
+    """A delay from target to torque above this is named as the cause [s]."""
+    longest_delay_s: float
+
+    def __post_init__(self) -> None:
+        check(self, steady_s=POSITIVE, settle_s=Range(0.0, 30.0), longest_delay_s=Range(0.0, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitCycleSettings:
+    """The gait against that of the simulation."""
+
+    deviation: float
+    """RMS over the phase, over the joint's range in simulation."""
+
+    def __post_init__(self) -> None:
+        check(self, deviation=SHARE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailureSettings:
+    """`data/failures.yaml`."""
+
+    fall: FallSettings
+    excuse: ExcuseSettings
+    stumble: StumbleSettings
+    slip: SlipSettings
+    torque: TorqueSettings
+    speed: SpeedSettings
+    heat: HeatSettings
+    packets: PacketSettings
+    tracking: TrackingSettings
+    limit_cycle: LimitCycleSettings

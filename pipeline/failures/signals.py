@@ -1,0 +1,189 @@
+"""What a trial's sensors imply: tilt, what the feet bear, how fast the robot goes, what its motors were asked for.
+
+A log has no base velocity and no contact sensor. Both are estimated: the ground's force on each foot from the torques
+of its leg, as if the leg had no mass; the velocity of the trunk from the lowest corners of the soles, as if they did not
+slip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.errors import PipelineError
+from pipeline.hardware_logs.trial import Trial
+from pipeline.robot import Kinematics, Robot
+from pipeline.simulation.contact_wrench import GRAVITY
+
+WORK_HZ = 125.0
+"""Rate at which kinematics are worked out: feet and trunk move slowly against 500 Hz."""
+CUTOFF_HZ = 12.0
+"""Zero-phase low pass on what is differentiated."""
+BLEND_HZ = 0.5
+"""Below, the trunk's velocity is that of the legs, above, that of the accelerometer: feet don't slip for seconds."""
+DAMPING = 0.006
+"""Of the least squares for a foot's force [m]: where a straight leg hides the force, it is taken for small."""
+LOWEST = 0.006
+"""Corners of soles that are higher than the lowest by this bear a third as much as it does [m]."""
+
+
+class RobotMismatchError(PipelineError):
+    """A trial of another robot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signals:
+    """A trial at about `WORK_HZ`, n samples, and j joints at its own rate where they are needed so."""
+
+    trial: Trial
+    robot: Robot
+    every: int
+    """Samples of the trial in one of these."""
+    fps: float
+    time_s: Float[np.ndarray, " n"]
+    known: Bool[np.ndarray, " n"]
+    """Samples outside gaps, with numbers."""
+    tilt_deg: Float[np.ndarray, " n"]
+    lean_b: Float[np.ndarray, "n 2"]
+    """Horizontal components of gravity in the trunk's frame: where it leans, forward and left."""
+    command: Float[np.ndarray, "n 3"]
+    support: Float[np.ndarray, "n 2"]
+    """Upward force of the ground on each foot over the robot's weight."""
+    velocity: Float[np.ndarray, "n 2"]
+    """Of the trunk in its heading frame, forward and left, by the lowest corners of the soles [m/s]."""
+    yaw_rate: Float[np.ndarray, " n"]
+    """[rad/s]"""
+    sole_speed: Float[np.ndarray, "n 2"]
+    """Of the lowest corners of each sole over the ground, horizontal [m/s]: the trunk's velocity is that of the legs in
+    the long run and that of the accelerometer within a step."""
+    sole_height: Float[np.ndarray, "n 2"]
+    """Of each sole's lowest corner over the lowest of both [m]."""
+    acceleration_w: Float[np.ndarray, "n 2"]
+    """Of the trunk by the accelerometer, world frame, horizontal [m/s^2]."""
+    specific_force: Float[np.ndarray, " n"]
+    """Magnitude over gravity, mean over a quarter of a second: 1 at rest, 0 in free fall."""
+
+    def at(self, time_s: float) -> int:
+        """Index of the sample at a time."""
+        return int(np.clip(np.searchsorted(self.time_s, time_s), 0, len(self.time_s) - 1))
+
+
+def signals_of(trial: Trial, robot: Robot) -> Signals:
+    """Work out the signals. Raises RobotMismatchError for a trial of other joints."""
+    if trial.joint_names != robot.joint_names:
+        raise RobotMismatchError(
+            f"trial '{trial.name}' is of '{trial.robot}' with {len(trial.joint_names)} joints; robot '{robot.name}' "
+            f"has {len(robot.joint_names)} others."
+        )
+    every = max(round(trial.rate_hz / WORK_HZ), 1)
+    fps = trial.rate_hz / every
+    arrays = {name: getattr(trial, name) for name in ("joint_pos", "torque_est", "rpy", "gyro_b", "acc_b", "command")}
+    finite = trial.measured & np.all([np.isfinite(arrays[name]).all(axis=1) for name in list(arrays)[:5]], axis=0)
+    filled = {name: _filled(np.asarray(values, dtype=float), finite) for name, values in arrays.items()}
+    filled["rpy"] = np.unwrap(filled["rpy"], axis=0)
+    smooth = {name: time_series.smooth(filled[name], trial.rate_hz, CUTOFF_HZ)[::every] for name in list(arrays)[:4]}
+    quat = _quat(smooth["rpy"])
+    lean = rotation.rotate_inverse(quat, np.array([0.0, 0.0, -1.0]))
+    corners, support = _feet(robot, smooth["joint_pos"], quat, smooth["torque_est"])
+    corner_velocity = time_series.derivative(corners, fps)[..., :2]
+    acceleration = rotation.rotate(_quat(filled["rpy"]), filled["acc_b"])
+    width = max(round(0.25 * trial.rate_hz) | 1, 1)
+    specific = np.linalg.norm(time_series.moving_mean(acceleration, width), axis=1) / GRAVITY
+    velocity_w = -_lowest(corner_velocity, corners[..., 2], axis=(1, 2))
+    return Signals(
+        trial=trial,
+        robot=robot,
+        every=every,
+        fps=fps,
+        time_s=trial.time_s[::every],
+        known=finite[::every],
+        tilt_deg=np.degrees(np.arccos(np.clip(-lean[:, 2], -1.0, 1.0))),
+        lean_b=lean[:, :2],
+        command=np.nan_to_num(np.asarray(trial.command, dtype=float)[::every]),
+        support=support,
+        velocity=_heading(velocity_w, smooth["rpy"][:, 2]),
+        yaw_rate=time_series.smooth(time_series.derivative(smooth["rpy"][:, 2], fps), fps, 2.0),
+        sole_speed=_sole_speed(corner_velocity, corners[..., 2], velocity_w, acceleration, trial.rate_hz, every),
+        sole_height=corners[..., 2].min(axis=2) - corners[..., 2].min(axis=(1, 2))[:, None],
+        acceleration_w=time_series.smooth(acceleration, trial.rate_hz, CUTOFF_HZ)[::every, :2],
+        specific_force=specific[::every],
+    )
+
+
+def _filled(values: np.ndarray, finite: np.ndarray) -> np.ndarray:
+    """Values (n, k) with those that are not known interpolated."""
+    good = finite & np.isfinite(values).all(axis=1)
+    if good.all() or not good.any():
+        return np.nan_to_num(values)
+    place = np.arange(len(values))
+    return np.column_stack([np.interp(place, place[good], column[good]) for column in values.T])
+
+
+def _quat(rpy: np.ndarray) -> np.ndarray:
+    axes = np.eye(3)
+    roll, pitch, yaw = (rotation.from_axis_angle(axes[index], rpy[:, index]) for index in range(3))
+    return rotation.multiply(rotation.multiply(yaw, pitch), roll)
+
+
+def _feet(
+    robot: Robot, joint_pos: np.ndarray, quat: np.ndarray, torque: np.ndarray
+) -> tuple[Float[np.ndarray, "n 2 4 3"], Float[np.ndarray, "n 2"]]:
+    """Corners of the soles relative to the trunk, world orientation [m], and the share of the weight on each sole."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((len(quat), 3)), quat, joint_pos)
+    soles = kinematics.site_pos_w(poses, robot.feet)
+    tree, support = robot.tree, np.empty((len(quat), 2))
+    for side, foot in enumerate(robot.feet):
+        links, link = [], int(tree.site_link[robot.site(foot)])
+        while link > 0:
+            links.append(link)
+            link = int(tree.parent[link])
+        links = [link for link in links if robot.joint_names[tree.joint[link]] != "Waist"]
+        axis = rotation.rotate(poses.quat_w[:, links], tree.axis[links])
+        arm = soles[:, side, None] - poses.pos_w[:, links]
+        rows = np.concatenate([np.cross(axis, arm), axis], axis=2)  # torque of force and moment at the sole
+        support[:, side] = _upward(rows, torque[:, tree.joint[links]])
+    corners = [kinematics.site_pos_w(poses, sole) for sole in robot.sole_corners]
+    return np.stack(corners, axis=1), support / (robot.total_mass * GRAVITY)
+
+
+def _upward(rows: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """The force's z (n,) that least squares gives for -rows @ (force, moment) = torque, damped."""
+    scale = np.array([1.0, 1.0, 1.0, 10.0, 10.0, 10.0])  # a moment of 1 N m is as likely as a force of 10 N
+    scaled = rows / scale
+    normal = np.einsum("nki,nkj->nij", scaled, scaled) + DAMPING**2 * np.eye(6)
+    right = np.einsum("nki,nk->ni", scaled, -torque)
+    return np.linalg.solve(normal, right[..., None])[:, 2, 0]
+
+
+def _lowest(velocity: np.ndarray, height: np.ndarray, axis: tuple[int, ...]) -> np.ndarray:
+    """Mean velocity (n, ..., 2) of the corners (n, 2, 4) that are lowest."""
+    share = np.exp(-(height - height.min(axis=axis, keepdims=True)) / LOWEST)
+    share /= share.sum(axis=axis, keepdims=True)
+    return np.sum(velocity * share[..., None], axis=axis)
+
+
+def _heading(velocity_w: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """World to heading frame (n, 2)."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = velocity_w.T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+
+
+def _sole_speed(
+    corner_velocity: np.ndarray,
+    height: np.ndarray,
+    velocity_w: np.ndarray,
+    acceleration_w: np.ndarray,
+    rate_hz: float,
+    every: int,
+) -> Float[np.ndarray, "n 2"]:
+    """Speed over the ground of each sole. Legs and accelerometer share the trunk's velocity at `BLEND_HZ`."""
+    fps = rate_hz / every
+    run = np.cumsum(acceleration_w[:, :2], axis=0)[::every] / rate_hz
+    fast = run - time_series.smooth(run, fps, BLEND_HZ)
+    trunk = time_series.smooth(velocity_w, fps, BLEND_HZ) + time_series.smooth(fast, fps, CUTOFF_HZ)
+    return np.linalg.norm(trunk[:, None] + _lowest(corner_velocity, height, axis=(2,)), axis=2)

@@ -1,0 +1,88 @@
+"""Commanded against achieved velocity, over stretches of steady command; and a delay that would explain it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.failures.failure import Failure
+from pipeline.failures.settings import TrackingSettings
+from pipeline.failures.signals import Signals
+
+AXES = ("forward", "lateral", "yaw")
+STEADY = 0.02
+"""A command that moves by less than this in a second stands still [m/s or rad/s]."""
+
+
+def steady_stretches(signals: Signals, settings: TrackingSettings, until_s: float) -> list[tuple[int, int]]:
+    """Sample ranges of steady command, the time to reach it left out."""
+    change = np.abs(time_series.derivative(signals.command, signals.fps)).max(axis=1)
+    still = (change < STEADY) & (signals.time_s < until_s)
+    settle, least = round(settings.settle_s * signals.fps), round(settings.steady_s * signals.fps)
+    return [(start + settle, stop) for start, stop in time_series.runs(still) if stop - start - settle >= least]
+
+
+def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: float) -> list[Failure]:
+    """Stretches whose mean velocity is not the commanded one."""
+    bounds = (settings.forward, settings.lateral, settings.yaw)
+    achieved = np.column_stack([signals.velocity, signals.yaw_rate])
+    found = []
+    for start, stop in steady_stretches(signals, settings, until_s):
+        within = np.arange(start, stop)[signals.known[start:stop]]
+        if len(within) < 0.5 * (stop - start):
+            continue
+        command, mean = signals.command[start], achieved[within].mean(axis=0)
+        over = [abs(mean[axis] - command[axis]) / (a + b * abs(command[axis])) for axis, (a, b) in enumerate(bounds)]
+        axis = int(np.argmax(over))
+        if over[axis] <= 1.0:
+            continue
+        forward, lateral, yaw = command.tolist()
+        found.append(
+            Failure(
+                kind="tracking",
+                time_s=float(signals.time_s[start]),
+                until_s=float(signals.time_s[stop - 1]),
+                command=(forward, lateral, yaw),
+                direction=AXES[axis],
+                confidence=float(min(0.7 + 0.5 * (over[axis] - 1.0), 0.95)),
+                evidence={
+                    "commanded": float(command[axis]),
+                    "achieved": float(mean[axis]),
+                    **_cause(signals, settings, start, stop),
+                },
+            )
+        )
+    return found
+
+
+def _cause(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> dict[str, float | bool | str]:
+    delay, slope = delay_and_gain(signals, settings, start, stop)
+    said: dict[str, float | bool | str] = {"delay [s]": delay, "gain over the one sent": slope}
+    return {**said, "cause": "delay"} if delay > settings.delay_s else said
+
+
+def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> tuple[float, float]:
+    """The delay [s] from a target's message at which it explains the measured torques best, and torque over asked then.
+
+    The law is torque = kp (target - position) - kd velocity; the target is late, the joint's state is not.
+    """
+    trial = signals.trial
+    joints = [index for index, name in enumerate(trial.joint_names) if _moves(trial.target_pos[:, index])]
+    rows = np.arange(start * signals.every, min(stop * signals.every, len(trial.time_s)))
+    torque = np.asarray(trial.torque_est, dtype=float)[rows][:, joints]
+    state = -trial.kp * trial.joint_pos - trial.kd * trial.joint_vel
+    best, found = np.inf, (0.0, 1.0)
+    for late in range(round(settings.longest_delay_s * trial.rate_hz) + 1):
+        earlier = np.maximum(rows - late, 0)
+        asked = (trial.kp[rows] * trial.target_pos[earlier] + state[rows])[:, joints]
+        asked = np.nan_to_num(np.asarray(asked, dtype=float))
+        slope = float(np.sum(asked * torque) / max(np.sum(asked**2), 1e-9))
+        left = float(np.sum((torque - slope * asked) ** 2))
+        if left < best:
+            best, found = left, (late / trial.rate_hz, slope)
+    return found
+
+
+def _moves(target: np.ndarray) -> bool:
+    """Whether a joint is commanded at all."""
+    return bool(np.nanstd(np.asarray(target, dtype=float)) > 1e-3)
