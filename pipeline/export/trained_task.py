@@ -1,9 +1,8 @@
-"""The task of a policy with the gains and the default pose that it was trained with."""
+"""The task of a policy that is exported: gains and default pose are those it was trained with, never another's."""
 
 from __future__ import annotations
 
-from pipeline.deployment import DeploymentTask, Policy, deployment_task
-from pipeline.deployment.task import in_order
+from pipeline.deployment import DeploymentTask, Policy, policy_task
 from pipeline.export.export_error import ExportError
 from pipeline.robot import Robot
 
@@ -13,9 +12,6 @@ def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
 
     Raises ExportError for a policy that has none, UnknownNameError where it lacks a joint of the robot.
     """
-    gains = policy.gains
-    if gains is None:
+    if policy.gains is None:
         raise ExportError("the policy has no gains; export it with the ones that it was trained with.")
-    arrays = {name: getattr(gains, name) for name in ("kp", "kd", "default_joint_pos")}
-    mine = {name: in_order(values, gains.joint_names, robot.joint_names) for name, values in arrays.items()}
-    return deployment_task(robot, **mine)
+    return policy_task(robot, policy)

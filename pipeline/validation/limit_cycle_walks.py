@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.dart.plant import DartPlant
-from pipeline.deployment import DeploymentTask, Policy, PolicyController
 from pipeline.errors import PipelineError
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycles import (
     PLANES,
     Comparison,
@@ -74,16 +72,6 @@ class LimitCycleSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walker:
-    """A policy on a robot, with its gains and motors."""
-
-    robot: Robot
-    task: DeploymentTask
-    policy: Policy
-    envelope: TorqueEnvelope
-
-
-@dataclass(frozen=True, kw_only=True)
 class SpeedCycles:
     """Everything found at one speed."""
 
@@ -125,20 +113,20 @@ class SpeedCycles:
         }
 
 
-def limit_cycles(walker: Walker, trials: Iterable[Trial], settings: LimitCycleSettings) -> tuple[SpeedCycles, ...]:
+def limit_cycles(deployed: Deployed, trials: Iterable[Trial], settings: LimitCycleSettings) -> tuple[SpeedCycles, ...]:
     """At each speed: the cycles of both legs in each engine and in each log of that command, held against MuJoCo's."""
     logs = list(trials)
     return tuple(
-        _at_speed(walker, logs, speed, settings) for speed in sorted({*settings.required_m_s, *settings.shown_m_s})
+        _at_speed(deployed, logs, speed, settings) for speed in sorted({*settings.required_m_s, *settings.shown_m_s})
     )
 
 
-def _at_speed(walker: Walker, logs: Sequence[Trial], speed: float, settings: LimitCycleSettings) -> SpeedCycles:
+def _at_speed(deployed: Deployed, logs: Sequence[Trial], speed: float, settings: LimitCycleSettings) -> SpeedCycles:
     cycles: dict[str, LimitCycle] = {}
     missing: list[str] = []
     for engine in ENGINES:
         try:
-            found = [limit_cycle(each) for each in walk_series(walker, engine, speed, settings)]
+            found = [limit_cycle(each) for each in walk_series(deployed, engine, speed, settings)]
             cycles |= {f"{engine} {side}": cycle for side, cycle in zip(SIDES, found, strict=True)}
         except (NoCycleError, FellError) as error:
             missing.append(str(error))
@@ -198,18 +186,17 @@ class FellError(PipelineError):
 
 
 def walk_series(
-    walker: Walker, engine: str, speed: float, settings: LimitCycleSettings
+    deployed: Deployed, engine: str, speed: float, settings: LimitCycleSettings
 ) -> tuple[JointSeries, JointSeries]:
     """Left and right leg of a steady walk in an engine. Raises FellError."""
-    plant = _PLANTS[engine](walker.robot, settings)
-    motors = PdControl(kp=walker.task.kp, kd=walker.task.kd, envelope=walker.envelope)
     walked = run(
-        walker.robot,
-        plant,
-        PolicyController(walker.task, walker.policy),
-        motors,
+        deployed.robot,
+        _PLANTS[engine](deployed.robot, settings),
+        deployed.controller(),
+        deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
         settings.seconds,
+        sensors=deployed.reads,
         wrench_every=10_000,
         stop_on_fall=True,
     )
@@ -218,7 +205,7 @@ def walk_series(
     kept = slice(round(settings.settled_s / walked.timestep_s), None)
     joints, speeds = walked.qpos[kept, 7:], walked.qvel[kept, 6:]
     left, right = (
-        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, walker.robot.joint_names, settings)
+        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, deployed.robot.joint_names, settings)
         for side in SIDES
     )
     return left, right

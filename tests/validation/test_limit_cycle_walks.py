@@ -10,9 +10,9 @@ from pipeline.deployment import deployment_task, load_policy
 from pipeline.files import settings as settings_files
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycle_walks import (
     LimitCycleSettings,
-    Walker,
     limit_cycles,
     steady_span,
     trial_series,
@@ -110,14 +110,14 @@ def test_a_turn_a_fall_and_a_gap_end_a_span(robot, settings):
 
 
 def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
-    walker = Walker(
+    deployed = Deployed(
         robot=robot,
         task=deployment_task(robot),
         policy=network(robot, np.random.default_rng(0)),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
     short = dataclasses.replace(settings, shown_m_s=())
-    (found,) = limit_cycles(walker, [walking_log(robot)], short)
+    (found,) = limit_cycles(deployed, [walking_log(robot)], short)
     assert found.required
     assert [text.split(":")[0] for text in found.reasons] == ["MuJoCo at 0.6 m/s", "DART at 0.6 m/s"]
     assert set(found.cycles) == {"log walk left", "log walk right"}
@@ -128,13 +128,13 @@ def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
 @pytest.mark.shared
 def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings):
     """At .6 m/s; the log of other legs is far from it."""
-    walker = Walker(
+    deployed = Deployed(
         robot=robot,
         task=deployment_task(robot),
         policy=load_policy(policies / "t1_walk.npz"),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
-    (found,) = limit_cycles(walker, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
+    (found,) = limit_cycles(deployed, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
     assert found.reasons == ()
     by_name = {each.name: each for each in found.comparisons}
     assert set(by_name) == {"DART left", "DART right", "log walk left", "log walk right"}
