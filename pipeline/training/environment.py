@@ -16,10 +16,11 @@ from mjlab.sim import MujocoCfg, SimulationCfg
 from pipeline.training.action import PolicyActionCfg
 from pipeline.training.bundle import Bundle, RobotFacts
 from pipeline.training.commands import VelocityCommandCfg
+from pipeline.training.curves import Record
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import begin_episodes
 from pipeline.training.motion_features import state_features
-from pipeline.training.observations import observation_cfg
+from pipeline.training.observations import LARGEST, observation_cfg
 from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, grown, push_velocity
 from pipeline.training.readings import Readings
@@ -53,6 +54,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.default_joint_pos = torch.from_numpy(robot.default_joint_pos).float().to(device)
         self.effort_limit = torch.from_numpy(robot.effort_limit).float().to(device)
         self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
+        self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
+        """Length of each environment's last episode."""
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
 
@@ -64,6 +67,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         span = (options.window - 1) * options.window_stride + 1
         size = 18 + 2 * len(self.controlled_index)
         self._motion = torch.zeros(self.num_envs, span, size, device=self.device)
+        self.record = Record(self.device)
         super().load_managers()
 
     @property
@@ -83,6 +87,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
     def step(self, action: torch.Tensor):
         """mjlab's step; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows within one episode."""
         result = super().step(action)
+        self.record.add(self)
         self._motion = torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1)
         self.extras["motion"] = self._motion[:, :: self.context.options.window_stride]
         self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
@@ -91,7 +96,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
     def motion_features(self) -> torch.Tensor:
         """Features of the current states (n, f)."""
         read, index = self.readings, self.controlled_index
-        return state_features(
+        values = state_features(
             read.root_pos_w,
             read.root_quat_w,
             read.lin_vel_w,
@@ -100,10 +105,12 @@ class AmpEnvironment(ManagerBasedRlEnv):
             read.joint_vel[:, index],
             read.ends_pos_w,
         )
+        return torch.nan_to_num(values).clamp(-LARGEST, LARGEST)
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
-        super()._reset_idx(env_ids)
         assert env_ids is not None
+        self.ended_steps[env_ids] = self.episode_length_buf[env_ids]
+        super()._reset_idx(env_ids)
         own = self.own_command[env_ids]
         kept = ~own.isnan().any(dim=1)
         self.command_manager.get_term("velocity").give(env_ids[kept], own[kept])

@@ -11,6 +11,8 @@ import torch
 from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
 
 HISTORY = 10
+LARGEST = 100.0
+"""Observations are cut here: beyond it only a simulation that has come apart gets, and it must not reach the network."""
 
 
 def frame(
@@ -28,7 +30,7 @@ def frame(
 def newest_frame(env) -> torch.Tensor:
     """The frame of the current state."""
     readings, index = env.readings, env.policy_index
-    return frame(
+    newest = frame(
         readings.ang_vel_b,
         readings.gravity_b,
         env.command,
@@ -36,6 +38,7 @@ def newest_frame(env) -> torch.Tensor:
         readings.joint_vel[:, index],
         env.action_manager.action,
     )
+    return torch.nan_to_num(newest).clamp(-LARGEST, LARGEST)
 
 
 def noise_scale(noise: tuple[float, float, float, float], joints: int) -> torch.Tensor:
@@ -54,6 +57,7 @@ class ActorHistory:
         self._scale = noise_scale(env.context.options.noise, joints).to(env.device)
 
     def __call__(self, env) -> torch.Tensor:
+        env.readings.fresh()
         newest = newest_frame(env)
         newest += self._scale * (2.0 * torch.rand_like(newest) - 1.0)
         self._frames = torch.cat([self._frames[:, 1:], newest[:, None]], dim=1)

@@ -43,7 +43,7 @@ class Options:
     penalty_iterations: int = 0
     """… grows to 1 over this many iterations."""
     joint_limit: str = "indicator"
-    """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .9 of their range [rad]."""
+    """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .97 of their range [rad]."""
     energy_factor: float = 1.0
     """Of the paper's energy weight."""
     slide_factor: float = 1.0
@@ -72,7 +72,7 @@ class Options:
     """… and yaw rate [rad/s]."""
     stall_share: float = 0.3
     """Less than this share of the command is standing."""
-    stall_s: float = 1.5
+    stall_s: float = 1.0
     """For this long [s]."""
 
     # Where episodes start

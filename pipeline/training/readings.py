@@ -26,8 +26,23 @@ def yaw_frame(quat: torch.Tensor, vector_w: torch.Tensor) -> torch.Tensor:
     return torch.stack([x, y, vector_w[:, 2]], dim=1)
 
 
+def _kept(work):
+    """A property that is worked out once for each state of the simulation; `Readings.fresh` says when it is another."""
+
+    def value(self: Readings) -> torch.Tensor:
+        if work.__name__ not in self._known:
+            self._known[work.__name__] = work(self)
+        return self._known[work.__name__]
+
+    value.__doc__ = work.__doc__
+    return property(value)
+
+
 class Readings:
-    """Quantities of N environments at the current step. Joints are in the robot's order (J)."""
+    """Quantities of N environments at the current step. Joints are in the robot's order (J).
+
+    `fresh` is called where the state has changed: after the physics steps, after resets, before observations.
+    """
 
     def __init__(self, env, feet: tuple[str, str], ends: tuple[str, ...]):
         self._env = env
@@ -35,7 +50,11 @@ class Readings:
         self._foot_sites = self._sites(feet)
         self._end_sites = self._sites(ends)
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
-        self._last_feet: torch.Tensor | None = None
+        self._known: dict[str, torch.Tensor] = {}
+
+    def fresh(self) -> None:
+        """The simulation's state is another one now."""
+        self._known.clear()
 
     def _sites(self, names: tuple[str, ...]) -> torch.Tensor:
         local, _ = self._robot.find_sites(names, preserve_order=True)
@@ -66,7 +85,7 @@ class Readings:
     def lin_vel_w(self) -> torch.Tensor:
         return self._qvel[:, :3]
 
-    @property
+    @_kept
     def lin_vel_b(self) -> torch.Tensor:
         return quat_apply_inverse(self.root_quat_w, self.lin_vel_w)
 
@@ -74,13 +93,13 @@ class Readings:
     def ang_vel_b(self) -> torch.Tensor:
         return self._qvel[:, 3:6]
 
-    @property
+    @_kept
     def gravity_b(self) -> torch.Tensor:
         """Direction of gravity in the root's frame, unit."""
         down = torch.tensor([0.0, 0.0, -1.0], device=self._env.device)
         return quat_apply_inverse(self.root_quat_w, down.expand(self._env.num_envs, 3))
 
-    @property
+    @_kept
     def velocity(self) -> torch.Tensor:
         """Forward and lateral velocity in the yaw frame [m/s] and yaw rate about the vertical [rad/s] (n, 3)."""
         planar = yaw_frame(self.root_quat_w, self.lin_vel_w)[:, :2]
@@ -119,7 +138,7 @@ class Readings:
         """Hands and feet in the order of the expert frames (n, 4, 3)."""
         return self._env.sim.data.site_xpos[:, self._end_sites]
 
-    @property
+    @_kept
     def feet_vel_w(self) -> torch.Tensor:
         """Velocity of the centres of the soles (n, 2, 3) [m/s]."""
         data = self._env.sim.data
@@ -138,7 +157,7 @@ class Readings:
         """The same at each physics step of the control step (n, 2, h, 3)."""
         return self._env.scene["feet_contact"].data.force_history
 
-    @property
+    @_kept
     def contacts(self) -> torch.Tensor:
         """Feet that touched the ground during the control step (n, 2)."""
         return torch.linalg.norm(self.feet_force_history_w, dim=-1).amax(dim=-1) > CONTACT_FORCE
@@ -156,8 +175,10 @@ class Readings:
 
     def advance(self) -> None:
         """Once a control step, before rewards: the averaged velocity moves on."""
+        self.fresh()
         self._mean += (self.velocity - self._mean) * (self._env.step_dt / MEAN_TIME_S)
 
     def restart(self, env_ids: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""
+        self.fresh()
         self._mean[env_ids] = self.velocity[env_ids]

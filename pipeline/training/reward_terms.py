@@ -39,8 +39,8 @@ def limit_indicator(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.T
 
 
 def limit_excess(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
-    """By how much joints are beyond .9 of their range [rad]."""
-    middle, half = (lower + upper) / 2.0, 0.9 * (upper - lower) / 2.0
+    """By how much joints are beyond .97 of their range [rad]."""
+    middle, half = (lower + upper) / 2.0, 0.97 * (upper - lower) / 2.0
     return torch.clamp((joint_pos - middle).abs() - half, min=0.0).sum(dim=1)
 
 

@@ -12,8 +12,9 @@ from pipeline.training.options import Options
 
 
 def fallen(gravity_b: torch.Tensor, height: torch.Tensor, max_tilt_deg: float, min_height_m: float) -> torch.Tensor:
-    """Whether the root is tilted too far or too low (n,)."""
-    return (-gravity_b[:, 2] < math.cos(math.radians(max_tilt_deg))) | (height < min_height_m)
+    """Whether the root is tilted too far or too low, or its state is not a number (n,)."""
+    upright = -gravity_b[:, 2] >= math.cos(math.radians(max_tilt_deg))
+    return ~(upright & (height >= min_height_m))
 
 
 def stands_though_told(command: torch.Tensor, velocity: torch.Tensor, options: Options) -> torch.Tensor:

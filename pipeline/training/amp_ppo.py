@@ -1,0 +1,83 @@
+"""PPO of rsl-rl with the adversarial motion prior: the style reward in the blend, the discriminator's updates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import torch
+from rsl_rl.algorithms import PPO
+
+from pipeline.training.discriminator import Discriminator, style_reward
+from pipeline.training.options import Options
+
+
+class AmpPpo(PPO):
+    """rsl-rl's PPO; with `options.style` at 0 it is that alone."""
+
+    def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
+        super().__init__(*args, **kwargs)
+        self._options = options
+        self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
+        self.step_figures = torch.zeros(4, device=self.device)
+        """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
+        self._synchronized = False
+
+    def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
+        """Blend the style reward in; windows of one episode are scored and half of them kept."""
+        style, score = torch.zeros_like(rewards), torch.zeros_like(rewards)
+        if self.discriminator is not None:
+            motion, valid = extras["motion"], extras["motion_valid"]
+            score = self.discriminator.score(motion)
+            style = style_reward(score, self._options.alpha, self._options.beta) * valid
+            kept = valid & (torch.rand(len(valid), device=valid.device) < 0.5)
+            self.discriminator.replay.insert(motion[kept])
+        self.step_figures += torch.stack([rewards.mean(), style.mean(), score.mean(), torch.ones_like(score[0])])
+        share = self._options.style
+        super().process_env_step(obs, (1.0 - share) * rewards + share * style, dones, extras)
+
+    def update(self) -> dict[str, float]:
+        """The discriminator's gradient steps, then PPO's."""
+        if self.discriminator is not None:
+            self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
+        return super().update()
+
+    def take_step_figures(self) -> dict[str, float]:
+        """Mean task and style reward a step and D on the policy since the last call."""
+        task, style, score, steps = self.step_figures.tolist()
+        self.step_figures.zero_()
+        count = max(steps, 1.0)
+        return {"task_reward": task / count, "style_reward": style / count, "d_rollout": score / count}
+
+    def save(self) -> dict:
+        """rsl-rl's states and the discriminator's. The replay is not kept: two iterations fill it anew."""
+        state = super().save()
+        if self.discriminator is not None:
+            state["discriminator_state_dict"] = self.discriminator.network.state_dict()
+            state["discriminator_optimizer_state_dict"] = self.discriminator.optimizer.state_dict()
+        return state
+
+    def load(self, loaded_dict: dict, load_cfg: dict | None, strict: bool) -> bool:
+        """Take up the states of `save`; only in a process that has not stepped yet."""
+        result = super().load(loaded_dict, load_cfg, strict)
+        if self.discriminator is not None:
+            self.discriminator.network.load_state_dict(loaded_dict["discriminator_state_dict"])
+            self.discriminator.optimizer.load_state_dict(loaded_dict["discriminator_optimizer_state_dict"])
+        return result
+
+    def broadcast_parameters(self) -> None:
+        """Give every process the first one's parameters, once; the runner asks for it at each call."""
+        if self._synchronized:
+            return
+        super().broadcast_parameters()
+        if self.discriminator is not None:
+            states = [self.discriminator.network.state_dict()]
+            torch.distributed.broadcast_object_list(states, src=0)
+            self.discriminator.network.load_state_dict(states[0])
+        self._synchronized = True
+
+    def _mean_gradients(self, parameters: Iterable[torch.nn.Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.grad is not None:
+                torch.distributed.all_reduce(parameter.grad)
+                parameter.grad /= self.gpu_world_size

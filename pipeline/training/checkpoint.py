@@ -1,0 +1,44 @@
+"""Checkpoints: written whole, read with `weights_only=True`, so that none can run code."""
+
+from __future__ import annotations
+
+import pickle
+import re
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pipeline.training.training_error import TrainingError
+
+NAME = re.compile(r"^model_(\d{6})\.pt$")
+PARTS = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict", "iteration", "environment_steps")
+
+
+def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environment_steps: int) -> Path:
+    """Write the state after `iteration` iterations."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"model_{iteration:06d}.pt"
+    part = path.with_suffix(".part")
+    torch.save({**state, "iteration": iteration, "environment_steps": environment_steps}, part)
+    part.replace(path)
+    return path
+
+
+def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
+    """The state of a file. Raises TrainingError for one that is no checkpoint, or holds more than tensors and numbers."""
+    try:
+        state = torch.load(path, map_location=device, weights_only=True)
+    except (OSError, RuntimeError, EOFError, KeyError, pickle.UnpicklingError) as error:
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({first}).") from error
+    missing = [part for part in PARTS if not isinstance(state, dict) or part not in state]
+    if missing:
+        raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no checkpoint of ours.")
+    return state
+
+
+def newest_checkpoint(folder: Path) -> Path | None:
+    """The checkpoint of most iterations in a folder; None where there is none."""
+    found = [path for path in folder.glob("model_*.pt") if NAME.match(path.name)]
+    return max(found, default=None, key=lambda path: path.name)

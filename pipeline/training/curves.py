@@ -1,0 +1,107 @@
+"""What is kept of a run's progress: figures of the environment, and `curves.csv`, a row an iteration.
+
+Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert, d_policy
+(at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length of ended
+episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the achieved
+value on its axis, two seconds after the command at the earliest; learning_rate, action_std and rsl-rl's losses.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+
+SETTLED_S = 2.0
+"""A command is this old before its velocity counts."""
+
+BINS = {
+    "stand": (0, lambda c: (c.abs() < 1e-6).all(dim=1)),
+    "back": (0, lambda c: c[:, 0] < -0.2),
+    "slow": (0, lambda c: (c[:, 0] > 0.2) & (c[:, 0] <= 0.6)),
+    "mid": (0, lambda c: (c[:, 0] > 0.6) & (c[:, 0] <= 1.2)),
+    "fast": (0, lambda c: (c[:, 0] > 1.2) & (c[:, 0] <= 1.8)),
+    "top": (0, lambda c: c[:, 0] > 1.8),
+    "side": (1, lambda c: c[:, 1].abs() > 0.2),
+    "turn": (2, lambda c: c[:, 2].abs() > 0.3),
+}
+"""Name of a bin: the axis that is compared and which commands (n, 3) are in it."""
+
+
+class Record:
+    """Sums over steps and environments since they were last taken."""
+
+    def __init__(self, device: str):
+        self._velocity = torch.zeros(len(BINS), 3, device=device)
+        self._episodes = torch.zeros(5, device=device)
+
+    def add(self, env) -> None:
+        """A step of the environment, after it; velocities are taken of every fourth."""
+        if env.common_step_counter % 4 == 0:
+            self._add_velocity(env)
+        done = env.reset_buf
+        stalled = done & ~env.fell & ~env.reset_time_outs
+        lengths = (env.ended_steps * done).sum()
+        counts = [done.sum(), lengths, (done & env.fell).sum(), stalled.sum(), torch.ones_like(lengths) * len(done)]
+        self._episodes += torch.stack([count.float() for count in counts])
+
+    def _add_velocity(self, env) -> None:
+        command, velocity = env.command, env.readings.velocity
+        settled = env.command_manager.get_term("velocity").age > SETTLED_S
+        rows = []
+        for axis, member in BINS.values():
+            inside = (settled & member(command)).float()
+            sign = torch.sign(command[:, axis])
+            along = torch.where(sign == 0.0, velocity[:, :2].norm(dim=1), sign * velocity[:, axis])
+            rows.append(torch.stack([inside.sum(), (inside * command[:, axis].abs()).sum(), (inside * along).sum()]))
+        self._velocity += torch.nan_to_num(torch.stack(rows))
+
+    def take(self, step_s: float) -> dict[str, float]:
+        """The figures, and the sums start anew."""
+        ended, lengths, falls, stalls, steps = self._episodes.tolist()
+        minutes = max(steps * step_s / 60.0, 1e-9)
+        figures = {
+            "episode_s": lengths / ended * step_s if ended else float("nan"),
+            "falls_per_min": falls / minutes,
+            "stalls_per_min": stalls / minutes,
+        }
+        for name, (count, commanded, achieved) in zip(BINS, self._velocity.tolist(), strict=True):
+            figures[f"{name}_commanded"] = commanded / count if count else float("nan")
+            figures[f"{name}_achieved"] = achieved / count if count else float("nan")
+        self._velocity.zero_()
+        self._episodes.zero_()
+        return figures
+
+
+class Curves:
+    """`curves.csv`, whole after every row. A resumed run keeps the rows before its checkpoint."""
+
+    def __init__(self, path: Path, before: int):
+        self._path = path
+        rows = list(csv.DictReader(path.read_text().splitlines())) if path.is_file() else []
+        self._rows = [row for row in rows if int(row["iteration"]) <= before]
+        self.seconds = float(self._rows[-1]["seconds"]) if self._rows else 0.0
+        """Seconds of training that the kept rows stand for."""
+
+    def add(self, row: Mapping[str, float]) -> None:
+        """Put a row at the end."""
+        self._rows.append({name: _text(value) for name, value in row.items()})
+
+    def write(self) -> None:
+        """Replace the file by all rows."""
+        if not self._rows:
+            return
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, fieldnames=list(self._rows[-1]), restval="nan", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self._rows)
+        part = self._path.with_suffix(".part")
+        part.write_text(stream.getvalue())
+        part.replace(self._path)
+
+
+def _text(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.5g}"

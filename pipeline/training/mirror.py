@@ -1,0 +1,59 @@
+"""The mirror image of observations and actions, for rsl-rl's symmetry augmentation."""
+
+from __future__ import annotations
+
+import torch
+from tensordict import TensorDict
+
+from pipeline.training.bundle import RobotFacts
+from pipeline.training.observations import HISTORY
+
+
+class Mirror:
+    """Left and right swapped. Twice is the identity."""
+
+    def __init__(self, robot: RobotFacts, device: str):
+        joints = robot.index(robot.policy_joints)
+        partner = [robot.policy_joints.index(robot.joint_names[int(robot.mirror_index[joint])]) for joint in joints]
+        count = len(joints)
+        sign = torch.from_numpy(robot.mirror_sign[joints])
+        gyro, gravity, command = ([-1, 1, -1], [1, -1, 1], [1, -1, -1])
+        head = torch.tensor([*gyro, *gravity, *command], dtype=sign.dtype)
+        at = torch.tensor(partner)
+        index = torch.cat([torch.arange(9), 9 + at, 9 + count + at, 9 + 2 * count + at])
+        frame_sign = torch.cat([head, sign, sign, sign])
+        size = len(index)
+        self._action = (at.to(device), sign.float().to(device))
+        self._actor = (
+            (index[None] + size * torch.arange(HISTORY)[:, None]).flatten().to(device),
+            frame_sign.repeat(HISTORY).float().to(device),
+        )
+        base, feet = torch.tensor([1.0, -1.0, 1.0]), torch.ones(2)
+        self._critic = (
+            torch.cat([index, size + torch.arange(3), torch.tensor([size + 4, size + 3])]).to(device),
+            torch.cat([frame_sign.float(), base, feet]).to(device),
+        )
+
+    def actions(self, actions: torch.Tensor) -> torch.Tensor:
+        """Of actions (n, a) in the network's order."""
+        return _mirrored(actions, self._action)
+
+    def observations(self, obs: TensorDict) -> TensorDict:
+        """Of the groups `actor` and `critic`."""
+        return TensorDict(
+            {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)},
+            batch_size=obs.batch_size,
+        )
+
+
+def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
+    index, sign = how
+    return value[:, index] * sign
+
+
+def augment(env, obs: TensorDict | None, actions: torch.Tensor | None) -> tuple[TensorDict | None, torch.Tensor | None]:
+    """The samples and after them their mirror images, as rsl-rl asks for it; `env.mirror` knows the robot."""
+    mirror: Mirror = env.mirror
+    both_obs = None if obs is None else torch.cat([obs, mirror.observations(obs)])
+    both_actions = None if actions is None else torch.cat([actions, mirror.actions(actions)])
+    return both_obs, both_actions

@@ -1,0 +1,221 @@
+"""One training run from its options to its files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import platform
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mjlab
+import numpy as np
+import torch
+from mjlab.rl import RslRlVecEnvWrapper
+from rsl_rl.runners import OnPolicyRunner
+
+from pipeline.training.amp_ppo import AmpPpo
+from pipeline.training.bundle import Bundle
+from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.training.curves import Curves
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.expert_sampling import expert_windows
+from pipeline.training.mirror import Mirror
+from pipeline.training.options import Options
+from pipeline.training.policy_file import policy_arrays, write_policy
+
+SAVE_EVERY = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRequest:
+    """What is asked of a run."""
+
+    out: Path
+    preset: str
+    options: Options
+    num_envs: int
+    device: str
+    seed: int
+    iterations: int
+    minutes: float | None
+    resume: bool
+
+
+class TrainingRun:
+    """Environment, algorithm and files of a run."""
+
+    def __init__(self, bundle: Bundle, request: RunRequest):
+        self.bundle, self.request = bundle, request
+        self.rank = int(os.getenv("RANK", "0"))
+        seed = request.seed + 1000 * self.rank
+        options = request.options
+        env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
+        self.env = env
+        wrapped = RslRlVecEnvWrapper(env)
+        wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]
+        windows = expert_windows(bundle.expert, options, request.seed)
+        torch.manual_seed(seed)
+        self.runner = OnPolicyRunner(wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device)
+        self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]
+        self.iteration = 0
+        """How many iterations are done."""
+        if request.resume:
+            self._resume()
+        self._curves = Curves(request.out / "curves.csv", self.iteration)
+
+    @property
+    def folder(self) -> Path:
+        """Where checkpoints go."""
+        return self.request.out / "checkpoints"
+
+    def train(self) -> None:
+        """Iterate until the wanted number or time is reached; every hundredth state is kept, and the last."""
+        started, before = time.monotonic(), self._curves.seconds
+        self._write_config()
+        limit = self.request.minutes
+        reason = "iterations"
+        while self.iteration < self.request.iterations:
+            if limit is not None and time.monotonic() - started > 60.0 * limit:
+                reason = "minutes"
+                break
+            begun = time.monotonic()
+            self.runner.current_learning_iteration = self.iteration
+            self.runner.learn(1)
+            self.iteration += 1
+            now = time.monotonic()
+            self._report(before + now - started, now - begun)
+            if self.iteration % SAVE_EVERY == 0:
+                self.save()
+        self.save()
+        self._finish(reason, before + time.monotonic() - started)
+
+    def save(self) -> None:
+        """Checkpoint, policy and curves; only the first process writes."""
+        if self.rank:
+            return
+        state = self.algorithm.save()
+        save_checkpoint(self.folder, self.iteration, state, self.env.common_step_counter)
+        write_policy(self.request.out / "policy.npz", policy_arrays(state, self.bundle.robot))
+        self._curves.write()
+
+    def _resume(self) -> None:
+        path = newest_checkpoint(self.folder)
+        if path is None:
+            return
+        state = load_checkpoint(path, self.request.device)
+        self.algorithm.load(state, None, strict=True)
+        self.iteration = int(state["iteration"])
+        self.env.common_step_counter = int(state["environment_steps"])
+
+    def _report(self, seconds: float, took: float) -> None:
+        env_figures = self.env.record.take(self.env.step_dt)
+        figures = {**self.algorithm.take_step_figures()}
+        amp = self.algorithm.discriminator
+        figures |= amp.figures if amp is not None and amp.figures else dict.fromkeys(AMP_COLUMNS, float("nan"))
+        world = int(os.getenv("WORLD_SIZE", "1"))
+        steps = self.request.num_envs * self.request.options.steps * world
+        std = float(self.algorithm.get_policy().output_std.detach().mean())
+        row = {
+            "iteration": self.iteration,
+            "seconds": seconds,
+            "steps_per_s": steps / took,
+            **figures,
+            **env_figures,
+            "learning_rate": self.algorithm.learning_rate,
+            "action_std": std,
+        }
+        if self.rank:
+            return
+        self._curves.add(row)
+        if self.iteration % 10 == 0 or self.iteration < 10:
+            self._curves.write()
+        print(_line(row, self.request.iterations), flush=True)
+
+    def _write_config(self) -> None:
+        if self.rank == 0:
+            _write_json(self.request.out / "config.json", self._config())
+
+    def _config(self) -> dict[str, Any]:
+        request = self.request
+        return {
+            "preset": request.preset,
+            "options": dataclasses.asdict(request.options),
+            "seed": request.seed,
+            "num_envs": request.num_envs,
+            "processes": int(os.getenv("WORLD_SIZE", "1")),
+            "device": _device_name(request.device),
+            "bundle_digest": self.bundle.digest,
+            "bundle": self.bundle.about,
+            "versions": {
+                "python": platform.python_version(),
+                "torch": torch.__version__,
+                "numpy": np.__version__,
+                "mjlab": getattr(mjlab, "__version__", "1.6.0"),
+            },
+        }
+
+    def _finish(self, reason: str, seconds: float) -> None:
+        if self.rank:
+            return
+        request = self.request
+        steps = self.iteration * request.num_envs * request.options.steps * int(os.getenv("WORLD_SIZE", "1"))
+        done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+        _write_json(request.out / "done.json", {**done, "steps_per_s": steps / max(seconds, 1e-9)})
+
+
+AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
+
+
+def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
+    """rsl-rl's configuration of the runner."""
+    network = {"class_name": "MLPModel", "hidden_dims": list(options.hidden), "activation": "elu", "obs_normalization": True}
+    noise = {"class_name": "GaussianDistribution", "init_std": options.init_std, "std_type": "scalar"}
+    mirror = "pipeline.training.mirror:augment"
+    return {
+        "num_steps_per_env": options.steps,
+        "save_interval": SAVE_EVERY,
+        "check_for_nan": False,
+        "obs_groups": {"actor": ["actor"], "critic": ["critic"]},
+        "actor": {**network, "distribution_cfg": noise},
+        "critic": dict(network),
+        "algorithm": {
+            "class_name": "pipeline.training.amp_ppo:AmpPpo",
+            "num_learning_epochs": options.epochs,
+            "num_mini_batches": options.mini_batches,
+            "learning_rate": options.learning_rate,
+            "entropy_coef": options.entropy,
+            "desired_kl": options.desired_kl,
+            "schedule": "adaptive",
+            "rnd_cfg": None,
+            "symmetry_cfg": {"data_augmentation_func": mirror, "use_data_augmentation": True} if options.symmetry else None,
+            "options": options,
+            "expert": windows,
+            "joints": joints,
+        },
+    }
+
+
+def _line(row: dict[str, float], iterations: int) -> str:
+    pairs = [
+        f"{name} {row[name + '_achieved']:.2f}/{row[name + '_commanded']:.2f}" for name in ("mid", "top", "side", "turn")
+    ]
+    style = f"task {row['task_reward']:.3f}, style {row['style_reward']:.3f}"
+    d = f"D {row['d_expert']:.1f}/{row['d_policy']:.1f}"
+    ends = f"episodes {row['episode_s']:.1f} s, stalls {row['stalls_per_min']:.1f}/min"
+    head = f"iteration {row['iteration']} of {iterations}, {row['seconds']:.0f} s"
+    return f"{head}: {style}, {d}, {', '.join(pairs)}, {ends}, {row['steps_per_s']:.0f} steps/s"
+
+
+def _device_name(device: str) -> str:
+    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
+
+
+def _write_json(path: Path, value: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+    part.replace(path)
