@@ -1,5 +1,8 @@
 """Logs of a robot (MCAP, sqlite3 bags): read with every damage said, written for virtual robots."""
 
+from pipeline.hardware_logs.ingest import Ingested, IngestedTrial, ingest
+from pipeline.hardware_logs.layout import Layout, layouts
+from pipeline.hardware_logs.log_report import LogError
 from pipeline.hardware_logs.mcap_writer import FASTWRITE, ZSTD_FAST, ZSTD_SMALL, Storage
 from pipeline.hardware_logs.robot_log import (
     FallStates,
@@ -11,6 +14,7 @@ from pipeline.hardware_logs.robot_log import (
     RemoteStates,
     RobotLog,
 )
+from pipeline.hardware_logs.settings import LogSettings
 from pipeline.hardware_logs.trial import Gap, Trial, read_trial, write_trial
 from pipeline.hardware_logs.write import mcap_bytes, write_mcap
 
@@ -20,7 +24,12 @@ __all__ = [
     "ZSTD_SMALL",
     "FallStates",
     "Gap",
+    "Ingested",
+    "IngestedTrial",
+    "Layout",
+    "LogError",
     "LogFacts",
+    "LogSettings",
     "LowCmds",
     "LowStates",
     "Odometry",
@@ -29,6 +38,8 @@ __all__ = [
     "RobotLog",
     "Storage",
     "Trial",
+    "ingest",
+    "layouts",
     "mcap_bytes",
     "read_trial",
     "write_mcap",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,19 +45,6 @@ class LogFacts:
     events: tuple[OperatorEvent, ...] = ()
     notes: dict[str, str] = field(default_factory=dict)
     """Further facts, passed on as they are."""
-
-    def to_metadata(self) -> dict[str, str]:
-        """As the strings of an MCAP metadata record."""
-        return {
-            "robot": self.robot,
-            "policy_digest": self.policy_digest or "",
-            "command_source": self.command_source,
-            "simulated": "yes" if self.simulated else "no",
-            "command": json.dumps([list(row) for row in self.command]),
-            "command_scale": json.dumps(list(self.command_scale)),
-            "events": json.dumps([[event.time_s, event.kind] for event in self.events]),
-            "notes": json.dumps(self.notes, sort_keys=True),
-        }
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -53,7 +53,7 @@ class Trial:
     """One of `INTEGRITY`."""
     rate_hz: float
     start_ns: int
-    """Receipt of the first message of the log, since 1970."""
+    """Receipt of the first sample, since 1970; a multiple of the period."""
     log_digest: str
     """SHA-256 of the log file."""
     notes: tuple[str, ...]
@@ -73,7 +73,7 @@ class Trial:
     lost: Int[np.ndarray, "n j"]
     """Packets lost since the motors started."""
     rpy: Float[np.ndarray, "n 3"]
-    """Trunk in the world, R = Rz(yaw) Ry(pitch) Rx(roll) [rad]; yaw runs on beyond pi."""
+    """Trunk in the world, R = Rz(yaw) Ry(pitch) Rx(roll) [rad]; roll and yaw are in -pi to pi."""
     gyro_b: Float[np.ndarray, "n 3"]
     """[rad/s]"""
     acc_b: Float[np.ndarray, "n 3"]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.files import atomic
+from pipeline.hardware_logs.log_facts import to_metadata
 from pipeline.hardware_logs.mcap_writer import ZSTD_SMALL, McapWriter, Storage
 from pipeline.hardware_logs.messages import BUTTONS, ENCAPSULATION, TOPICS, payload_dtype, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import (
@@ -31,8 +32,9 @@ def write_mcap(path: Path, log: RobotLog, storage: Storage = ZSTD_SMALL) -> None
 def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
     """The bytes of a log's MCAP file: its facts as metadata, then all messages in the order of their receipt."""
     writer = McapWriter(storage)
-    writer.metadata(METADATA, log.facts.to_metadata())
     topics = payloads(log)
+    start_ns = min(int(time_ns[0]) for time_ns, _ in topics.values() if len(time_ns))
+    writer.metadata(METADATA, to_metadata(log.facts, start_ns))
     channels = [writer.channel(topic, schema_name(TOPICS[topic]), schema_text(TOPICS[topic])) for topic in topics]
     times = [time_ns for time_ns, _ in topics.values()]
     parts = [memoryview(values.tobytes()) for _, values in topics.values()]

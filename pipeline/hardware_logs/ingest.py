@@ -1,0 +1,168 @@
+"""A log file to trials: read with every damage said, attributed, made regular, held against what is plausible."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.files import digest
+from pipeline.hardware_logs.bag_reader import BagReader
+from pipeline.hardware_logs.layout import Layout
+from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
+from pipeline.hardware_logs.log_report import Bounds, LogReport
+from pipeline.hardware_logs.mcap_reader import McapReader
+from pipeline.hardware_logs.message_flow import MessageFlow
+from pipeline.hardware_logs.robot_log import METADATA
+from pipeline.hardware_logs.settings import LogSettings
+from pipeline.hardware_logs.trial_files import OpenTrial, TrialFiles
+
+SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
+"""Formats by suffix."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IngestedTrial:
+    """A trial's file, and what the table of trials says of it."""
+
+    name: str
+    path: Path
+    numbers: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ingested:
+    """What became of a log."""
+
+    trials: tuple[IngestedTrial, ...]
+    integrity: str
+    sentence: str
+    """What was read and lost."""
+    notes: tuple[str, ...]
+    messages: int
+
+
+def ingest(
+    path: Path,
+    name: str,
+    folder: Path,
+    *,
+    layouts: Mapping[int, Layout],
+    settings: LogSettings,
+    sidecar: Path | None = None,
+    bounds: Bounds | None = None,
+) -> Ingested:
+    """Read a log and write its trials into `folder`, in memory that does not grow with the log.
+
+    Args:
+        path: `.mcap` or `.db3`
+        name: what the log's trials are called
+        folder: where the Parquet files go; nothing is left there when the log is refused
+        layouts: robots by number of joints
+        sidecar: the YAML file beside the log, if there is one
+
+    Raises LogError, one sentence, for a log that is refused.
+    """
+    report = LogReport(path)
+    if path.suffix not in SUFFIXES:
+        raise report.refuse(f"not a log: its suffix is '{path.suffix}'", f"There are: {', '.join(SUFFIXES)}.")
+    source = SUFFIXES[path.suffix](path, report, bounds or Bounds())
+    with TrialFiles(folder) as files:
+        flow = MessageFlow(source, report, files, layouts, settings, lambda: _facts(source, report, sidecar))
+        flow.run()
+        stated = flow.stated or _facts(source, report, sidecar)
+        layout = _layout(flow, stated, report)
+        notes = _notes(flow, stated, report)
+        content = digest.of_file(path)
+        names = [name if number == 1 else f"{name}+{number}" for number in range(1, len(files.trials) + 1)]
+        heads = [
+            _head(each, trial, layout, stated, report, notes, content, settings)
+            for each, trial in zip(names, files.trials, strict=True)
+        ]
+        paths = files.finish(heads)
+    trials = tuple(
+        IngestedTrial(name=each, path=where, numbers=_numbers(head, trial))
+        for each, where, head, trial in zip(names, paths, heads, files.trials, strict=True)
+    )
+    return Ingested(
+        trials=trials, integrity=report.integrity, sentence=report.sentence(), notes=notes, messages=report.total
+    )
+
+
+def _facts(source: McapReader | BagReader, report: LogReport, sidecar: Path | None) -> StatedFacts:
+    try:
+        return stated_facts(source.metadata.get(METADATA), sidecar)
+    except FactsError as error:
+        raise report.refuse(str(error)) from error
+
+
+def _layout(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> Layout:
+    """The robot by its joints; what is stated must not contradict it."""
+    layout = flow.layout
+    if layout is None:
+        raise report.refuse(flow.why_nothing())
+    if stated.facts.robot and stated.facts.robot != layout.robot:
+        joints = len(layout.joint_names)
+        raise report.refuse(
+            f"it is stated to be of '{stated.facts.robot}', but {joints} joints are those of '{layout.robot}'"
+        )
+    if not flow.files.trials:
+        raise report.refuse(f"it has no {flow.settings.time.min_s:g} s of /low_state in a row")
+    return layout
+
+
+def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[str, ...]:
+    said = [*stated.remarks, *report.remarks, *flow.remarks()]
+    if report.losses or report.integrity == "unverified":
+        said.insert(0, report.sentence())
+    return tuple(said)
+
+
+def _head(
+    name: str,
+    trial: OpenTrial,
+    layout: Layout,
+    stated: StatedFacts,
+    report: LogReport,
+    notes: tuple[str, ...],
+    content: str,
+    settings: LogSettings,
+) -> dict[str, Any]:
+    """Everything of a `Trial` that is no array."""
+    assert trial.made is not None
+    return {
+        "name": name,
+        "robot": layout.robot,
+        "joint_names": list(layout.joint_names),
+        "policy_digest": stated.facts.policy_digest,
+        "command_source": trial.command_source,
+        "simulated": stated.facts.simulated,
+        "integrity": report.integrity,
+        "rate_hz": settings.time.rate_hz,
+        "start_ns": trial.made.start_ns,
+        "log_digest": content,
+        "notes": list(notes),
+        "events": [vars(event) for event in trial.events],
+        "gaps": [vars(gap) for gap in trial.made.gaps],
+    }
+
+
+def _numbers(head: dict[str, Any], trial: OpenTrial) -> dict[str, Any]:
+    assert trial.made is not None
+    gap_s = sum(gap.stop_s - gap.start_s for gap in trial.made.gaps)
+    kept = ("robot", "policy_digest", "command_source", "simulated", "integrity", "rate_hz", "start_ns", "log_digest")
+    return {
+        **{key: head[key] for key in kept},
+        "seconds": round(trial.samples / head["rate_hz"], 6),
+        "gaps": len(trial.made.gaps),
+        "gap_seconds": round(gap_s, 6),
+        "message_hz": round(measured_hz(trial, head["rate_hz"]), 3),
+    }
+
+
+def measured_hz(trial: OpenTrial, rate_hz: float) -> float:
+    """Messages of `/low_state` a second, gaps aside."""
+    assert trial.made is not None
+    gap_s = sum(gap.stop_s - gap.start_s for gap in trial.made.gaps)
+    return trial.made.messages / max(trial.samples / rate_hz - gap_s, 1.0 / rate_hz)

@@ -1,0 +1,174 @@
+"""What a log says of itself besides the robot's messages: its MCAP metadata, and a YAML file of its name beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import PipelineError
+from pipeline.files import digest, settings
+from pipeline.files.ranges import OneOf, Pattern, check
+from pipeline.hardware_logs.robot_log import COMMAND_SOURCES, EVENTS, LogFacts, OperatorEvent
+
+DIGEST = re.compile(r"[0-9a-f]{64}")
+MAX_ROWS = 100_000
+"""Entries of a schedule."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandStep:
+    """A row of a schedule: the command from a time on."""
+
+    time_s: float
+    forward_m_s: float
+    left_m_s: float
+    yaw_rate_rad_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotedEvent:
+    """What the operator noted."""
+
+    time_s: float
+    kind: str
+
+    def __post_init__(self) -> None:
+        check(self, kind=OneOf(EVENTS))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sidecar:
+    """The file `<log>.yaml`. What it states counts more than the log's metadata, but for robot and policy."""
+
+    robot: str | None = None
+    policy_digest: str | None = None
+    command_source: str | None = None
+    simulated: bool | None = None
+    command: tuple[CommandStep, ...] | None = None
+    command_scale: tuple[float, float, float] | None = None
+    events: tuple[NotedEvent, ...] | None = None
+    notes: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check(self, command_source=OneOf(COMMAND_SOURCES), robot=Pattern())
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedFacts:
+    """Facts as far as somebody stated them."""
+
+    facts: LogFacts
+    start_ns: int | None
+    """Receipt of the first message as the recorder noted it."""
+    remarks: tuple[str, ...]
+
+
+class FactsError(PipelineError):
+    """Statements that contradict each other, or a sidecar that can't be read."""
+
+
+def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
+    """Facts as the strings of an MCAP metadata record, with a checksum of their own as MCAP has none for it."""
+    values = {
+        "robot": facts.robot,
+        "policy_digest": facts.policy_digest or "",
+        "command_source": facts.command_source,
+        "simulated": "yes" if facts.simulated else "no",
+        "command": json.dumps([list(row) for row in facts.command]),
+        "command_scale": json.dumps(list(facts.command_scale)),
+        "events": json.dumps([[event.time_s, event.kind] for event in facts.events]),
+        "notes": json.dumps(facts.notes, sort_keys=True),
+        "start_ns": str(start_ns),
+    }
+    return {**values, "sha256": digest.of_json(values)}
+
+
+def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> StatedFacts:
+    """Facts of a log from both places. Raises FactsError."""
+    said, start_ns, remarks = _of_metadata(metadata or {})
+    if sidecar is not None:
+        said, more = _with_sidecar(said, sidecar)
+        remarks += more
+    policy = said.get("policy_digest")
+    if policy and not DIGEST.fullmatch(policy):
+        remarks.append("its policy_digest is no SHA-256 and is left out.")
+        said["policy_digest"] = None
+    if not said.get("policy_digest"):
+        said["policy_digest"] = None
+        remarks.append("no policy is stated: it can't be laid to one.")
+    said.setdefault("robot", "")
+    return StatedFacts(facts=LogFacts(**said), start_ns=start_ns, remarks=tuple(remarks))
+
+
+def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, list[str]]:
+    if not metadata:
+        return {}, None, []
+    values = {key: text for key, text in metadata.items() if key != "sha256"}
+    if "sha256" in metadata and digest.of_json(values) != metadata["sha256"]:
+        return {}, None, ["its metadata is damaged and left out."]
+    try:
+        return _parsed(values), int(values["start_ns"]) if "start_ns" in values else None, []
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return {}, None, ["its metadata can't be read and is left out."]
+
+
+def _parsed(values: dict[str, str]) -> dict[str, Any]:
+    said: dict[str, Any] = {name: values[name] for name in ("robot", "policy_digest") if values.get(name)}
+    if "command_source" in values:
+        if values["command_source"] not in COMMAND_SOURCES:
+            raise ValueError("unknown command source")
+        said["command_source"] = values["command_source"]
+    if "simulated" in values:
+        said["simulated"] = values["simulated"] == "yes"
+    if "command" in values:
+        rows = [_finite(row, 4) for row in json.loads(values["command"])[:MAX_ROWS]]
+        said["command"] = tuple(sorted(rows))
+    if "command_scale" in values:
+        said["command_scale"] = _finite(json.loads(values["command_scale"]), 3)
+    if "events" in values:
+        said["events"] = tuple(_event(*row) for row in json.loads(values["events"])[:MAX_ROWS])
+    if "notes" in values:
+        said["notes"] = {str(key): str(text) for key, text in json.loads(values["notes"]).items()}
+    return said
+
+
+def _finite(row: Any, length: int) -> tuple[float, ...]:
+    numbers = tuple(float(each) for each in row)
+    if len(numbers) != length or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"not {length} numbers")
+    return numbers
+
+
+def _event(time_s: float, kind: str) -> OperatorEvent:
+    if kind not in EVENTS:
+        raise ValueError("unknown event")
+    return OperatorEvent(time_s=float(time_s), kind=kind)
+
+
+def _with_sidecar(said: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[str]]:
+    try:
+        sidecar = settings.read(path, Sidecar)
+    except PipelineError as error:
+        raise FactsError(f"its sidecar can't be used: {error}") from error
+    for name in ("robot", "policy_digest"):
+        one, other = said.get(name), getattr(sidecar, name)
+        if one and other and one != other:
+            raise FactsError(f"its metadata states the {name} '{one}', its sidecar '{other}'")
+    stated = {
+        each.name: getattr(sidecar, each.name)
+        for each in dataclasses.fields(sidecar)
+        if getattr(sidecar, each.name) not in (None, {})
+    }
+    if sidecar.command is not None:
+        stated["command"] = tuple(sorted(dataclasses.astuple(step) for step in sidecar.command))
+    if sidecar.events is not None:
+        stated["events"] = tuple(
+            OperatorEvent(time_s=event.time_s, kind=event.kind, source="sidecar") for event in sidecar.events
+        )
+    remarks = [f"its sidecar states {', '.join(sorted(stated))}."] if stated and said else []
+    return {**said, **stated}, remarks

@@ -1,0 +1,95 @@
+"""What was met while a log was read: its one error type, its bounds, what was lost and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pipeline.errors import FileError
+
+
+class LogError(FileError):
+    """A log that is refused.
+
+    Args:
+        path: the file
+        problem: what is wrong with it, as a sentence without the file's name
+        do: what the user can do about it
+        offset: byte that the problem was found at
+        recovered: messages that had been read until then
+    """
+
+    def __init__(self, path: Path | str, problem: str, do: str = "", offset: int = 0, recovered: int = 0):
+        super().__init__(path, f"{problem} (byte {offset}, {recovered} messages read before).", do)
+        self.offset, self.recovered, self.reason = offset, recovered, problem
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """How much of a file is believed. What is beyond is damage or malice."""
+
+    record_bytes: int = 64_000_000
+    """Of a record, and of a chunk after inflation. A recorder's chunks have 0.8 to 4 MB."""
+    total_bytes: int = 20_000_000_000
+    """Of all chunks after inflation."""
+    messages: int = 50_000_000
+    channels: int = 1_000
+    schema_bytes: int = 250_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loss:
+    """A place where messages may be missing: what was read before and after is not neighbouring."""
+
+    offset: int
+    problem: str
+
+
+@dataclass
+class LogReport:
+    """Of one file. `messages` counts what was read of each topic, foreign ones as well."""
+
+    path: Path
+    losses: list[Loss] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    """What was noticed that loses nothing."""
+    messages: dict[str, int] = field(default_factory=dict)
+    checked: int = 0
+    """Chunks whose checksum held."""
+    unchecked: int = 0
+    """Chunks without a checksum, or stretches of messages outside chunks."""
+    whole_checked: bool = False
+    """The checksum of the whole data section held."""
+    ended: bool = False
+    """The data section's end was reached."""
+
+    @property
+    def total(self) -> int:
+        return sum(self.messages.values())
+
+    @property
+    def integrity(self) -> str:
+        """One of `trial.INTEGRITY`."""
+        if self.unchecked and not self.whole_checked:
+            return "unverified"
+        return "recovered" if self.losses or not self.ended else "complete"
+
+    def lose(self, offset: int, problem: str) -> Loss:
+        """Note a loss."""
+        self.losses.append(Loss(offset=offset, problem=problem))
+        return self.losses[-1]
+
+    def refuse(self, problem: str, do: str = "", offset: int = 0) -> LogError:
+        """The error that refuses the file."""
+        return LogError(self.path, problem, do, offset, self.total)
+
+    def sentence(self) -> str:
+        """One sentence on what was read and lost."""
+        said = f"{self.total} messages read"
+        if self.losses:
+            first = self.losses[0]
+            more = f" and {len(self.losses) - 1} more" if len(self.losses) > 1 else ""
+            said += f", lost: {first.problem} at byte {first.offset}{more}"
+        if self.integrity == "unverified":
+            said += ", no checksums: what is wrong in it can't be seen (record with the preset zstd_small)"
+        return said + "."

@@ -1,0 +1,131 @@
+"""A chunk of an MCAP file: inflated within its stated size, held against its checksum, cut into records."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import lz4.frame
+import numpy as np
+import zstandard
+from jaxtyping import Int
+
+from pipeline.hardware_logs.mcap_records import CHANNEL, CHUNK_HEAD, MESSAGE, MESSAGE_HEAD, RECORD_HEAD, SCHEMA, Cursor
+
+WINDOW_BYTES = 1 << 27
+"""Largest window a zstd frame may ask memory for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Records:
+    """m message records in the order of the file, inside `data`."""
+
+    data: bytes
+    channel: Int[np.ndarray, " m"]
+    time_ns: Int[np.ndarray, " m"]
+    """Log time."""
+    start: Int[np.ndarray, " m"]
+    """First byte of the payload."""
+    stop: Int[np.ndarray, " m"]
+    end: int
+    """First byte behind the last record that was cut."""
+    definitions: tuple[tuple[int, bytes], ...]
+    """Opcode and content of schemas and channels, in their order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """A chunk's records after inflation."""
+
+    data: bytes
+    has_crc: bool
+
+
+def open_chunk(content: bytes, limit: int) -> Chunk:
+    """Inflate a chunk record's content. Raises ValueError with what is wrong."""
+    cursor = Cursor(content)
+    first, last, size, crc = cursor.numbers(CHUNK_HEAD.format[1:])
+    compression = cursor.text()
+    (length,) = cursor.numbers("Q")
+    if length != len(content) - cursor.at:
+        raise ValueError(f"a chunk that says {length} bytes holds {len(content) - cursor.at}")
+    if size > limit:
+        raise ValueError(f"a chunk of {size} bytes, at most {limit} are allowed")
+    data = _inflate(bytes(cursor.take(length)), compression, size)
+    if crc and zlib.crc32(data) != crc:
+        raise ValueError("a chunk with a wrong checksum")
+    if last < first:
+        raise ValueError("a chunk that ends before it starts")
+    return Chunk(data=data, has_crc=bool(crc))
+
+
+def _inflate(stored: bytes, compression: str, size: int) -> bytes:
+    try:
+        if compression == "zstd":
+            if zstandard.frame_content_size(stored) not in (-1, size):
+                raise ValueError("a chunk of another size than it says")
+            inflater = zstandard.ZstdDecompressor(max_window_size=WINDOW_BYTES)
+            data = inflater.decompress(stored, max_output_size=size) if size else b""
+        elif compression == "lz4":
+            data = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+        elif compression == "":
+            data = stored
+        else:
+            raise ValueError(f"a chunk of the unknown compression {compression[:20]!r}")
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise ValueError(f"a chunk that can't be inflated ({str(error).splitlines()[0][:80]})") from error
+    if len(data) != size:
+        raise ValueError("a chunk of another size than it says")
+    return data
+
+
+def cut(data: bytes, *, whole: bool) -> Records:
+    """Cut bytes into records.
+
+    Args:
+        data: records one after the other
+        whole: nothing but whole messages, schemas and channels may be there, else ValueError; if not, cutting ends
+            before the first record that is another or not whole
+    """
+    channels, times, starts, stops, definitions = [], [], [], [], []
+    unpack, size, at = MESSAGE_HEAD.unpack_from, len(data), 0
+    last, head = size - MESSAGE_HEAD.size, MESSAGE_HEAD.size
+    while at <= last:
+        opcode, length, channel, _, time_ns, _ = unpack(data, at)
+        end = at + 9 + length
+        if end > size:
+            break
+        if opcode == MESSAGE and length >= 22:
+            channels.append(channel)
+            times.append(time_ns)
+            starts.append(at + head)
+            stops.append(end)
+        elif opcode in (SCHEMA, CHANNEL):
+            definitions.append((opcode, data[at + RECORD_HEAD.size : end]))
+        else:
+            break
+        at = end
+    at = _short_ones(data, at, definitions)
+    if whole and at != size:
+        raise ValueError("a chunk whose records do not add up")
+    return Records(
+        data=data,
+        channel=np.array(channels, dtype=np.int64),
+        time_ns=np.array(times, dtype=np.uint64).view(np.int64),
+        start=np.array(starts, dtype=np.int64),
+        stop=np.array(stops, dtype=np.int64),
+        end=at,
+        definitions=tuple(definitions),
+    )
+
+
+def _short_ones(data: bytes, at: int, definitions: list[tuple[int, bytes]]) -> int:
+    """Go on over schemas and channels at the end that are shorter than the head of a message."""
+    while at + RECORD_HEAD.size <= len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        end = at + RECORD_HEAD.size + length
+        if opcode not in (SCHEMA, CHANNEL) or end > len(data):
+            break
+        definitions.append((opcode, data[at + RECORD_HEAD.size : end]))
+        at = end
+    return at

@@ -1,0 +1,180 @@
+"""Walks the data section of an MCAP file in bounded memory; no index is trusted, every checksum is held.
+
+What is damaged is passed over: from the next record that can be shown to be one, reading goes on. Every such place is a
+`Loss` between the records before and after.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.hardware_logs.log_report import Bounds, LogReport, Loss
+from pipeline.hardware_logs.mcap_channels import Channels, Summary, read_summary
+from pipeline.hardware_logs.mcap_chunk import Records, cut, open_chunk
+from pipeline.hardware_logs.mcap_records import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    MESSAGE_INDEX,
+    METADATA,
+    RECORD_HEAD,
+    SCHEMA,
+    Cursor,
+)
+from pipeline.hardware_logs.mcap_resync import Resync
+
+BLOCK = 1 << 20
+"""Bytes of records outside chunks that are read at a time, where they are not longer."""
+HEAD = RECORD_HEAD.size
+
+
+class McapReader:
+    """One pass over a file. Iterate over `read()`; `channels` and `metadata` fill on the way."""
+
+    def __init__(self, path: Path, report: LogReport, bounds: Bounds):
+        self.path, self.report, self.bounds = path, report, bounds
+        self.channels = Channels(bounds)
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.summary: Summary | None = None
+        self._inflated = 0
+        self._counts: Counter[int] = Counter()
+        self._lengths: set[tuple[int, int]] = set()
+        """Record length and channel of messages outside chunks."""
+
+    def read(self) -> Iterator[Records | Loss]:
+        """Messages in the order of the file, with the losses between them. Raises LogError for what is no MCAP file."""
+        with self.path.open("rb") as self._stream:
+            self._size = self.path.stat().st_size
+            if self._bytes(0, 8) != MAGIC:
+                raise self.report.refuse("not an MCAP file: it does not begin with the magic", "Is it another format?")
+            self.summary = read_summary(self._stream, self._size, self.bounds)
+            for opcode, content in self.summary.definitions if self.summary else ():
+                self.channels.define(opcode, content)
+            yield from self._walk()
+
+    def _walk(self) -> Iterator[Records | Loss]:
+        at, resync = len(MAGIC), Resync(self._stream, self._size, self.bounds)
+        while True:
+            head = self._bytes(at, HEAD)
+            opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
+            if opcode == DATA_END and length == 4:
+                yield from self._end(at)
+                return
+            if not self._is_record(opcode, length, at):
+                found = self._next(resync, at + 1)
+                yield self.report.lose(at, "a damaged record" if found else "the file ends or can't be read further")
+                if found is None:
+                    return
+                at = found
+            elif opcode in (MESSAGE, SCHEMA, CHANNEL):
+                records = cut(self._bytes(at, max(BLOCK, HEAD + length)), whole=False)
+                self._note_bare(records)
+                yield from self._take(records, at)
+                at += records.end or HEAD + length
+            else:
+                if opcode == CHUNK:
+                    yield from self._chunk(at, length)
+                elif opcode == METADATA:
+                    yield from self._metadata(at, length)
+                at += HEAD + length
+
+    def _next(self, resync: Resync, start: int) -> int | None:
+        """Where reading can go on: behind chunks with checksums only at such a chunk."""
+        if self._lengths and not self.report.checked:
+            return resync.message(start, self._lengths)
+        return resync.chunk(start, self.summary.chunk_offsets if self.summary else ())
+
+    def _is_record(self, opcode: int, length: int, at: int) -> bool:
+        """Whether a record of the data section may start here."""
+        if length > min(self.bounds.record_bytes, self._size - at - HEAD):
+            return False
+        if opcode == MESSAGE_INDEX:
+            content = self._bytes(at + HEAD, 6)
+            return length >= 6 and Cursor(content).numbers("HI")[1] == length - 6 and (length - 6) % 16 == 0
+        if opcode == HEADER:
+            return at == len(MAGIC)
+        return opcode in (SCHEMA, CHANNEL, CHUNK, ATTACHMENT, METADATA) or (opcode == MESSAGE and length >= 22)
+
+    def _bytes(self, at: int, size: int) -> bytes:
+        self._stream.seek(at)
+        return self._stream.read(size)
+
+    def _note_bare(self, records: Records) -> None:
+        """Messages outside chunks have no checksum; how they begin is how others of them will."""
+        if len(records.channel):
+            self.report.unchecked += 1
+            lengths = (records.stop - records.start + MESSAGE_HEAD.size - HEAD).tolist()
+            if len(self._lengths) < self.bounds.channels:
+                self._lengths.update(zip(lengths, records.channel.tolist(), strict=True))
+
+    def _chunk(self, at: int, length: int) -> Iterator[Records | Loss]:
+        try:
+            chunk = open_chunk(self._bytes(at + HEAD, length), self.bounds.record_bytes)
+            if self.report.checked and not chunk.has_crc:
+                raise ValueError("a chunk without a checksum, though others have theirs")
+            records = cut(chunk.data, whole=True)
+        except (ValueError, MemoryError) as error:
+            yield self.report.lose(at, str(error) or "a chunk that memory does not hold")
+            return
+        self._inflated += len(chunk.data)
+        if self._inflated > self.bounds.total_bytes:
+            raise self.report.refuse(f"more than {self.bounds.total_bytes} bytes after inflation", offset=at)
+        if chunk.has_crc:
+            self.report.checked += 1
+        else:
+            self.report.unchecked += 1
+        yield from self._take(records, at)
+
+    def _take(self, records: Records, at: int) -> Iterator[Records | Loss]:
+        """Definitions first, then the messages."""
+        for opcode, content in records.definitions:
+            try:
+                self.channels.define(opcode, content)
+            except ValueError as error:
+                yield self.report.lose(at, f"a schema or channel that can't be read ({error})")
+        self._counts.update(records.channel.tolist())
+        if self._counts.total() > self.bounds.messages:
+            raise self.report.refuse(f"more than {self.bounds.messages} messages", offset=at)
+        if len(records.channel):
+            yield records
+
+    def _metadata(self, at: int, length: int) -> Iterator[Loss]:
+        cursor = Cursor(self._bytes(at + HEAD, length))
+        try:
+            name = cursor.text()
+            self.metadata[name] = cursor.text_map()
+        except ValueError:
+            yield self.report.lose(at, "a metadata record that can't be read")
+
+    def _end(self, at: int) -> Iterator[Loss]:
+        """Hold what was read against the checksum of the whole and against the statistics."""
+        self.report.ended = True
+        (crc,) = Cursor(self._bytes(at + HEAD, 4)).numbers("I")
+        if crc and self.report.unchecked:
+            self.report.whole_checked = self._crc(at) == crc
+            if not self.report.whole_checked:
+                yield self.report.lose(at, "the checksum of all messages is wrong")
+        if self.summary is None:
+            yield self.report.lose(at, "the summary is missing or damaged")
+        elif self.summary.counts is not None and not self.report.losses:
+            missing = Counter(self.summary.counts)
+            missing.subtract(self._counts)
+            if any(missing.values()):
+                stated, read = sum(self.summary.counts.values()), self._counts.total()
+                yield self.report.lose(at, f"the file states {stated} messages, {read} are there")
+
+    def _crc(self, stop: int) -> int:
+        """CRC-32 of the file up to `stop`."""
+        crc, at = 0, 0
+        while at < stop:
+            data = self._bytes(at, min(BLOCK, stop - at))
+            crc, at = zlib.crc32(data, crc), at + len(data)
+        return crc

@@ -1,0 +1,240 @@
+"""What a log's messages go through on their way to files: clock, decoding, plausibility, grid, command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from pipeline.hardware_logs.bag_reader import BagReader
+from pipeline.hardware_logs.clock import stretches
+from pipeline.hardware_logs.columns import Columns, held_columns, low_state_columns, taken
+from pipeline.hardware_logs.command import CommandSource
+from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
+from pipeline.hardware_logs.layout import Layout
+from pipeline.hardware_logs.log_facts import StatedFacts
+from pipeline.hardware_logs.log_report import LogReport, Loss
+from pipeline.hardware_logs.mcap_chunk import Records
+from pipeline.hardware_logs.mcap_reader import McapReader
+from pipeline.hardware_logs.messages import TOPICS
+from pipeline.hardware_logs.plausible import Plausible
+from pipeline.hardware_logs.regular import Block, Regular, Stretched
+from pipeline.hardware_logs.settings import LogSettings
+from pipeline.hardware_logs.trial_files import TrialFiles
+
+MAX_TRIALS = 200
+"""Of a log; one whose clock jumps more often is no log."""
+MAX_EARLY = 20_000
+"""Messages of other topics that are kept until the first of `/low_state`."""
+MIN_DENSITY = 0.02
+"""Messages a sample; a log with fewer would fill the disk with gaps."""
+
+
+class MessageFlow:
+    """One pass over a log. `run` once, then look at `layout`, `stated`, `remarks()`."""
+
+    def __init__(
+        self,
+        source: McapReader | BagReader,
+        report: LogReport,
+        files: TrialFiles,
+        layouts: Mapping[int, Layout],
+        settings: LogSettings,
+        facts: Callable[[], StatedFacts],
+    ):
+        self.source, self.report, self.files, self.settings = source, report, files, settings
+        self.layouts, self._facts = layouts, facts
+        self.layout: Layout | None = None
+        self.stated: StatedFacts | None = None
+        self._joints = JointCount(allowed=tuple(layouts))
+        self._decoders: dict[int, TopicDecoder | None] = {}
+        self._early: list[tuple[str, np.ndarray, np.ndarray]] = []
+        self._last_ns: int | None = None
+        self._first_ns: int | None = None
+        self._lost_before = False
+        self._grid_start: int | None = None
+        self._jumps, self._stray, self._unread, self._short, self._undefined = 0, 0, 0, 0, 0
+
+    def run(self) -> None:
+        """Read the whole log. Raises LogError."""
+        for item in self.source.read():
+            if isinstance(item, Loss):
+                self._lost_before = True
+                if self.layout is not None:
+                    self._regular.lose()
+            else:
+                self._records(item)
+        if self.layout is not None:
+            self._write(self._regular.finish())
+            refusal = self._plausible.refusal()
+            if refusal:
+                raise self.report.refuse(refusal)
+
+    def _records(self, records: Records) -> None:
+        time = self.settings.time
+        found = stretches(
+            records.time_ns,
+            self._last_ns,
+            back_ns=round(time.disorder_s * 1e9),
+            ahead_ns=round(time.split_s * 1e9),
+        )
+        self._stray += len(records.time_ns) - sum(len(each.index) for each in found)
+        for stretch in found:
+            if stretch.jump:
+                self._jump(int(records.time_ns[stretch.index[0]]))
+            times = records.time_ns[stretch.index]
+            self._first_ns = int(times.min()) if self._first_ns is None else self._first_ns
+            self._last_ns = int(times.max())
+            self._topics(records, stretch.index)
+            self._lost_before = False
+        if self.layout is not None:
+            self._write(self._regular.ready())
+            trial = self._regular.trial
+            if trial is not None and trial.messages < MIN_DENSITY * trial.samples - MAX_EARLY:
+                raise self.report.refuse(f"only {trial.messages} messages of /low_state for {trial.samples} samples")
+
+    def _jump(self, time_ns: int) -> None:
+        """The trial ends; what was stated in seconds can only be placed behind damage, not behind a jump."""
+        assert self._last_ns is not None
+        forward = time_ns > self._last_ns
+        self._jumps += 1
+        if self.layout is not None:
+            self._write(self._regular.finish())
+            if not (forward and self._lost_before):
+                self._command.forget_origin()
+
+    def _topics(self, records: Records, index: np.ndarray) -> None:
+        channel = records.channel[index]
+        for number in np.unique(channel).tolist():
+            mine = index[channel == number]
+            known = self.source.channels.channels.get(number)
+            topic = known.topic if known else ""
+            self.report.messages[topic] = self.report.messages.get(topic, 0) + len(mine)
+            self._undefined += 0 if known else len(mine)
+            decoder = self._decoder(number)
+            if decoder is None:
+                continue
+            try:
+                decoded = decoder.decode(records.data, records.start[mine], records.stop[mine])
+            except SchemaError as error:
+                raise self.report.refuse(str(error)) from error
+            self._unread += int((~decoded.kept).sum())
+            if len(decoded.rows):
+                self._take(topic, records.time_ns[mine[decoded.kept]], decoded.rows)
+
+    def _decoder(self, number: int) -> TopicDecoder | None:
+        """None for topics that are passed over."""
+        known = self.source.channels.channels.get(number)
+        if number not in self._decoders and known is not None:
+            try:
+                self._decoders[number] = TopicDecoder(known, self._joints) if known.topic in TOPICS else None
+            except SchemaError as error:
+                raise self.report.refuse(str(error)) from error
+        return self._decoders.get(number)
+
+    def _take(self, topic: str, time_ns: np.ndarray, rows: np.ndarray) -> None:
+        if self.layout is None:
+            if topic != "/low_state":
+                if sum(len(each) for _, each, _ in self._early) < MAX_EARLY:
+                    self._early.append((topic, time_ns, rows))
+                return
+            self._begin()
+        if topic == "/low_state":
+            columns = low_state_columns(rows)
+            kept = self._plausible.finite(columns)
+            if not kept.all():
+                time_ns, columns = time_ns[kept], taken(columns, kept)
+            good = self._plausible.in_range(columns)
+            if not good.all() and self.report.unchecked:
+                time_ns, columns = time_ns[good], taken(columns, good)
+            self._regular.add(time_ns, columns)
+            return
+        if topic == "/remote_controller_state":
+            self._command.note_buttons(time_ns, rows)
+        self._regular.hold(topic, time_ns, held_columns(topic, rows, self._ankles))
+
+    def _begin(self) -> None:
+        """The first message of `/low_state`: the robot is known."""
+        assert self._joints.count is not None
+        self.layout = self.layouts[self._joints.count]
+        self._ankles = np.array(
+            [i for i, name in enumerate(self.layout.joint_names) if "Ankle" in name], dtype=np.int64
+        )
+        self._regular = Regular(self.settings.time, len(self.layout.joint_names))
+        self._plausible = Plausible(self.settings.plausible, self.layout)
+        self.stated = self._facts()
+        self._command = CommandSource(self.stated, self._origin())
+        early, self._early = self._early, []
+        for topic, time_ns, rows in early:
+            self._take(topic, time_ns, rows)
+
+    def _origin(self) -> int | None:
+        """Receipt of the log's first message: as noted, as its summary says, or as read if nothing was lost before."""
+        assert self.stated is not None
+        if self.stated.start_ns is not None:
+            return self.stated.start_ns
+        if self.source.summary is not None and self.source.summary.first_ns is not None:
+            return self.source.summary.first_ns
+        return None if self.report.losses else self._first_ns
+
+    def _write(self, made: list[Block | Stretched]) -> None:
+        rate_hz = self.settings.time.rate_hz
+        for each in made:
+            if isinstance(each, Stretched):
+                self._end(each)
+                continue
+            start_ns = self._start_ns(each)
+            columns: Columns = {name: values for name, values in each.columns.items() if name != "sticks"}
+            columns["command"] = self._command.at(each.grid_ns, each.columns["sticks"])
+            columns["time_s"] = np.round((each.grid_ns - start_ns) / self.settings.time.period_ns) / rate_hz
+            self.files.add(columns)
+
+    def _start_ns(self, block: Block) -> int:
+        if self._grid_start is None:
+            self._grid_start = int(block.grid_ns[0])
+        return self._grid_start
+
+    def _end(self, made: Stretched) -> None:
+        """A trial is whole: too short, too sparse, or closed with its events."""
+        time, plausible = self.settings.time, self.settings.plausible
+        self._grid_start = None
+        if made.samples < time.min_s * time.rate_hz:
+            self._short += 1
+            self.files.drop()
+            return
+        if len(self.files.trials) >= MAX_TRIALS:
+            raise self.report.refuse(f"its clock jumps or it falls silent more than {MAX_TRIALS} times")
+        gap_s = sum(gap.stop_s - gap.start_s for gap in made.gaps)
+        hz = made.messages / max(made.samples / time.rate_hz - gap_s, 1.0 / time.rate_hz)
+        low, high = plausible.rate_hz
+        if not low <= hz <= high:
+            raise self.report.refuse(f"{hz:.1f} messages of /low_state a second, {low:g} to {high:g} are allowed")
+        stop_ns = made.start_ns + made.samples * time.period_ns
+        self.files.close(made, self._command.events(made.start_ns, stop_ns), self._command.kind)
+
+    def why_nothing(self) -> str:
+        """Why there are no samples at all."""
+        there = ", ".join(f"{name} {count}" for name, count in sorted(self.report.messages.items()) if name)
+        if self._joints.other is not None:
+            known = ", ".join(f"'{each.robot}' {count}" for count, each in sorted(self.layouts.items()))
+            return f"its messages are of {self._joints.other} joints, known are {known}"
+        if "/low_state" in self.report.messages:
+            return f"none of its {self.report.messages['/low_state']} messages of /low_state can be read"
+        if self.report.losses:
+            return f"nothing can be read: {self.report.losses[0].problem}"
+        return f"it has no messages of /low_state (there are: {there or 'none at all'})"
+
+    def remarks(self) -> list[str]:
+        """What was noticed on the way, a sentence each."""
+        counts = {
+            "messages have a time of their own and are left out": self._stray,
+            "messages can't be decoded and are left out": self._unread,
+            "messages are on channels that are not defined": self._undefined,
+            "times its clock jumps or it is silent for long; a trial ends there": self._jumps,
+            "stretches are too short for a trial": self._short,
+        }
+        if self.layout is not None:
+            counts["messages have the time of another and are left out"] = self._regular.duplicates
+            counts["messages come too late and are left out"] = self._regular.late
+        said = [f"{count} {what}." for what, count in counts.items() if count]
+        return said + (self._plausible.remarks() if self.layout is not None else [])
