@@ -7,32 +7,28 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
-from pipeline.export.export_error import ExportError
 
-CONFIG, DONE, BUNDLE = "config.json", "done.json", "bundle.json"
-DATABASE = "database_digest"
-DATA_FACTS = (DATABASE, "robot_digest", "clips", "seconds", "licence")
+CONFIG, DONE = "config.json", "done.json"
+BUNDLE = "bundle"
+"""Key of `config.json` under which is what the run was trained on: digests of robot and database, licence."""
+DATA_FACTS = ("robot_digest", "clips", "seconds", "licence")
 
 
 def training_run(folder: Path, commit: str = "", command: str = "") -> dict[str, Any]:
-    """The facts of the run in `folder`: its config, how it ended where it did, and who made it."""
+    """The facts of the run in `folder`: its config, how it ended where it did, and who made it. Raises FileError."""
     facts = _read(folder / CONFIG)
+    facts.pop(BUNDLE, None)
     ended = _read(folder / DONE) if (folder / DONE).is_file() else {}
     named = {"commit": commit, "command": command}
     return {"name": folder.name, **facts, **ended, **{name: text for name, text in named.items() if text}}
 
 
-def training_data(bundle: Path, run: dict[str, Any]) -> dict[str, Any]:
-    """The facts of the database behind a bundle. Raises ExportError where the run was trained on another one."""
-    facts = _read(bundle / BUNDLE)
-    trained_on = run.get(DATABASE)
-    if trained_on is not None and trained_on != facts.get(DATABASE):
-        raise ExportError(
-            f"run '{run.get('name')}' was trained on the database {trained_on[:12]}, {bundle} is of "
-            f"{str(facts.get(DATABASE))[:12]}. Name the bundle that it was trained on."
-        )
-    kept = {name: facts[name] for name in DATA_FACTS if name in facts}
-    return {"digest": facts.get(DATABASE, "not stated"), **kept}
+def training_data(folder: Path) -> dict[str, Any]:
+    """The facts of the expert database that the run in `folder` was trained on. Raises FileError."""
+    facts = _read(folder / CONFIG).get(BUNDLE)
+    if not isinstance(facts, dict) or "database_digest" not in facts:
+        raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it anew.")
+    return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
 
 
 def _read(path: Path) -> dict[str, Any]:
