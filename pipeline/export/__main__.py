@@ -32,12 +32,11 @@ def main(arguments: list[str]) -> int:
     """Export; 0 when it is written, 2 when it is refused, the reason on stderr."""
     asked = _parser().parse_args(arguments)
     try:
-        run = training_run(asked.run, commit=asked.commit, command=asked.command)
         curves = asked.run / CURVES
         source = Source(
             policy=asked.policy or asked.run / POLICY,
-            run=run,
-            data=training_data(asked.bundle, run),
+            run=training_run(asked.run, commit=asked.commit, command=asked.command),
+            data=training_data(asked.run),
             curves=curves if curves.is_file() else None,
             figures=_json(asked.figures) if asked.figures else None,
         )
@@ -55,7 +54,6 @@ def main(arguments: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m pipeline.export", description="Export a trained policy.")
     parser.add_argument("run", type=Path)
-    parser.add_argument("--bundle", type=Path, required=True)
     parser.add_argument("--policy", type=Path)
     parser.add_argument("--robot", default="t1")
     parser.add_argument("--name", required=True)

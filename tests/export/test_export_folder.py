@@ -183,23 +183,26 @@ def test_a_robot_that_booster_deploy_lacks_is_refused(tmp_path, export):
 
 
 def test_the_command_exports_a_run(tmp_path, robot, capsys):
-    run, bundle = tmp_path / "run7", tmp_path / "bundle"
+    run, out = tmp_path / "run7", tmp_path / "out"
     run.mkdir()
-    bundle.mkdir()
     network_file(run / "policy.npz", robot)
-    (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "database_digest": "d1"}))
+    about = {"database_digest": "d1", "licence": FREE["licence"], "clips": 4, "seconds": 9.5}
+    (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "bundle": about}))
     (run / "done.json").write_text(json.dumps({"iterations": 300, "seconds": 1200.0}))
     (run / "curves.csv").write_text("iteration\n1\n")
-    (bundle / "bundle.json").write_text(json.dumps({"database_digest": "d1", **FREE, "clips": 4}))
-    out = tmp_path / "out"
-    command = [str(run), "--bundle", str(bundle), "--name", "walk", "--out", str(out), "--shippable"]
+    command = [str(run), "--name", "walk", "--out", str(out), "--shippable", "--commit", "abc"]
     assert main(command) == 0
     card = read_card(out)
-    assert (card.run["name"], card.run["iterations"], card.data["digest"]) == ("run7", 300, "d1")
+    assert (card.run["name"], card.run["iterations"], card.run["commit"]) == ("run7", 300, "abc")
+    assert (card.data["digest"], card.data["clips"]) == ("d1", 4)
     assert "curves.csv" in card.files
-    (bundle / "bundle.json").write_text(json.dumps({"database_digest": "d2", **FREE}))
+    closed = {**about, "licence": CLOSED["licence"]}
+    (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "bundle": closed}))
     assert main(command) == 2
-    assert "was trained on the database d1" in capsys.readouterr().err
+    assert "can't be marked shippable" in capsys.readouterr().err
+    (run / "config.json").write_text(json.dumps({"preset": "paper"}))
+    assert main(command) == 2
+    assert "does not say which database" in capsys.readouterr().err
 
 
 def test_the_same_policy_is_exported_to_the_same_bytes(tmp_path, robot):
