@@ -1,0 +1,214 @@
+"""The controller of the Webots project: sensors to the policy's observation, its targets to motor torques.
+
+Webots starts it beside the robot, in a folder that holds all it needs besides numpy: `task.json` (joints, gains, motor
+limits), `policy.npz` (without it the robot stands), `run.json` (what to walk, where to write what came of it) and our
+own modules. What happens at each step is what happens on the robot: `PolicyController` for targets, `PdControl` for
+torques. The supervisor's view of the robot is for scoring only.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.append(str(HERE / "shims"))  # last: where jaxtyping is installed, that is taken
+
+from pipeline.deployment import DeploymentTask, PolicyController, load_policy  # noqa: E402
+from pipeline.simulation.pd_control import PdControl  # noqa: E402
+from pipeline.simulation.torque_envelope import TorqueEnvelope  # noqa: E402
+
+SCHEMA = "booster-lab webots result 1"
+RESULT_MARK = "BOOSTER_LAB_RESULT "
+FALL_HEIGHT_M, FALL_TILT_COS = 0.45, 0.5
+
+
+class Devices:
+    """Motors and sensors of the robot, joints in the task's order."""
+
+    def __init__(self, robot: Any, joint_names: tuple[str, ...], names: dict[str, str]):
+        step = int(robot.getBasicTimeStep())
+        self.motors = [robot.getDevice(name) for name in joint_names]
+        self.sensors = [robot.getDevice(name + names["sensor_suffix"]) for name in joint_names]
+        self.gyro, self.imu = robot.getDevice(names["gyro"]), robot.getDevice(names["inertial_unit"])
+        missing = [name for name, motor in zip(joint_names, self.motors, strict=True) if motor is None]
+        if missing or None in (*self.sensors, self.gyro, self.imu):
+            raise SystemExit(f"the robot lacks devices: {', '.join(missing) or 'a sensor of the joints or the trunk'}")
+        for sensor in (*self.sensors, self.gyro, self.imu):
+            sensor.enable(step)
+
+    def joint_pos(self) -> np.ndarray:
+        """[rad]"""
+        return np.array([sensor.getValue() for sensor in self.sensors])
+
+    def gyro_b(self) -> np.ndarray:
+        """[rad/s]"""
+        return np.array(self.gyro.getValues())
+
+    def gravity_b(self) -> np.ndarray:
+        """Direction of gravity in the trunk's frame: minus the third row of its rotation matrix."""
+        x, y, z, w = self.imu.getQuaternion()
+        return -np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+
+    def set_torque(self, torque: np.ndarray) -> None:
+        for motor, value in zip(self.motors, torque, strict=True):
+            motor.setTorque(float(value))
+
+
+class Plan:
+    """What to walk: segments one after the other, the command slewed from one to the next."""
+
+    def __init__(self, segments: list[dict[str, Any]]):
+        self.segments = segments
+        self.ends = np.cumsum([segment["seconds"] for segment in segments])
+        self.command = np.zeros(3)
+
+    @property
+    def seconds(self) -> float:
+        return float(self.ends[-1])
+
+    def index(self, time_s: float) -> int:
+        """The segment at a time; the last one after the end."""
+        return min(int(np.searchsorted(self.ends, time_s + 1e-9, side="right")), len(self.segments) - 1)
+
+    def advance(self, time_s: float, dt_s: float) -> np.ndarray:
+        """The command at a time, a control step after the last call."""
+        segment = self.segments[self.index(time_s)]
+        way = segment["slew"] * dt_s if segment["slew"] > 0.0 else np.inf
+        self.command = self.command + np.clip(np.array(segment["command"]) - self.command, -way, way)
+        return self.command.copy()
+
+
+class Score:
+    """Means over the end of each segment, and the fall."""
+
+    def __init__(self, plan: Plan, measured_s: float):
+        self.plan, self.measured_s = plan, measured_s
+        self.sums = np.zeros((len(plan.segments), 5))
+        self.fell_s: float | None = None
+
+    def look(self, node: Any, time_s: float) -> None:
+        """At the robot now."""
+        turn = np.array(node.getOrientation()).reshape(3, 3)
+        height = node.getPosition()[2]
+        if height < FALL_HEIGHT_M or turn[2, 2] < FALL_TILT_COS or not math.isfinite(height):
+            self.fell_s = time_s
+            return
+        index = self.plan.index(time_s)
+        if time_s < self.plan.ends[index] - self.measured_s:
+            return
+        yaw = math.atan2(turn[1, 0], turn[0, 0])
+        vx, vy, _, _, _, yaw_rate = node.getVelocity()
+        forward = math.cos(yaw) * vx + math.sin(yaw) * vy
+        lateral = -math.sin(yaw) * vx + math.cos(yaw) * vy
+        self.sums[index] += [forward, lateral, yaw_rate, height, 1.0]
+
+    def segments(self, time_s: float) -> list[dict[str, Any]]:
+        """A row for each segment; figures are None where it wasn't walked to its end."""
+        names = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
+        rows = []
+        for segment, end, sums in zip(self.plan.segments, self.plan.ends, self.sums, strict=True):
+            walked = bool(time_s >= end - 1e-6 and sums[4] > 0.0)
+            means = (sums[:4] / sums[4]).tolist() if walked else [None] * 4
+            rows.append({"name": segment["name"], "walked": walked, **dict(zip(names, means, strict=True))})
+        return rows
+
+
+def main() -> None:
+    """Walk the plan, write the result, end the simulation."""
+    from controller import Supervisor  # pyright: ignore[reportMissingImports]
+
+    said = json.loads((HERE / "task.json").read_text(encoding="utf-8"))
+    run = json.loads((HERE / "run.json").read_text(encoding="utf-8"))
+    robot = Supervisor()
+    timestep_s = robot.getBasicTimeStep() / 1000.0
+    task, motors = task_of(said), motors_of(said)
+    devices = Devices(robot, task.joint_names, said["devices"])
+    policy_file = HERE / "policy.npz"
+    controller = PolicyController(task, load_policy(policy_file)) if policy_file.is_file() else None
+    plan = Plan(run["segments"])
+    score = Score(plan, run["measured_s"])
+    time_s = walk(robot, devices, controller, task, motors, plan, score, timestep_s)
+    result = {
+        "schema": SCHEMA,
+        "run": run["run"],
+        "timestep_ms": timestep_s * 1000.0,
+        "seconds": time_s,
+        "fell_s": score.fell_s,
+        "policy": controller is not None,
+        "segments": score.segments(time_s),
+    }
+    text = json.dumps(result, allow_nan=False)
+    aside = HERE / (run["result"] + ".part")
+    aside.write_text(text, encoding="utf-8")
+    aside.replace(HERE / run["result"])
+    print(RESULT_MARK + text, flush=True)
+    robot.simulationQuit(0)
+
+
+def walk(
+    robot: Any,
+    devices: Devices,
+    controller: PolicyController | None,
+    task: DeploymentTask,
+    motors: PdControl,
+    plan: Plan,
+    score: Score,
+    timestep_s: float,
+) -> float:
+    """Until the plan's end, a fall, or the simulation's end; the time [s] it got to.
+
+    Webots has no joint speed sensor: speeds are differences of positions over a timestep.
+    """
+    node = robot.getSelf()
+    decimation = max(round(1.0 / (task.control_hz * timestep_s)), 1)
+    targets, before = task.default_joint_pos.copy(), None
+    tick = 0
+    while robot.step(round(timestep_s * 1000.0)) != -1:
+        joint_pos = devices.joint_pos()
+        joint_vel = np.zeros_like(joint_pos) if before is None else (joint_pos - before) / timestep_s
+        before = joint_pos
+        time_s = tick * timestep_s
+        if time_s >= plan.seconds - 1e-9:
+            return time_s
+        score.look(node, time_s)
+        if score.fell_s is not None:
+            return time_s
+        if tick % decimation == 0:
+            command = plan.advance(time_s, decimation * timestep_s)
+            if controller is not None:
+                targets = controller.targets(devices.gyro_b(), devices.gravity_b(), command, joint_pos, joint_vel)
+        devices.set_torque(motors.torque(targets, joint_pos, joint_vel))
+        tick += 1
+    return tick * timestep_s
+
+
+def task_of(said: dict[str, Any]) -> DeploymentTask:
+    """The task of `task.json`."""
+    return DeploymentTask(
+        robot=said["robot"],
+        joint_names=tuple(said["joint_names"]),
+        policy_joints=tuple(said["policy_joints"]),
+        default_joint_pos=np.array(said["default_joint_pos"]),
+        kp=np.array(said["kp"]),
+        kd=np.array(said["kd"]),
+        action_scale=said["action_scale"],
+        history=said["history"],
+        control_hz=said["control_hz"],
+    )
+
+
+def motors_of(said: dict[str, Any]) -> PdControl:
+    """Gains and torque limits of `task.json`."""
+    limits = {name: None if value is None else np.array(value) for name, value in said["motors"].items()}
+    envelope = TorqueEnvelope(**limits)  # pyright: ignore[reportArgumentType]
+    return PdControl(kp=np.array(said["kp"]), kd=np.array(said["kd"]), envelope=envelope)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""A project run by Webots, or by a program in its place: started, held to a time limit, its result read.
+
+The program is a process group of its own, and is ended as one: Webots starts further processes. Nothing that it does or
+says raises an error here; it becomes the outcome.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from pipeline.files import atomic
+from pipeline.webots.booster_lab import RESULT_MARK
+from pipeline.webots.project import Project, run_plan
+from pipeline.webots.result import ResultError, WalkResult, parse_result
+from pipeline.webots.settings import WebotsSettings
+
+WEBOTS_FLAGS = ("--batch", "--mode=fast", "--no-rendering", "--minimize", "--stdout", "--stderr")
+WEBOTS_NOT_FOUND = "webots not found"
+FINISHED, NOT_RUN, TIMED_OUT, CRASHED = "finished", "not run", "timed out", "crashed"
+NO_RESULT, GARBAGE, STALE = "no result", "garbage", "stale result"
+PORT_TRIES = 3
+TAKEN = ("address already in use", "could not listen", "port is already")
+"""What a program says, in lower case, where its port is not free."""
+GRACE_S = 3.0
+"""Between asking a group to end and ending it."""
+TAIL_CHARACTERS = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of a launch."""
+
+    status: str
+    """`finished`, with a result, or why there is none."""
+    reason: str = ""
+    """A sentence; empty where it finished."""
+    result: WalkResult | None = None
+    tail: str = ""
+    """The end of what the program printed."""
+
+
+def find_webots(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """The program: on the path, or in the folder that `WEBOTS_HOME` names."""
+    found = shutil.which("webots", path=environment.get("PATH"))
+    if found is None and environment.get("WEBOTS_HOME"):
+        found = shutil.which("webots", path=environment["WEBOTS_HOME"])
+    return None if found is None else Path(found)
+
+
+def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
+    """Run the project in Webots, under a virtual display where there is none."""
+    program = find_webots()
+    if program is None:
+        return Outcome(status=NOT_RUN, reason=WEBOTS_NOT_FOUND)
+    display = shutil.which("xvfb-run") if not os.environ.get("DISPLAY") else None
+    before = [] if display is None else [display, "-a"]
+    return launch([*before, str(program)], project, settings)
+
+
+def launch(
+    program: Sequence[str],
+    project: Project,
+    settings: WebotsSettings,
+    environment: Mapping[str, str] | None = None,
+) -> Outcome:
+    """Run the project in `program`, which takes Webots' flags; on another port where its port was taken meanwhile."""
+    outcome = Outcome(status=NOT_RUN, reason="it was not started")
+    for _ in range(PORT_TRIES):
+        command = [*program, *WEBOTS_FLAGS, f"--port={free_port()}", str(project.world)]
+        outcome = _try(command, project, settings, environment)
+        said = outcome.tail.lower()
+        if outcome.status == FINISHED or not any(each in said for each in TAKEN):
+            break
+    return outcome
+
+
+def free_port() -> int:
+    """A port that nobody listens on now."""
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def _try(
+    command: list[str], project: Project, settings: WebotsSettings, environment: Mapping[str, str] | None
+) -> Outcome:
+    run = secrets.token_hex(8)
+    project.result.unlink(missing_ok=True)
+    atomic.write_text(project.run, json.dumps(run_plan(settings, run), indent=1) + "\n")
+    with tempfile.TemporaryFile() as output:
+        try:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=project.folder,
+                env={**os.environ, **(environment or {})},
+                start_new_session=True,
+            )
+        except OSError as error:
+            return Outcome(status=NOT_RUN, reason=f"{command[0]} does not start ({error.strerror})")
+        try:
+            exit_status: int | None = process.wait(settings.limit_s)
+        except subprocess.TimeoutExpired:
+            exit_status = None
+        finally:
+            end_group(process)
+        return _outcome(exit_status, _text(output), project, settings, run)
+
+
+def _outcome(exit_status: int | None, said: str, project: Project, settings: WebotsSettings, run: str) -> Outcome:
+    """A valid result counts whatever the program did after it; without one, the first thing that went wrong."""
+    tail = said[-TAIL_CHARACTERS:]
+    text = _result_text(project, said)
+    names = tuple(segment.name for segment in settings.segments)
+    problem: ResultError | None = None
+    if text is not None:
+        try:
+            return Outcome(status=FINISHED, result=parse_result(text, run, names), tail=tail)
+        except ResultError as error:
+            problem = error
+    if exit_status is None:
+        return Outcome(status=TIMED_OUT, reason=f"it was ended after {settings.limit_s:g} s", tail=tail)
+    if problem is not None:
+        return Outcome(status=STALE if problem.stale else GARBAGE, reason=str(problem), tail=tail)
+    if exit_status < 0:
+        return Outcome(status=CRASHED, reason=f"it died of {signal.Signals(-exit_status).name}", tail=tail)
+    if exit_status > 0:
+        last = tail.strip().splitlines()[-1:] or ["nothing printed"]
+        return Outcome(status=CRASHED, reason=f"it ended with status {exit_status}: {last[0]}", tail=tail)
+    return Outcome(status=NO_RESULT, reason="it ended without a result", tail=tail)
+
+
+def _result_text(project: Project, said: str) -> str | None:
+    """The result file, or where it is missing the line that says the same."""
+    if project.result.is_file():
+        return project.result.read_text(encoding="utf-8", errors="replace")
+    lines = [line for line in said.splitlines() if RESULT_MARK in line]
+    return lines[-1].partition(RESULT_MARK)[2] if lines else None
+
+
+def _text(output: IO[bytes]) -> str:
+    output.seek(0)
+    return output.read().decode("utf-8", errors="replace")
+
+
+def end_group(process: subprocess.Popen) -> None:
+    """End a process and all that it started: asked first, then made to."""
+    for order in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, order)
+        except (ProcessLookupError, PermissionError):
+            break
+        try:
+            process.wait(GRACE_S)
+        except subprocess.TimeoutExpired:
+            continue
+    process.wait()

@@ -1,0 +1,152 @@
+"""A Webots project as a folder that needs nothing of ours: PROTO, world, controller with policy and modules."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.deployment import DeploymentTask, Policy, save_policy
+from pipeline.files import atomic
+from pipeline.robot.build import build_robot
+from pipeline.robot.description import Description
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.webots.proto import (
+    ACCELEROMETER,
+    CONTROLLER,
+    GYRO,
+    INERTIAL_UNIT,
+    SENSOR_SUFFIX,
+    proto_name,
+    robot_proto,
+)
+from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.sources import JAXTYPING_SHIM, PROGRAM, needed_modules
+from pipeline.webots.vrml import to_text
+from pipeline.webots.world import robot_world
+
+RESULT = "result.json"
+"""Beside the controller, written by it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Project:
+    """Where things are in a project folder."""
+
+    folder: Path
+    robot: str
+
+    @property
+    def world(self) -> Path:
+        return self.folder / "worlds" / f"{self.robot}.wbt"
+
+    @property
+    def controller(self) -> Path:
+        """Folder of the controller."""
+        return self.folder / "controllers" / CONTROLLER
+
+    @property
+    def run(self) -> Path:
+        """What the controller is to walk."""
+        return self.controller / "run.json"
+
+    @property
+    def result(self) -> Path:
+        return self.controller / RESULT
+
+
+def write_project(
+    folder: Path,
+    source: Description,
+    task: DeploymentTask,
+    envelope: TorqueEnvelope,
+    policy: Policy | None,
+    settings: WebotsSettings,
+) -> Project:
+    """Write the project of a robot folder's tables; equal arguments give equal bytes.
+
+    Args:
+        folder: of the project, made where it is missing; its other files stay
+        source: the robot's tables
+        task: joints and gains
+        envelope: what the motors can give
+        policy: what walks; without one the robot stands in its default pose
+        settings: timestep, friction and the walk
+
+    Raises FileError where the disk refuses.
+    """
+    robot = build_robot(source)
+    project = Project(folder=folder, robot=robot.name)
+    world = robot_world(robot, settings.timestep_ms, settings.friction)
+    atomic.write_text(folder / "protos" / f"{proto_name(robot)}.proto", to_text(robot_proto(source, robot)))
+    atomic.write_text(project.world, to_text(world))
+    atomic.write_text(folder / "README.md", _readme(project))
+    home = project.controller
+    atomic.write_text(home / PROGRAM.name, PROGRAM.read_text(encoding="utf-8"))
+    for name, path in needed_modules().items():
+        atomic.write_text(home / name, path.read_text(encoding="utf-8"))
+    atomic.write_text(home / "shims" / "jaxtyping.py", JAXTYPING_SHIM)
+    atomic.write_text(home / "task.json", _json(_task(task, envelope)))
+    atomic.write_text(project.run, _json(run_plan(settings, run="by hand")))
+    if policy is None:
+        (home / "policy.npz").unlink(missing_ok=True)
+    else:
+        save_policy(home / "policy.npz", policy)
+    return project
+
+
+def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
+    """What `run.json` says: the walk, and a name of the run that its result must bear."""
+    segments = [
+        {"name": each.name, "seconds": each.seconds, "command": list(each.command), "slew": each.slew}
+        for each in settings.segments
+    ]
+    return {"run": run, "result": RESULT, "measured_s": settings.measured_s, "segments": segments}
+
+
+def _task(task: DeploymentTask, envelope: TorqueEnvelope) -> dict[str, Any]:
+    def listed(values: np.ndarray | None) -> list[float] | None:
+        return None if values is None else values.tolist()
+
+    return {
+        "robot": task.robot,
+        "joint_names": list(task.joint_names),
+        "policy_joints": list(task.policy_joints),
+        "default_joint_pos": task.default_joint_pos.tolist(),
+        "kp": task.kp.tolist(),
+        "kd": task.kd.tolist(),
+        "action_scale": task.action_scale,
+        "history": task.history,
+        "control_hz": task.control_hz,
+        "motors": {
+            "limit": listed(envelope.limit),
+            "knee_speed": listed(envelope.knee_speed),
+            "no_load_speed": listed(envelope.no_load_speed),
+        },
+        "devices": {
+            "gyro": GYRO,
+            "inertial_unit": INERTIAL_UNIT,
+            "accelerometer": ACCELEROMETER,
+            "sensor_suffix": SENSOR_SUFFIX,
+        },
+    }
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=1, allow_nan=False) + "\n"
+
+
+def _readme(project: Project) -> str:
+    world = project.world.relative_to(project.folder).as_posix()
+    return f"""# Booster Lab's {project.robot} in Webots
+
+Written by `booster-lab webots-project`; nothing here is edited by hand.
+
+    webots {world}
+
+opens it. The controller needs a Python with numpy. It walks what `controllers/{CONTROLLER}/run.json` says and writes
+`controllers/{CONTROLLER}/{RESULT}`. Rotors' inertia lies on the links that they move, as Webots has no armature.
+"""

@@ -1,0 +1,91 @@
+"""What a controller says of its walk, read with suspicion."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.errors import PipelineError
+from pipeline.webots.booster_lab import SCHEMA
+
+FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
+MAX_CHARACTERS = 1_000_000
+
+
+class ResultError(PipelineError):
+    """A result that can't be used. `stale` where it is another run's."""
+
+    def __init__(self, problem: str, stale: bool = False):
+        self.stale = stale
+        super().__init__(problem)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkedSegment:
+    """Means over the end of a segment; None where it was not walked to its end."""
+
+    name: str
+    walked: bool
+    forward_m_s: float | None
+    lateral_m_s: float | None
+    yaw_rate_rad_s: float | None
+    height_m: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkResult:
+    """A walk in Webots, or in what stands in for it."""
+
+    run: str
+    timestep_ms: float
+    seconds: float
+    fell_s: float | None
+    policy: bool
+    """Whether a policy walked; else the robot only stood."""
+    segments: tuple[WalkedSegment, ...]
+
+
+def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
+    """The result of the run `run` over segments of these names. Raises ResultError."""
+    if not text.strip():
+        raise ResultError("the result is empty")
+    if len(text) > MAX_CHARACTERS:
+        raise ResultError(f"the result has {len(text)} characters, allowed are {MAX_CHARACTERS}")
+    try:
+        value = json.loads(text, parse_constant=_refused)
+    except (ValueError, RecursionError) as error:
+        raise ResultError(f"the result is no JSON ({error}): {text[:60]!r}") from error
+    if not isinstance(value, dict) or value.get("schema") != SCHEMA:
+        raise ResultError(f"the result is no object of schema '{SCHEMA}'")
+    if value.get("run") != run:
+        raise ResultError(f"the result is of another run ({value.get('run')!r}, wanted {run!r})", stale=True)
+    rows = value.get("segments")
+    if not isinstance(rows, list) or [row.get("name") if isinstance(row, dict) else None for row in rows] != [*names]:
+        raise ResultError("the result's segments are not those of the plan")
+    return WalkResult(
+        run=run,
+        timestep_ms=_number(value, "timestep_ms"),
+        seconds=_number(value, "seconds"),
+        fell_s=None if value.get("fell_s") is None else _number(value, "fell_s"),
+        policy=value.get("policy") is True,
+        segments=tuple(_segment(row) for row in rows),
+    )
+
+
+def _segment(row: dict[str, Any]) -> WalkedSegment:
+    walked = row.get("walked") is True
+    figures = {name: _number(row, name) if walked else None for name in FIGURES}
+    return WalkedSegment(name=row["name"], walked=walked, **figures)
+
+
+def _number(row: dict[str, Any], name: str) -> float:
+    value = row.get(name)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ResultError(f"the result's '{name}' is {value!r}, wanted a number")
+    return float(value)
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")

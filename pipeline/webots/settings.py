@@ -1,0 +1,42 @@
+"""What `data/webots.yaml` states: the walk, its bars, the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, OneOf, check
+
+
+@dataclass(frozen=True, kw_only=True)
+class WalkSegment:
+    """A stretch of one wanted velocity, and how far from it the robot may walk."""
+
+    name: str
+    seconds: float
+    command: tuple[float, float, float]
+    """Forward and lateral [m/s], yaw rate [rad/s]."""
+    velocity_error_m_s: float
+    yaw_rate_error_rad_s: float
+    slew: float = 1.0
+    """How fast the command goes there [m/s or rad/s a second]; 0 is at once."""
+
+    def __post_init__(self) -> None:
+        positive = ("seconds", "velocity_error_m_s", "yaw_rate_error_rad_s")
+        check(self, slew=NOT_NEGATIVE, **dict.fromkeys(positive, POSITIVE))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WebotsSettings:
+    """The whole file."""
+
+    timestep_ms: float
+    friction: float
+    measured_s: float
+    """How much of each segment's end figures are means over [s]."""
+    limit_s: float
+    """Of the clock [s]."""
+    segments: tuple[WalkSegment, ...]
+
+    def __post_init__(self) -> None:
+        allowed = dict.fromkeys(("friction", "measured_s", "limit_s"), POSITIVE)
+        check(self, timestep_ms=OneOf((1.0, 5.0)), **allowed)  # pyright: ignore[reportArgumentType]

@@ -1,0 +1,165 @@
+"""Webots' module `controller`, as far as our controller uses it, before a stand-in's process.
+
+Lines of JSON go through a socket whose number stands in the environment. Sensors have values after the first step that
+follows their `enable`, as in Webots; a torque beyond a motor's limit is cut.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import socket
+
+SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
+
+
+class Device:
+    """Something with a name that the robot has."""
+
+    def __init__(self, robot: Robot, name: str):
+        self._robot, self._name, self._period = robot, name, 0
+
+    def getName(self) -> str:
+        return self._name
+
+    def enable(self, samplingPeriod: int) -> None:
+        if samplingPeriod <= 0:
+            raise ValueError(f"the sampling period {samplingPeriod} of '{self._name}' is not above 0")
+        self._period = samplingPeriod
+        self._robot._enabled[self._name] = samplingPeriod
+
+    def getSamplingPeriod(self) -> int:
+        return self._period
+
+    def _value(self, size: int) -> list[float]:
+        return self._robot._values.get(self._name, [math.nan] * size)
+
+
+class Motor(Device):
+    def __init__(self, robot: Robot, name: str, max_torque: float, max_velocity: float):
+        super().__init__(robot, name)
+        self._max_torque, self._max_velocity = max_torque, max_velocity
+
+    def setTorque(self, torque: float) -> None:
+        self._robot._torque[self._name] = min(max(torque, -self._max_torque), self._max_torque)
+
+    def getMaxTorque(self) -> float:
+        return self._max_torque
+
+    def getMaxVelocity(self) -> float:
+        return self._max_velocity
+
+
+class PositionSensor(Device):
+    def getValue(self) -> float:
+        return self._value(1)[0]
+
+
+class Gyro(Device):
+    def getValues(self) -> list[float]:
+        return self._value(3)
+
+
+class Accelerometer(Device):
+    def getValues(self) -> list[float]:
+        return self._value(3)
+
+
+class InertialUnit(Device):
+    def getQuaternion(self) -> list[float]:
+        """x, y, z, w"""
+        return self._value(4)
+
+
+class Node:
+    """The robot as a supervisor sees it."""
+
+    def __init__(self, robot: Robot):
+        self._robot = robot
+
+    def getPosition(self) -> list[float]:
+        return self._robot._truth["position"]
+
+    def getOrientation(self) -> list[float]:
+        """Rows of the rotation matrix."""
+        return self._robot._truth["orientation"]
+
+    def getVelocity(self) -> list[float]:
+        """Linear, then angular, in the world."""
+        return self._robot._truth["velocity"]
+
+    def addForce(self, force: list[float], relative: bool) -> None:
+        """For the next timestep, at the centre of mass."""
+        if relative:
+            raise NotImplementedError("the stand-in takes forces in the world's axes")
+        self._robot._force = [float(each) for each in force]
+
+
+class Robot:
+    """The robot that this process controls."""
+
+    def __init__(self) -> None:
+        self._stream = socket.socket(fileno=int(os.environ[SOCKET_VARIABLE])).makefile("rw", encoding="utf-8")
+        said = self._hear()
+        self._step_ms: float = said["timestep_ms"]
+        self._name: str = said["name"]
+        self._truth: dict[str, list[float]] = said["truth"]
+        self._torque: dict[str, float] = {}
+        self._enabled: dict[str, int] = {}
+        self._values: dict[str, list[float]] = {}
+        self._force = [0.0, 0.0, 0.0]
+        self._time = 0.0
+        self._devices: dict[str, Device] = {}
+        kinds = {
+            "PositionSensor": PositionSensor,
+            "Gyro": Gyro,
+            "InertialUnit": InertialUnit,
+            "Accelerometer": Accelerometer,
+        }
+        for name, (kind, *numbers) in said["devices"].items():
+            self._devices[name] = Motor(self, name, *numbers) if kind == "Motor" else kinds[kind](self, name)
+
+    def getBasicTimeStep(self) -> float:
+        return self._step_ms
+
+    def getName(self) -> str:
+        return self._name
+
+    def getTime(self) -> float:
+        return self._time
+
+    def getDevice(self, name: str) -> Device | None:
+        if name not in self._devices:
+            print(f"Error: the device '{name}' was not found.", flush=True)
+        return self._devices.get(name)
+
+    def step(self, duration: int) -> int:
+        if duration <= 0 or duration % self._step_ms:
+            raise ValueError(f"a step of {duration} ms is no multiple of {self._step_ms:g} ms")
+        self._say({"step": duration, "torque": self._torque, "force": self._force, "enabled": self._enabled})
+        self._force = [0.0, 0.0, 0.0]
+        said = self._hear()
+        if said.get("end"):
+            return -1
+        self._time, self._truth = said["time"], said["truth"]
+        self._values.update(said["values"])
+        return 0
+
+    def _say(self, message: dict) -> None:
+        self._stream.write(json.dumps(message) + "\n")
+        self._stream.flush()
+
+    def _hear(self) -> dict:
+        line = self._stream.readline()
+        return json.loads(line) if line else {"end": True}
+
+
+class Supervisor(Robot):
+    """A robot that may look at the world."""
+
+    def getSelf(self) -> Node:
+        return Node(self)
+
+    def simulationQuit(self, status: int) -> None:
+        self._say({"quit": status})

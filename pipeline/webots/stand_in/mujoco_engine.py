@@ -1,0 +1,109 @@
+"""A scene in MuJoCo: soft convex contacts, always there."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.webots.scene_model import Body, Primitive, SceneModel
+from pipeline.webots.stand_in.engine import RootMotion
+
+GEOMS = {
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+}
+
+
+class MujocoEngine:
+    """The bodies of a scene as a MuJoCo model; contact softness is MuJoCo's own."""
+
+    label = "mujoco (stand-in, not Webots)"
+
+    def __init__(self, scene: SceneModel):
+        self.model = mujoco_scene(scene)
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, torque: Float[np.ndarray, " h"], force_w: Float[np.ndarray, " 3"]) -> None:
+        self.data.qfrc_applied[6:] = torque
+        self.data.xfrc_applied[1, :3] = force_w
+        mujoco.mj_step(self.model, self.data)
+
+    def joint_pos(self) -> Float[np.ndarray, " h"]:
+        return self.data.qpos[7:].copy()
+
+    def root(self) -> RootMotion:
+        qpos, qvel = self.data.qpos, self.data.qvel
+        quat_w = qpos[3:7].copy()
+        return RootMotion(
+            pos_w=qpos[:3].copy(),
+            quat_w=quat_w,
+            lin_vel_w=qvel[:3].copy(),
+            ang_vel_w=rotation.rotate(quat_w, qvel[3:6].copy()),
+        )
+
+
+def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
+    """The compiled model; `qpos` is the root, then the hinges in the scene's order."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep, spec.option.gravity = scene.timestep_ms / 1000.0, [0.0, 0.0, -scene.gravity]
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0.0, 0.0, 0.05],
+        friction=[scene.contact.friction, 0.005, 0.0001],
+    )
+    made: list[mujoco.MjsBody] = []
+    for body in scene.bodies:
+        parent = spec.worldbody if body.parent < 0 else made[body.parent]
+        made.append(_add_body(parent, body, scene))
+    model = spec.compile()
+    for index, body in enumerate(scene.bodies, start=1):
+        principal, axes = np.linalg.eigh(body.moment)  # not before: the compiler refuses a rotor on a small link
+        axes[:, 2] *= np.linalg.det(axes)
+        model.body_inertia[index], model.body_iquat[index] = principal, rotation.from_matrix(axes)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
+
+
+def _add_body(parent: mujoco.MjsBody, body: Body, scene: SceneModel) -> mujoco.MjsBody:
+    made = parent.add_body(name=body.name, pos=body.pos, quat=body.quat)
+    made.mass, made.ipos, made.inertia, made.explicitinertial = body.mass, body.com, np.full(3, 1.0), True
+    if body.hinge is None:
+        made.add_freejoint()
+    else:
+        hinge = body.hinge
+        limits = {} if hinge.stops is None else {"range": list(hinge.stops), "limited": True}
+        made.add_joint(
+            name=hinge.motor,
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=rotation.rotate_inverse(body.quat, hinge.axis),
+            pos=rotation.rotate_inverse(body.quat, hinge.anchor - body.pos),
+            ref=hinge.position,
+            **limits,
+        )
+    for shape in body.shapes:
+        bits = 1 if scene.self_collision else 0
+        made.add_geom(
+            type=GEOMS[shape.kind],
+            size=_size(shape),
+            pos=shape.pos,
+            quat=shape.quat,
+            friction=[scene.contact.friction, 0.005, 0.0001],
+            contype=bits,
+            conaffinity=1,
+        )
+    return made
+
+
+def _size(shape: Primitive) -> list[float]:
+    """MuJoCo's half sizes, padded to three."""
+    if shape.kind == "box":
+        return [0.5 * each for each in shape.size]
+    sizes = [shape.size[0], *(0.5 * height for height in shape.size[1:])]
+    return sizes + [0.0] * (3 - len(sizes))

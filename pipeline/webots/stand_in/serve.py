@@ -1,0 +1,146 @@
+"""A world run in an engine while its controller, a process of its own as with Webots, says the torques."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.errors import FileError
+from pipeline.webots.scene_model import SceneModel, read_scene
+from pipeline.webots.stand_in.engine import Engine, RootMotion
+
+API = Path(__file__).resolve().parent / "api"
+"""Folder of the module `controller`."""
+SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
+GRACE_S = 5.0
+"""How long a controller may take to end after the simulation did."""
+
+
+class Simulation:
+    """An engine with the devices of a scene."""
+
+    def __init__(self, scene: SceneModel, engine: Engine):
+        self.scene, self.engine = scene, engine
+        self.motors = {hinge.motor: index for index, (_, hinge) in enumerate(scene.hinges)}
+        self.sensors = {hinge.sensor: index for index, (_, hinge) in enumerate(scene.hinges)}
+        self.steps = 0
+        self.last = self.root = engine.root()
+
+    @property
+    def time_s(self) -> float:
+        return self.steps * self.scene.timestep_ms / 1000.0
+
+    def hello(self) -> dict[str, Any]:
+        """What a controller is told first."""
+        devices: dict[str, list[Any]] = {name: ["PositionSensor"] for name in self.sensors}
+        for _, hinge in self.scene.hinges:
+            devices[hinge.motor] = ["Motor", hinge.max_torque, hinge.max_velocity]
+        devices |= {name: [kind] for name, (kind, _) in self.scene.imu.items()}
+        return {
+            "name": self.scene.name,
+            "timestep_ms": self.scene.timestep_ms,
+            "devices": devices,
+            "truth": self.truth(),
+        }
+
+    def step(self, message: dict[str, Any]) -> dict[str, Any]:
+        """Timesteps as a controller asks for them, and what its sensors say after."""
+        torque = np.zeros(len(self.motors))
+        for name, value in message["torque"].items():
+            torque[self.motors[name]] = value
+        force_w = np.array(message["force"])
+        for _ in range(round(message["step"] / self.scene.timestep_ms)):
+            self.last = self.root
+            self.engine.step(torque, force_w)
+            self.root, self.steps, force_w = self.engine.root(), self.steps + 1, np.zeros(3)
+        return {"time": self.time_s, "truth": self.truth(), "values": self.values(message["enabled"])}
+
+    def truth(self) -> dict[str, list[float]]:
+        root = self.root
+        return {
+            "position": root.pos_w.tolist(),
+            "orientation": rotation.to_matrix(root.quat_w).ravel().tolist(),
+            "velocity": [*root.lin_vel_w.tolist(), *root.ang_vel_w.tolist()],
+        }
+
+    def values(self, enabled: dict[str, int]) -> dict[str, list[float]]:
+        """Of the sensors that are enabled and due."""
+        due = [name for name, period in enabled.items() if round(self.time_s * 1000.0) % period == 0]
+        joint_pos = self.engine.joint_pos()
+        found = {}
+        for name in due:
+            if name in self.sensors:
+                found[name] = [float(joint_pos[self.sensors[name]])]
+            else:
+                kind, place = self.scene.imu[name]
+                found[name] = _imu(kind, place, self.root, self.last, self.scene)
+        return found
+
+
+def _imu(kind: str, place: np.ndarray, now: RootMotion, before: RootMotion, scene: SceneModel) -> list[float]:
+    if kind == "Gyro":
+        return rotation.rotate_inverse(now.quat_w, now.ang_vel_w).tolist()
+    if kind == "InertialUnit":
+        return np.roll(now.quat_w, -1).tolist()
+    velocity, earlier = (
+        each.lin_vel_w + np.cross(each.ang_vel_w, rotation.rotate(each.quat_w, place)) for each in (now, before)
+    )
+    force = (velocity - earlier) / (scene.timestep_ms / 1000.0) + np.array([0.0, 0.0, scene.gravity])
+    return rotation.rotate_inverse(now.quat_w, force).tolist()
+
+
+def make_engine(name: str, scene: SceneModel) -> Engine:
+    """The engine `mujoco` or `ode`. Raises OdeNotFoundError."""
+    if name == "ode":
+        from pipeline.webots.stand_in.ode_engine import OdeEngine
+
+        return OdeEngine(scene)
+    from pipeline.webots.stand_in.mujoco_engine import MujocoEngine
+
+    return MujocoEngine(scene)
+
+
+def serve(world: Path, engine: str) -> int:
+    """Run a world until its controller ends it; the exit status. Raises FileError, OdeNotFoundError."""
+    scene = read_scene(world)
+    simulation = Simulation(scene, make_engine(engine, scene))
+    program = world.parent.parent / "controllers" / scene.controller / f"{scene.controller}.py"
+    if not program.is_file():
+        raise FileError(program, "the controller that the world names is missing.")
+    ours, theirs = socket.socketpair()
+    environment = {**os.environ, SOCKET_VARIABLE: str(theirs.fileno()), "PYTHONPATH": str(API)}
+    process = subprocess.Popen(
+        [sys.executable, str(program)], cwd=program.parent, env=environment, pass_fds=[theirs.fileno()]
+    )
+    theirs.close()
+    status = _talk(simulation, ours)
+    try:
+        return process.wait(GRACE_S) or status
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return 1
+
+
+def _talk(simulation: Simulation, ours: socket.socket) -> int:
+    """Answer the controller until it quits or is gone."""
+    with ours, ours.makefile("rw", encoding="utf-8") as stream:
+        answer: dict[str, Any] | None = simulation.hello()
+        while answer is not None:
+            stream.write(json.dumps(answer) + "\n")
+            stream.flush()
+            line = stream.readline()
+            if not line:
+                return 0
+            message = json.loads(line)
+            if "quit" in message:
+                return int(message["quit"])
+            answer = simulation.step(message)
+    return 0

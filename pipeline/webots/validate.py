@@ -1,0 +1,102 @@
+"""A project in Webots and in what stands in for it, judged. A result is always said of the engine that it came from."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pipeline.webots.launch import FINISHED, NOT_RUN, Outcome, launch, launch_webots
+from pipeline.webots.project import Project
+from pipeline.webots.result import WalkResult
+from pipeline.webots.settings import WalkSegment, WebotsSettings
+from pipeline.webots.sources import PIPELINE
+from pipeline.webots.stand_in.ode_engine import NOT_FOUND, OdeNotFoundError, load_ode
+
+WEBOTS, MUJOCO_STAND_IN, ODE_STAND_IN = "webots", "mujoco stand-in", "ode stand-in"
+LABELS = {
+    WEBOTS: "Webots",
+    MUJOCO_STAND_IN: "MuJoCo (stand-in, not Webots)",
+    ODE_STAND_IN: "ODE (Webots' engine family, upstream; stand-in, not Webots)",
+}
+PASSED, FAILED = "passed", "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WebotsVerdict:
+    """What one engine says of a project."""
+
+    engine: str
+    status: str
+    """`passed`, `failed`, or why nothing was judged, as `not run: webots not found`."""
+    reasons: tuple[str, ...] = ()
+    result: WalkResult | None = None
+
+    @property
+    def judged(self) -> bool:
+        return self.status in (PASSED, FAILED)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON types. The name of the run is left out: it is another each time."""
+        result = None if self.result is None else {**asdict(self.result), "run": ""}
+        said = {"engine": LABELS[self.engine], "status": self.status, "reasons": list(self.reasons)}
+        return {**said, "result": result}
+
+
+def validate(project: Project, settings: WebotsSettings) -> dict[str, WebotsVerdict]:
+    """The project in Webots and in both stand-ins; who is missing says so."""
+    return {
+        WEBOTS: verdict(WEBOTS, launch_webots(project, settings), settings),
+        MUJOCO_STAND_IN: verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings),
+        ODE_STAND_IN: verdict(ODE_STAND_IN, run_stand_in("ode", project, settings), settings),
+    }
+
+
+def run_stand_in(engine: str, project: Project, settings: WebotsSettings) -> Outcome:
+    """The project in the engine `mujoco` or `ode`: world, controller and launcher are those of Webots."""
+    if engine == "ode":
+        try:
+            load_ode()
+        except OdeNotFoundError:
+            return Outcome(status=NOT_RUN, reason=NOT_FOUND)
+    paths = [str(PIPELINE.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    program = [sys.executable, "-m", "pipeline.webots.stand_in", "--engine", engine]
+    return launch(program, project, settings, {"PYTHONPATH": os.pathsep.join(paths)})
+
+
+def verdict(engine: str, outcome: Outcome, settings: WebotsSettings) -> WebotsVerdict:
+    """An outcome held against the bars."""
+    if outcome.status != FINISHED or outcome.result is None:
+        return WebotsVerdict(engine=engine, status=f"{outcome.status}: {outcome.reason}")
+    reasons = tuple(_reasons(outcome.result, settings))
+    return WebotsVerdict(engine=engine, status=FAILED if reasons else PASSED, reasons=reasons, result=outcome.result)
+
+
+def _reasons(result: WalkResult, settings: WebotsSettings) -> Iterator[str]:
+    if not result.policy:
+        yield "no policy walked"
+    if result.fell_s is not None:
+        yield f"fell after {result.fell_s:.2f} s"
+    for said, walked in zip(settings.segments, result.segments, strict=True):
+        figures = (walked.forward_m_s, walked.lateral_m_s, walked.yaw_rate_rad_s)
+        if not walked.walked or None in figures:
+            yield f"segment '{said.name}': not walked to its end"
+        else:
+            yield from (f"segment '{said.name}': {problem}" for problem in _off(said, figures))
+
+
+def _off(said: WalkSegment, figures: tuple[float | None, ...]) -> Iterator[str]:
+    forward, lateral, yaw_rate = (float(each or 0.0) for each in figures)
+    error = math.hypot(forward - said.command[0], lateral - said.command[1])
+    if error > said.velocity_error_m_s:
+        got = f"{forward:.2f}, {lateral:.2f} m/s for {said.command[0]:g}, {said.command[1]:g}"
+        yield f"walks {got}, off by {error:.3f}, allowed is {said.velocity_error_m_s:g}"
+    off = abs(yaw_rate - said.command[2])
+    if off > said.yaw_rate_error_rad_s:
+        yield (
+            f"turns {yaw_rate:.2f} rad/s for {said.command[2]:g}, off by {off:.3f}, "
+            f"allowed is {said.yaw_rate_error_rad_s:g}"
+        )
