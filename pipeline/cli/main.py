@@ -6,17 +6,20 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from pipeline.cli import inspect_command, retarget_command, score_command, view_command
+from pipeline.cli import inspect_command, retarget_command, score_command, validate_command, view_command
 from pipeline.errors import PipelineError
 
-DESCRIPTION = "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it."
+DESCRIPTION = (
+    "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it; a walking "
+    "policy held against what is asked of it."
+)
 
 EPILOG = (
     "Thresholds are read from the project's data/*.yaml. The database is made with: "
     "dagster asset materialize --select expert_db"
 )
 
-COMMANDS = (inspect_command, retarget_command, score_command, view_command)
+COMMANDS = (inspect_command, retarget_command, score_command, validate_command, view_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,0 +1,79 @@
+"""`booster-lab validate POLICY`: does a policy do in MuJoCo what is asked of it? The exit code is the verdict."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from pipeline.batch import ClipPool
+from pipeline.cli.project import Project, find_project
+from pipeline.cli.text_table import text_table
+from pipeline.deployment import Policy, digest, load_policy
+from pipeline.errors import FileError
+from pipeline.files import atomic
+from pipeline.robot import load_robot
+from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.deployed import deployed
+from pipeline.validation.measure import measure
+from pipeline.validation.report import as_text, table
+from pipeline.validation.suites import QUICK, SUITES, cells_of
+from pipeline.validation.verdict import judge
+
+FAILED = 3
+"""Exit code of a policy that fails; 1 is of a validation that could not be done."""
+
+
+def add_to(commands: argparse._SubParsersAction) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "validate",
+        help="tell whether a policy passes simulation",
+        description="Walk a policy in MuJoCo through commands, pushes, terrain and conditions, and hold what it does "
+        "against data/validation.yaml. Exit code 0: passed, 3: failed, 1: could not be done.",
+    )
+    parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
+    parser.add_argument("--robot", metavar="NAME", default="t1", help="robot it is for, adapted where it was")
+    parser.add_argument("--suite", choices=SUITES, default=QUICK, help="how much is tried")
+    parser.add_argument("--json", metavar="OUT", type=Path, help="write verdict and all numbers here")
+    parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes; 0 for one each core")
+    parser.add_argument("--table", action="store_true", help="print every cell")
+    parser.set_defaults(run=run)
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Measure, judge, tell."""
+    project = find_project()
+    bars = project.settings("validation.yaml", ValidationSettings)
+    folder = robot_folder(project, parsed.robot)
+    one = deployed(folder, policy_of(parsed.policy, folder))
+    measured = measure(one, cells_of(parsed.suite, one.robot), ClipPool(workers=parsed.workers))
+    verdict = judge(measured, bars, suite=parsed.suite, policy=digest(one.policy), robot=one.robot.digest)
+    if parsed.table:
+        rows = table(verdict)
+        print(text_table(list(rows[0]), [list(row.values()) for row in rows]))
+    print(f"{parsed.policy} on {folder}, suite {parsed.suite}")
+    print(as_text(verdict))
+    if parsed.json:
+        atomic.write_text(parsed.json, json.dumps(verdict.to_dict(), indent=1, sort_keys=True, allow_nan=False) + "\n")
+    return 0 if verdict.passed else FAILED
+
+
+def robot_folder(project: Project, name: str) -> Path:
+    """The adapted robot's folder, or the robot's own where it was never adapted. Raises UnknownNameError."""
+    project.robot(name)
+    adapted = project.root / "data" / "adapted_robot" / name
+    return adapted if (adapted / "robot.toml").is_file() else project.root / "robots" / name
+
+
+def policy_of(path: Path, robot: Path) -> Policy:
+    """The policy of an npz or of an exported policy's folder. Raises FileError."""
+    if path.is_dir():
+        from pipeline.export.folder import POLICY, read_export  # brings PyTorch
+
+        if not (path / POLICY).is_file():
+            raise FileError(path, f"it has no {POLICY}.", "Name an npz, or the folder of an exported policy.")
+        return read_export(path, load_robot(robot)).policy
+    if path.suffix != ".npz":
+        raise FileError(path, "it is no npz.", "Name an npz, or the folder of an exported policy.")
+    return load_policy(path)

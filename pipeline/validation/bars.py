@@ -1,0 +1,141 @@
+"""What `data/validation.yaml` states: what each cell asks, in which unit, and where the number comes from.
+
+Its rules are written by hand; its cells are derived from a reference policy by `pipeline.validation.derive`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.files.ranges import NOT_NEGATIVE, SHARE, check
+from pipeline.validation.figures import FIGURES
+from pipeline.validation.measure import Measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margin:
+    """How much worse than the reference policy's worst a policy may be."""
+
+    share: float
+    """Of the reference's figure."""
+    absolute: float
+    """In the figure's unit; added to the share."""
+    unit: str
+    source: str
+
+    def __post_init__(self) -> None:
+        check(self, share=NOT_NEGATIVE, absolute=NOT_NEGATIVE)
+
+    def bar(self, worst: float, lower_is_better: bool) -> float:
+        """The bar for the reference's worst figure."""
+        sign = 1.0 if lower_is_better else -1.0
+        return worst + sign * (self.share * abs(worst) + self.absolute)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Required:
+    """When the reference policy counts as doing a cell, so that the cell is required of others."""
+
+    error_share: float
+    """Of the commanded speed or yaw rate: largest error."""
+    least_error: float
+    """Errors up to this do not count [m/s or rad/s]."""
+    survival: float
+    """Least share of trials of a push or a perturbed start."""
+    source: str
+
+    def __post_init__(self) -> None:
+        check(self, error_share=SHARE, least_error=NOT_NEGATIVE, survival=SHARE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """The policy that the bars come from."""
+
+    policy: str
+    """Its digest."""
+    robot: str
+    """Digest of the robot."""
+    ankle_kd: tuple[float, ...]
+    """It was measured with each; the worst counts [N m s/rad]."""
+    command: str
+    """What derives the cells again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """What one figure of a cell has to be."""
+
+    unit: str
+    source: str
+    at_most: float | None = None
+    at_least: float | None = None
+
+    def holds(self, value: float) -> bool:
+        """Whether a figure is good enough."""
+        return (self.at_most is None or value <= self.at_most) and (self.at_least is None or value >= self.at_least)
+
+    def __str__(self) -> str:
+        side, value = ("at most", self.at_most) if self.at_most is not None else ("at least", self.at_least)
+        return f"{side} {value:g} {self.unit}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellBars:
+    """Whether a cell counts, and its bars."""
+
+    required: bool
+    why: str
+    """Why it does not count; empty where it does."""
+    bars: dict[str, Bar]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidationSettings:
+    """The whole file."""
+
+    margins: dict[str, Margin]
+    required: Required
+    reference: Reference
+    cells: dict[str, CellBars]
+
+
+def derived(runs: Sequence[Sequence[Measured]], margins: dict[str, Margin], required: Required) -> dict[str, CellBars]:
+    """Bars of each cell from several measurements of it (the same cells in the same order)."""
+    return {same[0].cell.name: _cell_bars(same, margins, required) for same in zip(*runs, strict=True)}
+
+
+def _cell_bars(same: Sequence[Measured], margins: dict[str, Margin], required: Required) -> CellBars:
+    reasons = [reason for one in same for reason in _failures(one, required)]
+    bars = {}
+    for name in same[0].cell.figures:
+        values = [value for value in (one.figure(name) for one in same) if value is not None]
+        if not values or len(values) < len(same):
+            continue
+        lower = FIGURES[name].lower_is_better
+        worst = max(values) if lower else min(values)
+        bar = round(margins[name].bar(worst, lower), 4)
+        source = f"reference's worst {worst:.4g} of {sum(len(one.trials) for one in same)} trials, and the margin"
+        side = {"at_most": bar} if lower else {"at_least": max(bar, 0.0)}
+        bars[name] = Bar(unit=FIGURES[name].unit, source=source, **side)
+    return CellBars(required=not reasons, why="; ".join(dict.fromkeys(reasons)), bars=bars)
+
+
+def _failures(one: Measured, required: Required) -> list[str]:
+    """Why the reference does not do a cell."""
+    judged = one.cell.figures
+    if "survival" in judged:
+        survival = one.figure("survival")
+        assert survival is not None
+        return [] if survival >= required.survival else [f"the reference survives {survival:.2f} of it"]
+    if one.fallen:
+        return [f"the reference falls in {len(one.fallen)} of {len(one.trials)}"]
+    wanted = one.cell.trials[0].command.last
+    asked = {"speed_error": (wanted.forward**2 + wanted.lateral**2) ** 0.5, "yaw_rate_error": abs(wanted.yaw_rate)}
+    found = []
+    for name, size in asked.items():
+        error = one.figure(name) if name in judged else None
+        if error is not None and error > max(required.error_share * size, required.least_error):
+            found.append(f"the reference misses the command by {error:.2f} {FIGURES[name].unit}")
+    return found

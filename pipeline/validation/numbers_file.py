@@ -1,0 +1,51 @@
+"""Numbers of measured cells as a JSON file, so that bars can be derived again without walking again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FileError
+from pipeline.files import atomic, digest
+from pipeline.validation.cells import Cell
+from pipeline.validation.deployed import Deployed
+from pipeline.validation.measure import Measured
+
+
+def question_of(one: Deployed, cell: Cell) -> str:
+    """Digest of all that a cell's numbers depend on, but for the code."""
+    gains = [one.task.kp.tolist(), one.task.kd.tolist(), one.task.default_joint_pos.tolist()]
+    network = [digest.of_bytes(part.tobytes()) for layer in one.policy.layers for part in layer]
+    normalizer = [digest.of_bytes(part.tobytes()) for part in (one.policy.mean, one.policy.scale)]
+    return digest.of_json([one.robot.digest, gains, network, normalizer, [repr(trial) for trial in cell.trials]])
+
+
+def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:
+    """Add the numbers of cells to a file; what it has of other questions stays."""
+    known = _read(path)
+    for each in measured:
+        known[question_of(one, each.cell)] = {"cell": each.cell.name, "trials": list(each.trials)}
+    lines = [f'"{key}": {json.dumps(value, sort_keys=True)}' for key, value in sorted(known.items())]
+    atomic.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def read_numbers(path: Path, one: Deployed, cells: Sequence[Cell]) -> dict[str, Measured]:
+    """Of these cells those that the file has, by name."""
+    known = _read(path)
+    asked = {cell.name: (cell, known.get(question_of(one, cell))) for cell in cells}
+    return {
+        name: Measured(cell=cell, trials=tuple(found["trials"]))
+        for name, (cell, found) in asked.items()
+        if found is not None
+    }
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        raise FileError(path, f"is no JSON ({error}).", "Remove it.") from error

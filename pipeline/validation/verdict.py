@@ -1,0 +1,122 @@
+"""One verdict with every reason: measured cells held against their bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.figures import FIGURES
+from pipeline.validation.measure import Measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """A figure that misses its bar, or a cell without a bar."""
+
+    cell: str
+    figure: str
+    got: float | None
+    """None where every trial fell, so that there is nothing to measure."""
+    bar: str
+
+    def __str__(self) -> str:
+        got = "nothing, every trial fell" if self.got is None else f"{self.got:.3g} {FIGURES[self.figure].unit}"
+        return f"{self.cell}: {FIGURES[self.figure].name.replace('_', ' ')} {got}, asked is {self.bar}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellVerdict:
+    """What is said of one cell."""
+
+    measured: Measured
+    bars: CellBars
+    reasons: tuple[Reason, ...]
+    """Every figure that misses its bar; of a cell that is not required too."""
+
+    @property
+    def passed(self) -> bool:
+        return not self.reasons or not self.bars.required
+
+    @property
+    def word(self) -> str:
+        """`passed`, `failed` or, where nothing is asked, `not required`."""
+        if not self.bars.required:
+            return "not required"
+        return "failed" if self.reasons else "passed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Of a policy on a robot by a suite."""
+
+    suite: str
+    policy: str
+    """Digest."""
+    robot: str
+    """Digest."""
+    cells: tuple[CellVerdict, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether every required cell holds all of its bars; of no required cell nothing passes."""
+        return all(cell.passed for cell in self.cells) and any(cell.bars.required for cell in self.cells)
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Of all required cells."""
+        return tuple(reason for cell in self.cells if cell.bars.required for reason in cell.reasons)
+
+    @property
+    def failed_cells(self) -> tuple[CellVerdict, ...]:
+        """Required cells that fail."""
+        return tuple(cell for cell in self.cells if not cell.passed)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "suite": self.suite,
+            "policy": self.policy,
+            "robot": self.robot,
+            "passed": self.passed,
+            "reasons": [str(reason) for reason in self.reasons],
+            "not_required": {cell.measured.cell.name: cell.bars.why for cell in self.cells if not cell.bars.required},
+            "cells": [_cell(cell) for cell in self.cells],
+        }
+
+
+def judge(
+    measured: Sequence[Measured], settings: ValidationSettings, *, suite: str, policy: str, robot: str
+) -> Verdict:
+    """Hold each cell against its bars. A cell that the file doesn't know is not required, and says so."""
+    unknown = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})
+    cells = []
+    for one in measured:
+        bars = settings.cells.get(one.cell.name, unknown)
+        reasons = [_reason(one, name, bar) for name, bar in bars.bars.items()]
+        cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(each for each in reasons if each is not None)))
+    return Verdict(suite=suite, policy=policy, robot=robot, cells=tuple(cells))
+
+
+def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:
+    got = one.figure(name)
+    if got is not None and bar.holds(got):
+        return None
+    return Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
+
+
+def _cell(cell: CellVerdict) -> dict[str, Any]:
+    one = cell.measured
+    shown = dict.fromkeys((*one.cell.figures, "forward", "lateral", "yaw_rate", "power", "slip", "saturation"))
+    return {
+        "cell": one.cell.name,
+        "group": one.cell.group,
+        "verdict": cell.word,
+        "trials": len(one.trials),
+        "fell": list(one.fallen),
+        "figures": {name: one.figure(name) for name in one.cell.figures},
+        "bars": {name: str(bar) for name, bar in cell.bars.bars.items()},
+        "spread": {name: one.spread(name) for name in shown if one.spread(name)},
+        "reasons": [str(reason) for reason in cell.reasons],
+    }
