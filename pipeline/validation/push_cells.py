@@ -3,9 +3,10 @@
 - `force`: a constant horizontal force at the trunk's centre of mass for .1 s, as the published figures have it;
 - `kick`: the whole robot's velocity changed at once by impulse / mass;
 - `ball`: a ball of 10 kg that flies into the trunk at the speed it has after a drop; 1.3 m is the paper's. It is taken
-  away after .3 s. Its momentum is that of its name; how much of it the robot takes is the collision's business.
+  away after .3 s. It brings 10 kg x speed; how much of that the robot takes is the collision's business.
 
-The first two thirds of a figure's name say which model: figures of different models are not the same quantity.
+Every figure's name says which model it is of: those of different models are not the same quantity. Standing still, the
+eight times are one and the same.
 """
 
 from __future__ import annotations
@@ -24,18 +25,20 @@ from pipeline.validation.trial import Conditions, Profile, Trial, Wanted
 
 IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """[N s]"""
-DIRECTIONS = 8
-"""The first is forward, then every 45 degrees to the left."""
-TIMES_S = tuple(3.0 + 0.1 * count for count in range(8))
-"""Over more than a gait cycle."""
-AFTER_S = 3.0
-"""How long a robot has to stay up after a push [s]."""
+TIMES = DIRECTIONS = 8
+"""The first direction is forward, then every 45 degrees to the left."""
+STEP_S = 0.1
+"""From one time of a push to the next [s]; eight are more than a gait cycle."""
+FIRST_S = {"standing": 1.0, "walking": 3.0}
+"""Time of the first push [s], when the gait has settled."""
+AFTER_S = 2.0
+"""How long a robot has to stay up after a push [s]; of the published policy the latest fall comes after 1.1 s."""
 PUSH_S = 0.1
 BALL = Ball(mass=10.0, radius=0.12)
 BALL_S = 0.3
 DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
 """Heights [m] from which the ball has the speed of its flight."""
-WALKING = Wanted(forward=0.5)
+GAITS = {"standing": Wanted(), "walking": Wanted(forward=0.5)}
 
 ToEvent = Callable[[float, np.ndarray, float], Event]
 
@@ -44,33 +47,33 @@ def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")
     """All cells of the named push models: 12 of 64 trials each."""
     cells = []
     for model in models:
-        for gait, wanted in (("standing", Wanted()), ("walking", WALKING)):
+        for gait in GAITS:
             for size in DROPS_M if model == "ball" else IMPULSES:
-                cells.append(push_cell(robot, model, gait, wanted, size))
+                cells.append(push_cell(robot, model, gait, size))
     return tuple(cells)
 
 
-def push_cell(robot: Robot, model: str, gait: str, wanted: Wanted, size: float) -> Cell:
+def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
     """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
 
     Args:
         robot: whose mass a kick is shared by
         model: `force, kick` or `ball`
-        gait: word in the cell's name
-        wanted: what it does when it is pushed
+        gait: of `GAITS`
         size: impulse [N s]; of a ball the drop [m]
     """
     conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
     trials = []
-    for number, time_s in enumerate(TIMES_S):
+    for number in range(TIMES):
+        time_s = FIRST_S[gait] + STEP_S * number
         for part in range(DIRECTIONS):
             angle = 2.0 * math.pi * part / DIRECTIONS
             direction = np.array([math.cos(angle), math.sin(angle), 0.0])
             trials.append(
                 Trial(
                     seed=0,
-                    command=Profile(wanted=(wanted,)),
-                    seconds=TIMES_S[number] + AFTER_S,
+                    command=Profile(wanted=(GAITS[gait],)),
+                    seconds=time_s + AFTER_S,
                     measure_s=time_s,
                     events=(_event(robot, model, size, direction, time_s),),
                     conditions=conditions,
