@@ -65,19 +65,24 @@ class BagReader:
         rows = bag.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
         return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows if encoding and text}
 
-    def _messages(self, bag: sqlite3.Connection) -> Iterator[Records]:
+    def _messages(self, bag: sqlite3.Connection) -> Iterator[Records | Loss]:
         total = 0
         rows = bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id")
         while batch := rows.fetchmany(BATCH):
             total += len(batch)
             if total > self.bounds.messages:
                 raise self.report.refuse(f"more than {self.bounds.messages} messages")
-            payloads = [bytes(data) if isinstance(data, bytes) else b"" for _, _, data in batch]
+            sound = [row for row in batch if tuple(map(type, row)) == (int, int, bytes)]
+            if len(sound) < len(batch):
+                yield self.report.lose(0, f"{len(batch) - len(sound)} rows of the bag hold no message")
+            if not sound:
+                continue
+            payloads = [data for _, _, data in sound]
             stop = np.cumsum([len(each) for each in payloads])
             yield Records(
                 data=b"".join(payloads),
-                channel=np.array([number for number, _, _ in batch], dtype=np.int64),
-                time_ns=np.array([stamp for _, stamp, _ in batch], dtype=np.int64),
+                channel=np.array([number for number, _, _ in sound], dtype=np.int64),
+                time_ns=np.array([stamp for _, stamp, _ in sound], dtype=np.int64),
                 start=np.concatenate([[0], stop[:-1]]),
                 stop=stop,
                 end=int(stop[-1]),

@@ -19,10 +19,11 @@ class CommandSource:
     Args:
         stated: what the log says of itself
         origin_ns: receipt of the log's first message, None where it is not known
+        whole: nothing was lost where a statement may have been; a log that states nothing is then steered by its remote
     """
 
-    def __init__(self, stated: StatedFacts, origin_ns: int | None):
-        self.stated, self.origin_ns = stated, origin_ns
+    def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):
+        self.stated, self.origin_ns, self._whole = stated, origin_ns, whole
         facts = stated.facts
         self.kind = "schedule" if facts.command_source == "unknown" and facts.command else facts.command_source
         self._times = np.array([round(row[0] * 1e9) for row in facts.command], dtype=np.int64)
@@ -41,7 +42,7 @@ class CommandSource:
             if self.origin_ns is None:
                 return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
             return self._rows[np.searchsorted(self._times, grid_ns - self.origin_ns, side="right")]
-        if self.kind == "unknown" and np.isfinite(sticks).any():
+        if self.kind == "unknown" and self._whole and np.isfinite(sticks).any():
             self.kind = "remote"
         if self.kind == "remote":
             return -sticks[:, [1, 0, 2]] * np.array(self.stated.facts.command_scale, dtype=np.float32)

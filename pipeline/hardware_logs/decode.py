@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Int
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from pipeline.hardware_logs.mcap_channels import Channel
 from pipeline.hardware_logs.messages import ENCAPSULATION, MESSAGES, TOPICS, Field, is_known_text, payload_dtype
@@ -155,6 +154,8 @@ class TopicDecoder:
 
     def _register(self) -> Any:
         """rosbags' types with the schema of the file. Raises SchemaError."""
+        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
         store = get_typestore(Stores.ROS2_HUMBLE)
         try:
             if self._encoding == "ros2msg":
@@ -179,9 +180,8 @@ def _value(message: Any, name: str, topic: str, kind: str) -> Any:
 def _stated_count(payload: memoryview, message: str) -> int | None:
     """Joint count of a payload whose size agrees with it."""
     names = SEQUENCES[message]
-    first = payload_dtype(message, *[0] * len(names)).fields
-    assert first is not None
-    at = dict(first)[f"{names[0]}_count"][1]
+    fields: Any = payload_dtype(message, *[0] * len(names)).fields
+    at = fields[f"{names[0]}_count"][1]
     if len(payload) < at + 4 or payload[:4] != ENCAPSULATION:
         return None
     count = int.from_bytes(payload[at : at + 4], "little")

@@ -150,19 +150,12 @@ def _head(
 
 def _numbers(head: dict[str, Any], trial: OpenTrial) -> dict[str, Any]:
     assert trial.made is not None
-    gap_s = sum(gap.stop_s - gap.start_s for gap in trial.made.gaps)
+    made = trial.made
     kept = ("robot", "policy_digest", "command_source", "simulated", "integrity", "rate_hz", "start_ns", "log_digest")
     return {
         **{key: head[key] for key in kept},
         "seconds": round(trial.samples / head["rate_hz"], 6),
-        "gaps": len(trial.made.gaps),
-        "gap_seconds": round(gap_s, 6),
-        "message_hz": round(measured_hz(trial, head["rate_hz"]), 3),
+        "gaps": len(made.gaps),
+        "gap_seconds": round(sum(gap.stop_s - gap.start_s for gap in made.gaps), 6),
+        "message_hz": round(made.message_hz(head["rate_hz"]), 3),
     }
-
-
-def measured_hz(trial: OpenTrial, rate_hz: float) -> float:
-    """Messages of `/low_state` a second, gaps aside."""
-    assert trial.made is not None
-    gap_s = sum(gap.stop_s - gap.start_s for gap in trial.made.gaps)
-    return trial.made.messages / max(trial.samples / rate_hz - gap_s, 1.0 / rate_hz)

@@ -66,6 +66,8 @@ class StatedFacts:
     start_ns: int | None
     """Receipt of the first message as the recorder noted it."""
     remarks: tuple[str, ...]
+    damaged: bool
+    """There is metadata that can't be used."""
 
 
 class FactsError(PipelineError):
@@ -91,6 +93,7 @@ def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
 def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> StatedFacts:
     """Facts of a log from both places. Raises FactsError."""
     said, start_ns, remarks = _of_metadata(metadata or {})
+    damaged = bool(remarks)
     if sidecar is not None:
         said, more = _with_sidecar(said, sidecar)
         remarks += more
@@ -102,7 +105,7 @@ def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> State
         said["policy_digest"] = None
         remarks.append("no policy is stated: it can't be laid to one.")
     said.setdefault("robot", "")
-    return StatedFacts(facts=LogFacts(**said), start_ns=start_ns, remarks=tuple(remarks))
+    return StatedFacts(facts=LogFacts(**said), start_ns=start_ns, remarks=tuple(remarks), damaged=damaged)
 
 
 def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, list[str]]:

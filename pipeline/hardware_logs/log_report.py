@@ -20,7 +20,8 @@ class LogError(FileError):
     """
 
     def __init__(self, path: Path | str, problem: str, do: str = "", offset: int = 0, recovered: int = 0):
-        super().__init__(path, f"{problem} (byte {offset}, {recovered} messages read before).", do)
+        problem = " ".join(problem.split())
+        super().__init__(path, f"{problem} (at byte {offset}, {recovered} messages read).", do)
         self.offset, self.recovered, self.reason = offset, recovered, problem
 
 
@@ -60,6 +61,8 @@ class LogReport:
     """Chunks without a checksum, or stretches of messages outside chunks."""
     whole_checked: bool = False
     """The checksum of the whole data section held."""
+    offset: int = 0
+    """Where reading is."""
     ended: bool = False
     """The data section's end was reached."""
 
@@ -79,9 +82,9 @@ class LogReport:
         self.losses.append(Loss(offset=offset, problem=problem))
         return self.losses[-1]
 
-    def refuse(self, problem: str, do: str = "", offset: int = 0) -> LogError:
+    def refuse(self, problem: str, do: str = "") -> LogError:
         """The error that refuses the file."""
-        return LogError(self.path, problem, do, offset, self.total)
+        return LogError(self.path, problem, do, self.offset, self.total)
 
     def sentence(self) -> str:
         """One sentence on what was read and lost."""

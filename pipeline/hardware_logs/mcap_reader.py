@@ -64,6 +64,7 @@ class McapReader:
         at, resync = len(MAGIC), Resync(self._stream, self._size, self.bounds)
         while True:
             head = self._bytes(at, HEAD)
+            self.report.offset = at
             opcode, length = RECORD_HEAD.unpack(head) if len(head) == HEAD else (0, 0)
             if opcode == DATA_END and length == 4:
                 yield from self._end(at)
@@ -126,7 +127,7 @@ class McapReader:
             return
         self._inflated += len(chunk.data)
         if self._inflated > self.bounds.total_bytes:
-            raise self.report.refuse(f"more than {self.bounds.total_bytes} bytes after inflation", offset=at)
+            raise self.report.refuse(f"more than {self.bounds.total_bytes} bytes after inflation")
         if chunk.has_crc:
             self.report.checked += 1
         else:
@@ -142,7 +143,7 @@ class McapReader:
                 yield self.report.lose(at, f"a schema or channel that can't be read ({error})")
         self._counts.update(records.channel.tolist())
         if self._counts.total() > self.bounds.messages:
-            raise self.report.refuse(f"more than {self.bounds.messages} messages", offset=at)
+            raise self.report.refuse(f"more than {self.bounds.messages} messages")
         if len(records.channel):
             yield records
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from pipeline.errors import PipelineError
 from pipeline.hardware_logs.bag_reader import BagReader
 from pipeline.hardware_logs.clock import stretches
 from pipeline.hardware_logs.columns import Columns, held_columns, low_state_columns, taken
@@ -57,7 +58,7 @@ class MessageFlow:
 
     def run(self) -> None:
         """Read the whole log. Raises LogError."""
-        for item in self.source.read():
+        for item in self._items():
             if isinstance(item, Loss):
                 self._lost_before = True
                 if self.layout is not None:
@@ -69,6 +70,15 @@ class MessageFlow:
             refusal = self._plausible.refusal()
             if refusal:
                 raise self.report.refuse(refusal)
+
+    def _items(self) -> Iterator[Records | Loss]:
+        """What the source gives; an error of it that nobody foresaw refuses the log, but not one of the disk."""
+        try:
+            yield from self.source.read()
+        except (PipelineError, OSError):
+            raise
+        except Exception as error:
+            raise self.report.refuse(f"it can't be read ({type(error).__name__}: {error})") from error
 
     def _records(self, records: Records) -> None:
         time = self.settings.time
@@ -163,7 +173,9 @@ class MessageFlow:
         self._regular = Regular(self.settings.time, len(self.layout.joint_names))
         self._plausible = Plausible(self.settings.plausible, self.layout)
         self.stated = self._facts()
-        self._command = CommandSource(self.stated, self._origin())
+        self._command = CommandSource(
+            self.stated, self._origin(), whole=not self.report.losses and not self.stated.damaged
+        )
         early, self._early = self._early, []
         for topic, time_ns, rows in early:
             self._take(topic, time_ns, rows)
@@ -204,8 +216,7 @@ class MessageFlow:
             return
         if len(self.files.trials) >= MAX_TRIALS:
             raise self.report.refuse(f"its clock jumps or it falls silent more than {MAX_TRIALS} times")
-        gap_s = sum(gap.stop_s - gap.start_s for gap in made.gaps)
-        hz = made.messages / max(made.samples / time.rate_hz - gap_s, 1.0 / time.rate_hz)
+        hz = made.message_hz(time.rate_hz)
         low, high = plausible.rate_hz
         if not low <= hz <= high:
             raise self.report.refuse(f"{hz:.1f} messages of /low_state a second, {low:g} to {high:g} are allowed")
@@ -218,6 +229,8 @@ class MessageFlow:
         if self._joints.other is not None:
             known = ", ".join(f"'{each.robot}' {count}" for count, each in sorted(self.layouts.items()))
             return f"its messages are of {self._joints.other} joints, known are {known}"
+        if self._undefined:
+            return f"{self._undefined} messages are on channels whose definition is lost"
         if "/low_state" in self.report.messages:
             return f"none of its {self.report.messages['/low_state']} messages of /low_state can be read"
         if self.report.losses:

@@ -37,6 +37,11 @@ class Stretched:
     samples: int = 0
     messages: int = 0
 
+    def message_hz(self, rate_hz: float) -> float:
+        """Messages of `/low_state` a second, not counting what damage took."""
+        lost_s = sum(gap.stop_s - gap.start_s for gap in self.gaps if gap.reason == LOST)
+        return self.messages / max(self.samples / rate_hz - lost_s, 1.0 / rate_hz)
+
 
 class Regular:
     """Takes messages piece by piece and gives blocks; a `Stretched` behind its blocks ends a trial.
@@ -82,7 +87,7 @@ class Regular:
         if self._newest_ns is not None:
             self._losses.append(self._newest_ns)
             for topic in self._held.values():
-                topic.forget(self._newest_ns + 1)
+                topic.forget(self._newest_ns)  # what came with the same stamp may be lost as well
 
     def ready(self) -> list[Block | Stretched]:
         """Blocks of what is old enough that nothing can come before it, and trials that ended."""
@@ -182,6 +187,7 @@ class Regular:
         left = np.where(exact, right, right - 1)
         found = {name: columns[name][left] for name in PREVIOUS}
         apart = np.append(self._apart(times), False)[left] & ~exact
+        found["temperature_c"][apart] = np.nan
         if exact.all():
             return found | {name: columns[name][right] for name in LINEAR}
         span = np.where(exact, 1, times[right] - times[left])

@@ -22,6 +22,9 @@ from pipeline.hardware_logs.robot_log import OperatorEvent
 
 FORMAT = "booster-lab trial 1"
 
+ROUNDING_S = 1e-7
+"""Less than the time between two samples by far."""
+
 INTEGRITY = ("complete", "recovered", "unverified")
 """All of the log was read and its checksums hold; parts of it were lost and the rest holds; it has no checksums."""
 
@@ -109,7 +112,7 @@ class Trial:
         """(n,) bool: samples outside the gaps."""
         inside = np.zeros(len(self.time_s), dtype=bool)
         for gap in self.gaps:
-            inside |= (self.time_s > gap.start_s) & (self.time_s < gap.stop_s)
+            inside |= (self.time_s > gap.start_s + ROUNDING_S) & (self.time_s < gap.stop_s - ROUNDING_S)
         return ~inside
 
 
