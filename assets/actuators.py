@@ -6,6 +6,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.approved import approved_key, approved_part, told
 from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -141,29 +142,32 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         ),
     ]
 
-    @dg.asset(**declared(plan, "mujoco", ins=inputs), check_specs=specs)
+    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[approved_key("motors", plan.robot)]), check_specs=specs)
     @plainly
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
         from assets.model_report import models_agree
         from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
+        from pipeline.feedback.motor_limits import lowered
         from pipeline.robot import load_robot
 
         name = plan.robot or DEFAULT_ROBOT
         nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
-        actuators = adapt(nominal, calibrations, values)
+        feedback = approved_part(PROJECT, "motors", plan.robot)
+        actuators = lowered(adapt(nominal, calibrations, values), feedback)
         robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
         files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
+        facts |= {"feedback": [change.to_dict() for change in feedback]} if feedback else {}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         agree = models_agree(robot)
         check = dg.AssetCheckResult(
             asset_key=plan.key, check_name=AGREE, passed=agree.holds, metadata={"found": agree.found}
         )
         metadata, standing = _standing(plan, robot, actuators)
-        metadata |= {**_difference(actuators), "dagster/uri": dg.MetadataValue.path(str(folder))}
+        metadata |= {**_difference(actuators), **told(feedback), "dagster/uri": dg.MetadataValue.path(str(folder))}
         return _result(plan, manifest, metadata, [check, standing])
 
     return adapted_robot

@@ -29,7 +29,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     """
     graph_parents = _parents()
     selected = set(run.asset_selection or plans(project))
-    wanted = _upstream(selected, graph_parents) - selected
+    wanted = _upstream(selected, _made_for_children(graph_parents, project), set(plans(project))) - selected
     stale = {key: why for key, why in stale_now(instance, project).items() if key in wanted}
     if not stale:
         return
@@ -69,10 +69,25 @@ def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 
-def _upstream(keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]]) -> set[dg.AssetKey]:
+def _made_for_children(
+    parents: dict[dg.AssetKey, set[dg.AssetKey]], project: Project
+) -> dict[dg.AssetKey, set[dg.AssetKey]]:
+    """Parents without those that a child takes as they are: a training never starts because its policy is wanted."""
+    known = plans(project)
+    return {
+        key: {parent for parent in above if key not in known or not known[key].takes_as_it_is(parent)}
+        for key, above in parents.items()
+    }
+
+
+def _upstream(
+    keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]], made: set[dg.AssetKey]
+) -> set[dg.AssetKey]:
+    """What lies upstream of some assets. What comes from outside is not made here, nor is what it comes from."""
     found, todo = set(keys), list(keys)
     while todo:
-        new = parents.get(todo.pop(), set()) - found
+        key = todo.pop()
+        new = parents.get(key, set()) - found if key in made or key in keys else set()
         found |= new
         todo += new
     return found

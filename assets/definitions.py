@@ -2,6 +2,7 @@
 
 import dagster as dg
 
+from assets.approved import approved_specs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.project import PROJECT
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -11,6 +12,7 @@ from assets.sources import raw_motions
 defs = dg.Definitions(
     assets=[
         raw_motions,
+        *approved_specs(None),
         motion_catalog,
         selected_motions,
         repaired_motions,

@@ -5,6 +5,7 @@ from typing import Any
 import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
+from assets.approved import approved_versions
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, motions_version
 
@@ -18,6 +19,9 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
         key, version = measurements_key(robot), measurements_version(project, robot)
         versions[key] = version
         _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
+    for key, (version, facts) in approved_versions(project).items():
+        versions[key] = version
+        _note(instance, key, version, facts)
     return versions
 
 

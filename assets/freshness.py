@@ -15,6 +15,8 @@ from pipeline.errors import PipelineError
 from pipeline.files import digest
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
+NEVER_MATERIALIZED = "INITIAL"
+"""What Dagster notes as the version of an input that was never materialized."""
 
 
 def stale_reasons(
@@ -35,7 +37,7 @@ def stale_reasons(
     for key in topological(parents):
         if key not in plans:
             continue
-        tags = _tags_of_last_materialization(instance, key)
+        tags = last_tags(instance, key)
         versions[key] = tags.get(DATA_VERSION_TAG) if tags is not None else None
         reason = _why(key, tags, project, plans[key], parents[key], stale, versions)
         if reason:
@@ -72,11 +74,17 @@ def _why(
     if tags.get(FINGERPRINT_TAG) != plan.fingerprint(project):
         return "its code, settings or robot changed"
     for parent in sorted(parents):
-        if parent in stale:
+        if parent in stale and not plan.takes_as_it_is(parent):
             return f"'{parent.to_user_string()}' is stale"
-        if tags.get(INPUT_VERSION_PREFIX + parent.to_user_string()) != versions[parent]:
+        if _noted(tags, parent) != versions.get(parent):
             return f"'{parent.to_user_string()}' has new content"
     return ""
+
+
+def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
+    """Version of an input that a materialization noted; None for one that had never been materialized then."""
+    version = tags.get(INPUT_VERSION_PREFIX + parent.to_user_string())
+    return None if version == NEVER_MATERIALIZED else version
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
@@ -86,7 +94,7 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             from pipeline.expert.version import database_version
 
             return database_version(project.expert_db(plan.robot or ""))
-        if plan.name == "adapted_robot" and not _whole(project, plan):
+        if plan.name in ("adapted_robot", "exported_policy") and not _whole(project, plan):
             return None
         return digest.of_file(project.store.manifest_path(plan.key.to_user_string()))
     except (PipelineError, OSError):
@@ -94,12 +102,13 @@ def stored_version(project: Project, plan: Plan) -> str | None:
 
 
 def _whole(project: Project, plan: Plan) -> bool:
-    """The files of the adapted robot are those that its manifest names."""
-    folder = project.adapted_robot(plan.robot or "")
+    """The files of an adapted robot or an exported policy are those that its manifest names."""
     (facts,) = project.store.load(plan.key.to_user_string()).settings.values()
+    folder = project.root / facts["folder"] if "folder" in facts else project.adapted_robot(plan.robot or "")
     return all(digest.of_file(folder / name) == content for name, content in facts["files"].items())
 
 
-def _tags_of_last_materialization(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:
+def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:
+    """Tags of an asset's last materialization; None where it never was."""
     event = instance.get_latest_materialization_event(key)
     return None if event is None or event.asset_materialization is None else event.asset_materialization.tags or {}

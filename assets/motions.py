@@ -4,6 +4,7 @@ from functools import partial
 
 import dagster as dg
 
+from assets.approved import approved_key, approved_part, noting, told
 from assets.checks import check_specs
 from assets.plainly import plainly
 from assets.plan import SHARED
@@ -41,6 +42,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 @dg.asset(
     key=SELECTED.key,
     ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
+    deps=[approved_key("selection", None)],
     group_name="motions",
     kinds={"python"},
     tags={"kp": "1"},
@@ -51,20 +53,22 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
     from pipeline.clips.outcome import Reason
+    from pipeline.feedback.wanted import wanted_seconds
     from pipeline.selection import Curation, choose, process
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
     stage = stage_of(SELECTED, partial(process, settings=curation), curation)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
-    choice = choose(windows.entry_table(), curation)
+    feedback = approved_part(PROJECT, "selection", None)
+    choice = choose(windows.entry_table(), wanted_seconds(curation, feedback))
     dropped = {
         row.clip: Reason(code="not_taken", text=f"{row.clip}: {row.why}", effect="rejected").to_dict()
         for row in choice.itertuples()
         if not row.taken
     }
-    manifest = windows.without(dropped)
-    metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"])
+    manifest = noting(windows.without(dropped), feedback, "selection")
+    metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)
     metadata["windows not taken"] = len(dropped)
     metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
     return materialized(SELECTED, manifest, metadata)

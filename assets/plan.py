@@ -31,6 +31,11 @@ class Plan:
     """Files of `data/` that parametrise it."""
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
+    as_they_are: tuple[str, ...] = ()
+    """Names of inputs that are taken as they are: never made for this asset, and it is not stale because they are.
+    New content of them makes it stale."""
+    shipped_policies: bool = False
+    """Whether it depends on the policies that ship with the robot."""
 
     @property
     def key(self) -> dg.AssetKey:
@@ -43,14 +48,27 @@ class Plan:
         """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
         values = [settings.read_yaml(project.settings(name)) for name in self.settings_files]
         robot = digest_of_robot(project, self.robot) if self.robot else None
-        return digest.of_json([self.name, self.code_version(), values, robot])[:FINGERPRINT_DIGITS]
+        parts = [self.name, self.code_version(), values, robot]
+        if self.shipped_policies:
+            parts.append(digest_of_policies(project, self.robot or DEFAULT_ROBOT))
+        return digest.of_json(parts)[:FINGERPRINT_DIGITS]
+
+    def takes_as_it_is(self, parent: dg.AssetKey) -> bool:
+        """Whether an input is taken as it is."""
+        return parent.path[-1] in self.as_they_are
 
 
 def digest_of_robot(project: Project, robot: str) -> str:
-    """Digest of the files in a robot's folder."""
-    folder = project.robot_folder(robot)
-    paths = [path for path in folder.rglob("*") if path.suffix in {".xml", ".urdf", ".toml", ".csv"}]
-    return digest.of_files(paths, folder)
+    """Digest of the files in a robot's folder; policies that ship there are not what the robot is."""
+    folder, policies = project.robot_folder(robot), project.shipped_policies(robot)
+    files = (path for path in folder.rglob("*") if path.suffix in {".xml", ".urdf", ".toml", ".csv"})
+    return digest.of_files([path for path in files if policies not in path.parents], folder)
+
+
+def digest_of_policies(project: Project, robot: str) -> str:
+    """Digest of what ships in a robot's `policies/`: of the heads, which state the digests of all else."""
+    folder = project.shipped_policies(robot)
+    return digest.of_files(sorted(folder.rglob("*.json")), folder)
 
 
 SHARED = (
@@ -59,6 +77,35 @@ SHARED = (
     Plan(name="repaired_motions", packages=("repair",), settings_files=("repair.yaml",)),
 )
 """The stages that are the same for every robot."""
+
+RELEASED = (
+    "exported_policy",
+    "expert_db",
+    "adapted_robot",
+    "mujoco_validation",
+    "cross_engine_validation",
+    "webots_validation",
+    "limit_cycles",
+    "augmentation_ablation",
+    "hardware_trials",
+)
+"""What the release report is made from, as it is: it runs nothing, and says what was not run."""
+
+
+FIELD = (
+    Plan(
+        name="failure_modes",
+        packages=("failures", "feedback", "virtual_robot", "validation", "hardware_logs", "deployment", "actuators"),
+        settings_files=("failures.yaml", "actuators.yaml"),
+    ),
+    Plan(
+        name="curation_feedback",
+        packages=("feedback", "failures", "feasibility", "selection"),
+        settings_files=("feedback_rules.yaml", "feasibility.yaml", "curation.yaml"),
+    ),
+    Plan(name="sim_to_real_report", packages=("feedback",)),
+)
+"""What is made of the logs of hardware."""
 
 
 def robot_plans(robot: str) -> tuple[Plan, ...]:
@@ -76,7 +123,27 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
     )
 
 
+def policy_plans(robot: str) -> tuple[Plan, ...]:
+    """What is made of the database of one robot: policies, and what is asked of them. Training never starts by itself."""
+    export, trained = ("export", "deployment"), ("training", "expert")
+    return (
+        Plan(name="amp_policy", packages=trained, robot=robot),
+        Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),
+        Plan(name="exported_policy", packages=export, robot=robot, as_they_are=("amp_policy",), shipped_policies=True),
+        Plan(
+            name="limit_cycles",
+            packages=("validation", "dart", "deployment"),
+            settings_files=("limit_cycles.yaml",),
+            robot=robot,
+            as_they_are=("hardware_trials",),
+        ),
+        Plan(name="release_report", packages=("release",), robot=robot, as_they_are=RELEASED),
+    )
+
+
 def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     """Every asset of the graph by key."""
-    each = SHARED + tuple(plan for robot in project.robots for plan in robot_plans(robot))
+    each = (
+        SHARED + FIELD + tuple(plan for robot in project.robots for plan in (*robot_plans(robot), *policy_plans(robot)))
+    )
     return {plan.key: plan for plan in each}

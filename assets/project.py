@@ -12,6 +12,8 @@ DEFAULT_ROBOT = "t1"
 """The robot whose assets have the bare keys."""
 
 MOTIONS_VARIABLE = "BOOSTER_LAB_MOTIONS"
+POLICIES_VARIABLE = "BOOSTER_LAB_POLICIES"
+"""Folder of further policies, to compare logs of theirs with simulation."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,48 @@ class Project:
     def adapted_robot(self, robot: str) -> Path:
         """Folder of the robot as adapted to its measurements, in the form of `robots/<robot>`."""
         return self.data / "adapted_robot" / robot
+
+    @property
+    def approved_feedback(self) -> Path:
+        """The file of approved changes; there is none where nothing was approved."""
+        return self.data / "feedback" / "approved.yaml"
+
+    @property
+    def proposed_feedback(self) -> Path:
+        """The file of proposed changes, in the form of the approved one."""
+        return self.data / "feedback" / "proposed.yaml"
+
+    def policies(self, robot: str) -> Path:
+        """Folder of what is trained and exported here for a robot."""
+        return self.data / "policies" / robot
+
+    def policy_runs(self, robot: str) -> Path:
+        """Folder of a robot's training runs, one folder each."""
+        return self.policies(robot) / "runs"
+
+    def exported_policy(self, robot: str) -> Path:
+        """Folder of the policy that was trained here, as it is exported."""
+        return self.policies(robot) / "exported"
+
+    def shipped_policies(self, robot: str) -> Path:
+        """Folder of the policies that ship with the project."""
+        return self.robot_folder(robot) / "policies"
+
+    @property
+    def training_lock(self) -> Path:
+        """File that a training holds as long as it lives."""
+        return self.data / "policies" / "lock"
+
+    def release_report(self, robot: str) -> Path:
+        """The page that a person signs."""
+        return self.data / "release" / robot / "release_report.html"
+
+    def policy_files(self, robot: str) -> tuple[Path, ...]:
+        """Files of the policies at hand: shipped with the robot, exported here, and in the environment's folder."""
+        folders = [self.shipped_policies(robot), self.exported_policy(robot)]
+        if os.environ.get(POLICIES_VARIABLE):
+            folders.append(Path(os.environ[POLICIES_VARIABLE]).expanduser())
+        return tuple(path for folder in folders for path in sorted(folder.rglob("*.npz")))
 
     def sources(self) -> tuple[Source, ...]:
         """The source folders: those of `data/sources.yaml` and of the environment."""

@@ -1,12 +1,14 @@
 """The stages of one robot, from one factory: a robot is a folder in `robots/`, no stage knows which."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
 import dagster as dg
+import pandas as pd
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
+from assets.approved import approved_key, approved_part, approved_specs, noting, told
 from assets.checks import check_specs
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
@@ -16,6 +18,7 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, stage_of
+from assets.variants import with_further_variants
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import settings
 
@@ -24,6 +27,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
     model, calibration, adapted, retargeted, augmented, feasible, database = robot_plans(robot)
     return [
+        *approved_specs(robot),
         actuator_measurements(robot),
         _robot_model(model),
         actuator_calibration(calibration),
@@ -35,11 +39,17 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     ]
 
 
-def _declared(plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None) -> dict[str, Any]:
-    """What all assets of a robot declare alike. Step names bear the robot, for keys with a prefix."""
+def _declared(
+    plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None, feedback: str = ""
+) -> dict[str, Any]:
+    """What all assets of a robot declare alike. Step names bear the robot, for keys with a prefix.
+
+    `feedback` is the section of the approved feedback that the asset heeds.
+    """
     return {
         "key": plan.key,
         "ins": inputs or {},
+        "deps": [approved_key(feedback, plan.robot)] if feedback else [],
         "group_name": f"{plan.robot}_motions",
         "kinds": {kind},
         "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
@@ -115,7 +125,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
 
 def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     @dg.asset(
-        **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model)),
+        **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model), "augmentation"),
         check_specs=check_specs(plan),
     )
     @plainly
@@ -127,13 +137,23 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     ):
         """KP4: each clip and its mirrored and time-scaled variants."""
         from pipeline.augment import AugmentSettings, process
+        from pipeline.feedback.wanted import further_speeds
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
         stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
         manifest = run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log)
-        return materialized(plan, manifest, stage_metadata(manifest, ["variant", "time_scale", "mirrored"]))
+        feedback = approved_part(PROJECT, "augmentation", plan.robot)
+        for skill, further in further_speeds(feedback, values).items():
+            entries = [entry for entry in retargeted_motions.entries if entry.numbers.get("skill") == skill]
+            if entries:
+                more = stage_of(plan, partial(process, settings=further, robot=robot), further)
+                made = run_stage(more, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
+                manifest = with_further_variants(manifest, made)
+        manifest = noting(manifest, feedback, "augmentation")
+        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored"]) | told(feedback)
+        return materialized(plan, manifest, metadata)
 
     return augmented_motions
 
@@ -147,7 +167,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
     )
 
     @dg.asset(
-        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, adapted_robot=adapted)),
+        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, adapted_robot=adapted), "weights"),
         check_specs=[*check_specs(plan), satisfied],
     )
     @plainly
@@ -172,7 +192,10 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         balanced = balance(manifest.entry_table(), values)
         weights = dict(zip(balanced["clip"], balanced["weight"], strict=True))
         manifest = manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in weights.items()})
+        feedback = approved_part(PROJECT, "weights", plan.robot)
+        manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
+        metadata |= told(feedback) | reweighted
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
@@ -195,6 +218,22 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         return result._replace(check_results=[*result.check_results, check])
 
     return feasible_motions
+
+
+def _reweighed(manifest: Manifest, feedback: Sequence[Any], values: Any) -> tuple[Manifest, dict[str, Any]]:
+    """KP5's result with approved factors on command cells, and what became of each cell; as it is without any."""
+    if not feedback or not manifest.entries:
+        return manifest, {}
+    from pipeline.feedback.cell_weights import reweigh
+
+    factors = {change.what: change.value for change in feedback}
+    found = reweigh(manifest.entry_table(), factors, values.balance)
+    before = {entry.clip: entry.numbers["weight"] for entry in manifest.entries}
+    numbers = {
+        clip: {"weight": weight, "weight_before_feedback": before[clip]} for clip, weight in found.weight.items()
+    }
+    cells = pd.DataFrame([vars(cell) for cell in found.cells])
+    return manifest.with_numbers(numbers), {"command cells by feedback": table_of(cells, list(cells))}
 
 
 def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:

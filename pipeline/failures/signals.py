@@ -1,8 +1,7 @@
 """What a trial's sensors imply: tilt, what the feet bear, how fast the robot goes, what its motors were asked for.
 
 A log has no base velocity and no contact sensor. Both are estimated: the ground's force on each foot from the torques
-of its leg, as if the leg had no mass; the velocity of the trunk from the lowest corners of the soles, as if they did not
-slip.
+of its leg, as if the leg had no mass; the velocity of the trunk from the lowest corners of the soles, as if they stuck.
 """
 
 from __future__ import annotations

@@ -12,20 +12,28 @@ from assets.robot_motions import robot_assets
 LINEAGE = {
     "raw_motions": set(),
     "motion_catalog": {"raw_motions"},
-    "selected_motions": {"motion_catalog"},
+    "approved_windows": set(),
+    "approved_variants": set(),
+    "approved_weights": set(),
+    "approved_limits": set(),
+    "approved_randomization": set(),
+    "selected_motions": {"motion_catalog", "approved_windows"},
     "repaired_motions": {"selected_motions"},
     "robot_model": set(),
     "actuator_measurements": set(),
     "actuator_calibration": {"actuator_measurements"},
-    "adapted_robot": {"actuator_calibration", "robot_model"},
+    "adapted_robot": {"actuator_calibration", "robot_model", "approved_limits"},
     "retargeted_motions": {"repaired_motions", "robot_model"},
-    "augmented_motions": {"retargeted_motions", "robot_model"},
-    "feasible_motions": {"augmented_motions", "adapted_robot"},
+    "augmented_motions": {"retargeted_motions", "robot_model", "approved_variants"},
+    "feasible_motions": {"augmented_motions", "adapted_robot", "approved_weights"},
     "expert_db": {"feasible_motions", "robot_model"},
 }
 
 MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
 """What is about the robot and no stage of motions."""
+
+APPROVED = ("approved_windows", "approved_variants", "approved_weights", "approved_limits", "approved_randomization")
+"""What a person approved of the feedback from hardware; the windows are all robots'."""
 
 
 def lineage(definitions: dg.Definitions) -> dict[str, set[str]]:
@@ -41,9 +49,10 @@ def test_lineage_of_the_t1_bears_the_bare_keys():
     assert {key: parents for key, parents in found.items() if "/" not in key} == LINEAGE
 
 
-def test_only_motions_and_measurements_are_external():
+def test_only_motions_measurements_and_approvals_are_external():
     graph = defs.resolve_asset_graph()
-    assert graph.external_asset_keys == {dg.AssetKey(["raw_motions"]), dg.AssetKey(["actuator_measurements"])}
+    from_outside = {"raw_motions", "actuator_measurements", *APPROVED}
+    assert {key.to_user_string() for key in graph.external_asset_keys} == from_outside
 
 
 def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
@@ -55,7 +64,7 @@ def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
     assert found["k9/retargeted_motions"] == {"repaired_motions", "k9/robot_model"}
     assert found["k9/expert_db"] == {"k9/feasible_motions", "k9/robot_model"}
     assert {key for key in found if key.startswith("k9/")} == {
-        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, "expert_db")
+        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, "expert_db", *APPROVED[1:])
     } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
 
 
@@ -75,7 +84,7 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking
     }
-    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, "expert_db")]
+    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, *APPROVED, "expert_db")]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
     expected |= {("robot_model", "models_agree"), ("expert_db", "whole_database")}

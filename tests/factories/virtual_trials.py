@@ -89,7 +89,7 @@ def slippery(seed: int, rng: np.random.Generator) -> Planted:
 
 def weak_knee(seed: int, rng: np.random.Generator) -> Planted:
     """A knee that gives less than it should."""
-    joint, share = KNEES[seed % 2], float(rng.uniform(0.35, 0.6))
+    joint, share = KNEES[seed % 2], float(rng.uniform(0.35, 0.55))
     trial = _trial((float(rng.uniform(1.2, 1.8)), 0.0, 0.0), deviations=Deviations(torque_scale={joint: share}))
     return Planted(name="knee saturation", trial=trial, kind="torque_saturation", seed=seed, joint=joint, value=share)
 
@@ -112,7 +112,8 @@ def taken_in_hand(seed: int, rng: np.random.Generator) -> Planted:
     """A person lifts it off its feet; in every second case it is laid down."""
     start = float(rng.uniform(3.0, 4.5))
     lay = 1.3 if seed % 2 else 0.0
-    hold = Hold(start_s=start, stop_s=start + 2.5, tilt_rad=lay, lift=float(rng.uniform(0.04, 0.1)), rise_s=0.8)
+    rise_s = 1.6 if lay else 0.8
+    hold = Hold(start_s=start, stop_s=start + 2.5, tilt_rad=lay, lift=float(rng.uniform(0.04, 0.1)), rise_s=rise_s)
     return Planted(
         name="hand-held stop", trial=_trial((float(rng.uniform(0.4, 1.2)), 0.0, 0.0), hold=hold), kind="held", seed=seed
     )

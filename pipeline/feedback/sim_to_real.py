@@ -1,0 +1,225 @@
+"""Each trial against MuJoCo with the same policy, gains and command: how it tracks, and the cycle of its legs.
+
+The twin is the robot as it is calibrated, so what differs is what the calibration does not know.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.actuators import JointActuator, torque_envelope
+from pipeline.deployment import Policy, PolicyController, policy_task
+from pipeline.failures.failure import Failure
+from pipeline.failures.settings import FailureSettings
+from pipeline.failures.signals import Signals, signals_of
+from pipeline.failures.tracking import steady_stretches
+from pipeline.failures.trial_report import TrialReport
+from pipeline.hardware_logs.trial import Trial
+from pipeline.robot import Robot
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import run
+from pipeline.validation.limit_cycles import PLANES, Comparison, JointSeries, NoCycleError, compare, limit_cycle
+
+TIMESTEP_S = 0.005
+LONGEST_S = 14.0
+"""Of a twin's walk [s]."""
+SIDES = ("Left", "Right")
+HIP, KNEE = "Hip_Pitch", "Knee_Pitch"
+WALKS_M_S = 0.3
+"""Slower commands have no cycle to compare [m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Twin:
+    """A steady stretch of a trial beside its simulation."""
+
+    command: tuple[float, float, float]
+    start_s: float
+    stop_s: float
+    achieved: tuple[float, float, float]
+    """By the trial: forward, lateral [m/s], yaw rate [rad/s]."""
+    simulated: tuple[float, float, float]
+    """By its twin."""
+    simulation_fell: bool
+    cycles: tuple[Comparison, ...]
+    """The trial's legs held against the simulation's."""
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return {
+            **asdict(self),
+            "command": list(self.command),
+            "achieved": list(self.achieved),
+            "simulated": list(self.simulated),
+            "cycles": [asdict(each) for each in self.cycles],
+            "notes": list(self.notes),
+        }
+
+
+def twin_of(
+    trial: Trial,
+    robot: Robot,
+    actuators: Sequence[JointActuator],
+    policy: Policy,
+    settings: FailureSettings,
+    until_s: float,
+) -> Twin | None:
+    """The longest steady stretch of a trial before `until_s` beside its simulation; None where nothing is steady."""
+    signals = signals_of(trial, robot)
+    stretches = steady_stretches(signals, settings.tracking, min(until_s, LONGEST_S))
+    if not stretches:
+        return None
+    start, stop = max(stretches, key=lambda pair: pair[1] - pair[0])
+    rollout = simulated(trial, robot, actuators, policy, float(signals.time_s[stop - 1]))
+    forward, lateral, yaw = signals.command[start].tolist()
+    start_s, stop_s = float(signals.time_s[start]), float(signals.time_s[stop - 1])
+    notes: list[str] = []
+    cycles: tuple[Comparison, ...] = ()
+    if not rollout.fell and float(np.hypot(forward, lateral)) >= WALKS_M_S:
+        cycles = _cycles(trial, rollout, start_s, stop_s, notes)
+    return Twin(
+        command=(forward, lateral, yaw),
+        start_s=start_s,
+        stop_s=stop_s,
+        achieved=_achieved(signals, start, stop),
+        simulated=_velocity(rollout, start_s, stop_s),
+        simulation_fell=rollout.fell,
+        cycles=cycles,
+        notes=tuple(notes),
+    )
+
+
+def simulated(
+    trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy, seconds: float
+) -> Rollout:
+    """The walk of a trial in MuJoCo: its commands and the gains that it sent, the calibrated motors, ideal sensors."""
+    kp, kd = (_sent(getattr(trial, name), getattr(robot, name)) for name in ("kp", "kd"))
+    task = dataclasses.replace(policy_task(robot, policy), kp=kp, kd=kd)
+    command = np.nan_to_num(np.asarray(trial.command, dtype=float))
+
+    def wanted(time_s: float) -> np.ndarray:
+        return command[min(round(time_s * trial.rate_hz), len(command) - 1)]
+
+    return run(
+        robot,
+        MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S)),
+        PolicyController(task, policy),
+        PdControl(kp=kp, kd=kd, envelope=torque_envelope(actuators)),
+        wanted,
+        seconds,
+        wrench_every=10_000,
+        stop_on_fall=True,
+    )
+
+
+def _sent(gains: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """The gains of most of a trial; the robot's where none were sent."""
+    gains = np.asarray(gains, dtype=float)
+    known = gains[np.isfinite(gains).all(axis=1)]
+    return np.median(known, axis=0) if len(known) else np.array(otherwise)
+
+
+def _achieved(signals: Signals, start: int, stop: int) -> tuple[float, float, float]:
+    forward, lateral = signals.velocity[start:stop].mean(axis=0).tolist()
+    return forward, lateral, float(signals.yaw_rate[start:stop].mean())
+
+
+def _velocity(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:
+    """Mean velocity in the heading frame over a stretch, or as far as the walk went."""
+    rate = 1.0 / rollout.timestep_s
+    kept = slice(min(round(start_s * rate), len(rollout.qpos) - 2), round(stop_s * rate))
+    yaw = rotation.yaw_of(rollout.qpos[kept, 3:7])
+    x, y = rollout.qvel[kept, 0], rollout.qvel[kept, 1]
+    forward, lateral = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
+    return float(forward.mean()), float(lateral.mean()), float(rollout.qvel[kept, 5].mean())
+
+
+def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
+    found = []
+    for side in SIDES:
+        try:
+            reference = limit_cycle(_series(f"MuJoCo {side}", rollout, side, start_s, stop_s))
+            found.append(compare(reference, limit_cycle(_logged(trial, side, start_s, stop_s))))
+        except NoCycleError as error:
+            notes.append(str(error))
+    return tuple(found)
+
+
+def _joints(names: tuple[str, ...], side: str) -> tuple[int, int]:
+    """Indices of a leg's hip pitch and knee. Raises NoCycleError for a robot that has none of these names."""
+    wanted = [f"{side}_{part}" for part in (HIP, KNEE)]
+    if not set(wanted) <= set(names):
+        raise NoCycleError(side, f"the robot has no joints {' and '.join(wanted)}")
+    return names.index(wanted[0]), names.index(wanted[1])
+
+
+def _series(name: str, rollout: Rollout, side: str, start_s: float, stop_s: float) -> JointSeries:
+    rate = 1.0 / rollout.timestep_s
+    return _cut(name, rollout.robot.joint_names, side, rate, rollout.qpos[:, 7:], rollout.qvel[:, 6:], start_s, stop_s)
+
+
+def _logged(trial: Trial, side: str, start_s: float, stop_s: float) -> JointSeries:
+    position, velocity = (np.asarray(array, dtype=float) for array in (trial.joint_pos, trial.joint_vel))
+    return _cut(trial.name, trial.joint_names, side, trial.rate_hz, position, velocity, start_s, stop_s)
+
+
+def _cut(
+    name: str,
+    names: tuple[str, ...],
+    side: str,
+    rate: float,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    start_s: float,
+    stop_s: float,
+) -> JointSeries:
+    hip, knee = _joints(names, side)
+    kept = slice(round(start_s * rate), round(stop_s * rate))
+    return JointSeries(
+        name=f"{name} {side}",
+        rate_hz=float(rate),
+        hip=position[kept, hip],
+        knee=position[kept, knee],
+        hip_vel=velocity[kept, hip],
+        knee_vel=velocity[kept, knee],
+    )
+
+
+def cycle_failures(twin: Twin, settings: FailureSettings) -> list[Failure]:
+    """Legs whose cycle is not that of the simulation."""
+    bound = settings.limit_cycle.deviation
+    worst = max(twin.cycles, key=lambda each: each.shape_distance[PLANES[0]], default=None)
+    if worst is None or worst.shape_distance[PLANES[0]] <= bound:
+        return []
+    distance = worst.shape_distance[PLANES[0]]
+    return [
+        Failure(
+            kind="limit_cycle",
+            time_s=twin.start_s,
+            until_s=twin.stop_s,
+            command=twin.command,
+            confidence=float(min(0.7 + 0.5 * (distance / bound - 1.0), 0.95)),
+            evidence={
+                "shape distance of hip against knee": distance,
+                "period over the simulation's": worst.period_ratio,
+                "knee amplitude over the simulation's": worst.knee_amplitude_ratio,
+            },
+        )
+    ]
+
+
+def with_cycle_failures(report: TrialReport, twin: Twin | None, settings: FailureSettings) -> TrialReport:
+    """The report with what the comparison with the simulation adds."""
+    if twin is None:
+        return report
+    found = sorted((*report.failures, *cycle_failures(twin, settings)), key=lambda each: (each.time_s, each.kind))
+    return dataclasses.replace(report, failures=tuple(found))
