@@ -124,7 +124,7 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
 
 
 def policy_plans(robot: str) -> tuple[Plan, ...]:
-    """What is made of the database of one robot: policies, and what is asked of them. Training never starts by itself."""
+    """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
     export, trained = ("export", "deployment"), ("training", "expert")
     return (
         Plan(name="amp_policy", packages=trained, robot=robot),

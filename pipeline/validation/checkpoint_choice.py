@@ -1,9 +1,9 @@
-"""Which checkpoint of a run is the policy: the best in a sweep without noise in plain MuJoCo, not in training's figures.
+"""The checkpoint of a run that is its policy: the best in a sweep without noise in plain MuJoCo, whatever training says.
 
 The sweep is `pipeline.validation.sweep`: the 16 commands, steps to 2.0 m/s and to turning from rest, friction .4 and
 1.2, pushes as a .1 s force. A checkpoint's score is a penalty, the lowest wins, and the later of two alike:
 
-    10 falls of the cells that are not pushes  +  mean error of the 16 commands / .05  +  2 (1 - mean survival of pushes)
+    10 falls in the cells that are not pushes + mean error of the 16 commands / .05 + 2 (1 - mean survival of pushes)
 """
 
 from __future__ import annotations

