@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, OneOf, check
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Range, check
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,4 +39,4 @@ class WebotsSettings:
 
     def __post_init__(self) -> None:
         allowed = dict.fromkeys(("friction", "measured_s", "limit_s"), POSITIVE)
-        check(self, timestep_ms=OneOf((1.0, 5.0)), **allowed)  # pyright: ignore[reportArgumentType]
+        check(self, timestep_ms=Range(1.0, 5.0), **allowed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,7 @@ class RootMotion:
     ang_vel_w: Float[np.ndarray, " 3"]
 
 
+@runtime_checkable
 class Engine(Protocol):
     """A scene that was built and is stepped. Hinges in the scene's order."""
 
