@@ -1,4 +1,4 @@
-"""The checkpoint of a run that is its policy: the best in a sweep without noise in plain MuJoCo, whatever training says.
+"""The checkpoint of a run that is its policy: the best in a sweep without noise in plain MuJoCo.
 
 The sweep is `pipeline.validation.sweep`: the 16 commands, steps to 2.0 m/s and to turning from rest, friction .4 and
 1.2, pushes as a .1 s force. A checkpoint's score is a penalty, the lowest wins, and the later of two alike:

@@ -1,0 +1,162 @@
+"""The page says what was found, never more: what was not run is not passed, texts are escaped, bytes repeat."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from pipeline.release.dossier import Dossier, Picture, Status, Verdict, judged
+from pipeline.release.page import page
+
+POLICY = "a" * 64
+PNG = b"\x89PNG\r\n\x1a\nnot really"
+
+
+def result(**changes):
+    return {"stage": "mujoco_validation", "passed": True, "policy": POLICY, "reasons": [], **changes}
+
+
+def dossier(*verdicts, **changes):
+    values = {
+        "title": "Release report: walk on t1",
+        "policy": POLICY,
+        "card": (("name", "walk"), ("run", "run7")),
+        "lineage": (("expert_db", "d1", "152 clips, public-domain"),),
+        "verdicts": verdicts,
+        "pictures": (Picture(caption="2.0 m/s", data=PNG),),
+        "conditions": ("Any use.",),
+    }
+    return Dossier(**{**values, **changes})
+
+
+class Reader(HTMLParser):
+    """Checks that every tag is closed in order, and gathers texts, tags and what is loaded."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.texts, self.tags, self.loaded = [], [], [], []
+        self.feed(text)
+        assert not self.open, self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.loaded += [value for name, value in attrs if name in ("src", "href")]
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def said(text):
+    return re.sub(r"\s+", " ", " ".join(Reader(text).texts))
+
+
+def test_a_check_that_passed_on_this_policy_has_passed():
+    found = judged("MuJoCo", result(), POLICY)
+    assert (found.status, found.reasons) == (Status.PASSED, ())
+    assert dossier(found).open_points == ()
+    assert "Every check was run and passed (1 passed)" in said(
+        page(dossier(found)).replace("<b>", "").replace("</b>", "")
+    )
+
+
+@pytest.mark.parametrize(
+    ("stored", "outdated", "status", "why"),
+    [
+        (None, "", Status.NOT_RUN, "never run"),
+        (result(passed=None, not_run="webots not found"), "", Status.NOT_RUN, "webots not found"),
+        ({"stage": "x"}, "", Status.NOT_RUN, ""),
+        (result(passed="yes"), "", Status.FAILED, ""),
+        (result(passed=1), "", Status.FAILED, ""),
+        (result(passed=False, reasons=["vx 2.0: fell"]), "", Status.FAILED, "vx 2.0: fell"),
+        (result(policy="b" * 64), "", Status.OUTDATED, "of the policy bbbbbbbbbbbb, not of aaaaaaaaaaaa"),
+        (result(policy=None), "", Status.OUTDATED, "does not say of which policy"),
+        (result(), "its code changed", Status.OUTDATED, "its code changed"),
+        (result(passed=None, policy="b" * 64), "stale", Status.NOT_RUN, ""),
+    ],
+)
+def test_nothing_else_has_passed(stored, outdated, status, why):
+    found = judged("check", stored, POLICY, outdated)
+    assert found.status is status
+    assert why in "; ".join(found.reasons)
+    text = said(page(dossier(found)))
+    assert "Not ready to sign:" in text
+    assert "Every check was run and passed" not in text
+    assert f"check: {status.value}" in text
+
+
+def test_a_part_that_was_not_run_keeps_the_page_from_being_ready():
+    found = judged("limit cycles", result(**{"not run": ["no hardware log walks at 0.6 m/s"]}), POLICY)
+    assert found.status is Status.PASSED
+    assert dossier(found).open_points == ("limit cycles: not run: no hardware log walks at 0.6 m/s",)
+    text = page(dossier(found))
+    assert "Not ready to sign" in text
+    section = said(text).split("What was not run")[1]
+    assert "no hardware log walks at 0.6 m/s" in section
+
+
+def test_without_checks_or_policy_it_is_not_ready():
+    assert dossier().open_points == ("nothing was checked",)
+    assert dossier(judged("MuJoCo", result(), POLICY), policy="").open_points == ("there is no policy",)
+
+
+def test_reasons_come_in_any_form_and_all_of_them():
+    spared = {"vx +0.3": "t1_walk stands", "vy 0.3": ["stands", "falls"]}
+    found = judged("MuJoCo", result(passed=False, reasons=["one", "two"], not_required=spared, suite="full"), POLICY)
+    assert found.reasons == ("one", "two")
+    assert found.not_required == ("vx +0.3: t1_walk stands", "vy 0.3: stands; falls")
+    assert found.facts == (("suite", "full"),)
+    text = said(page(dossier(found)))
+    for each in ("one", "two", "vx +0.3: t1_walk stands", "full"):
+        assert each in text
+
+
+def test_every_text_is_escaped():
+    bad = "<script>alert('x')</script> & \"quoted\""
+    found = Verdict(
+        name=bad,
+        status=Status.FAILED,
+        reasons=(bad,),
+        not_required=(bad,),
+        not_run=(bad,),
+        facts=((bad, bad),),
+        pictures=(Picture(caption=bad, data=PNG),),
+    )
+    rows = {"card": ((bad, bad),), "lineage": ((bad, bad, bad),), "conditions": (bad,), "title": bad, "policy": bad}
+    text = page(dossier(found, **rows))
+    tags = set(Reader(text).tags)
+    assert "script" not in tags
+    assert "alert('x')" not in re.sub(r"&lt;script&gt;.*?&lt;/script&gt;", "", text)
+
+
+def test_the_page_needs_nothing_else():
+    moving = Picture(caption="walk", data=b"GIF89a", kind="gif")
+    found = judged("MuJoCo", result(), POLICY, pictures=[moving])
+    loaded = Reader(page(dossier(found))).loaded
+    assert loaded == [
+        f"data:image/gif;base64,{base64.b64encode(b'GIF89a').decode()}",
+        f"data:image/png;base64,{base64.b64encode(PNG).decode()}",
+    ]
+
+
+def test_the_same_dossier_gives_the_same_bytes_and_a_change_another_digest():
+    one, two = judged("MuJoCo", result(), POLICY), judged("MuJoCo", result(suite="quick"), POLICY)
+    assert page(dossier(one)) == page(dossier(one))
+    digests = [re.findall(r"<td>([0-9a-f]{64})</td>", page(dossier(each)))[-1] for each in (one, two)]
+    assert digests[0] != digests[1]
+
+
+def test_there_is_room_for_a_signature_and_what_is_signed():
+    text = said(page(dossier(judged("MuJoCo", result(), POLICY))))
+    for each in ("Signature", "Name", "Date", POLICY, "I have read what failed and what was not run"):
+        assert each in text
+
+
+def test_a_picture_of_another_kind_is_refused():
+    with pytest.raises(ValueError, match=r"'svg', there are: png, gif"):
+        page(dossier(pictures=(Picture(caption="x", data=b"<svg>", kind="svg"),)))
