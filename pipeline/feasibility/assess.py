@@ -9,6 +9,7 @@ from jaxtyping import Bool
 
 from pipeline.feasibility import collision_criteria, foot_criteria, joint_criteria, root_criteria, torque_criteria
 from pipeline.feasibility.command_seconds import command_seconds_text
+from pipeline.feasibility.gait_signature import gait_signature_text
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
@@ -41,12 +42,14 @@ class Assessment:
         return bad
 
     def numbers(self) -> dict[str, float | bool | str]:
-        """A number a criterion, whether forces explain the motion, and the robot's velocity as a command has it: its
-        mean, and as `command_seconds` the seconds in each cell of the command space."""
+        """A number a criterion, whether forces explain the motion, the robot's velocity as a command has it (its mean,
+        and as `command_seconds` the seconds in each cell of the command space) and its `gait_signature`."""
         found = {verdict.code: verdict.value for verdict in self.verdicts}
         motion = self.motion
         spent = command_seconds_text(motion.commands, motion.clip.fps)
-        return {**found, "dynamic": self.dynamic, **vars(motion.velocity), "command_seconds": spent}
+        signature = gait_signature_text(motion.clip, motion.robot)
+        texts = {"command_seconds": spent, "gait_signature": signature}
+        return {**found, "dynamic": self.dynamic, **vars(motion.velocity), **texts}
 
 
 def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:

@@ -5,8 +5,9 @@ it times its seconds. A clip's second weighs the mean of what its seconds do, ce
 the robot is in during them. There it is the product of three parts:
 
 - coverage: the seconds of a cell share 1 (or a power of it); cells with little get more, up to a bound;
-- diversity: seconds that are variants of one motion (mirrored, played faster, pieces of it) and lie in the same
-  cell count as one motion between them: every parent has an equal part of its cell;
+- diversity: seconds of one family that lie in the same cell count as one motion between them, and every family has
+  an equal part of its cell. A family are the variants of one motion (mirrored, played faster, pieces of it) and all
+  motions whose joints do the same on average (`gait_signature`): copies, repeats, a gait recorded at length;
 - smoothness: 1 / (1 + (jerk / jerk_0)^2).
 
 A cell or a motion in it with less than `missing_seconds` has its part in proportion, so that passing through for a
@@ -23,10 +24,18 @@ import pandas as pd
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.gait_signature import families
 from pipeline.feasibility.settings import BalanceSettings, FeasibilitySettings
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
-"""Columns that are looked at; `parent` and `command_seconds` too where they are there."""
+"""Columns that are looked at; `parent`, `command_seconds` and `gait_signature` too where they are there."""
+
+
+WITHIN_A_TAKE = r"@\d+-\d+|\+\d+"
+"""Parts of a clip's name that tell windows and pieces of one take apart."""
+
+MADE = ("weight", "cell", "family")
+"""Columns that are added."""
 
 
 class BalanceError(PipelineError):
@@ -34,17 +43,18 @@ class BalanceError(PipelineError):
 
 
 def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
-    """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips) and `cell`, the one it is in
-    for longest.
+    """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips), `cell`, the one it is in for
+    longest, and `family`, the name of the first motion of those it shares its part of a cell with.
 
     One row a clip. The result doesn't depend on the rows' order, which it keeps. Raises BalanceError where a
     column is missing, a clip is there twice or a number is not finite.
     """
     if rows.empty:
-        return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str))
+        return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str), family=pd.Series(dtype=str))
     _check(rows)
     ordered = rows.sort_values("clip", kind="stable").reset_index(names="place")
-    spent = by_command(ordered.assign(parent=parents(ordered)))
+    ordered = ordered.assign(family=families(ordered, parents(ordered), settings.balance.same_gait))
+    spent = by_command(ordered)
     spent = spent.assign(cell=cell_of(spent, settings.balance.commands))
     worth = _second_weight(spent, settings.balance) * spent["seconds"].to_numpy(dtype=float)
     seconds = ordered["seconds"].to_numpy(dtype=float)
@@ -54,13 +64,16 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
     weight = pd.Series(second * seconds / np.mean(second * seconds), index=ordered["place"])
     longest = spent.groupby(["row", "cell"])["seconds"].sum().groupby("row").idxmax()
     cell = pd.Series([name for _, name in longest], index=ordered["place"])
-    return rows.assign(weight=weight.reindex(rows.index), cell=cell.reindex(rows.index))
+    family = pd.Series(ordered["family"].to_numpy(), index=ordered["place"])
+    return rows.assign(
+        **{name: made.reindex(rows.index) for name, made in zip(MADE, (weight, cell, family), strict=True)}
+    )
 
 
 def _second_weight(spent: pd.DataFrame, limits: BalanceSettings) -> np.ndarray:
-    """Coverage times diversity of a second of each row (n,) of a table by command with `cell` and `parent`."""
+    """Coverage times diversity of a second of each row (n,) of a table by command with `cell` and `family`."""
     least, cell = limits.missing_seconds, spent["cell"].to_numpy()
-    family_seconds = spent.groupby(["cell", "parent"])["seconds"].transform("sum").to_numpy(dtype=float)
+    family_seconds = spent.groupby(["cell", "family"])["seconds"].transform("sum").to_numpy(dtype=float)
     cell_seconds = spent.groupby("cell")["seconds"].transform("sum").to_numpy(dtype=float)
     presence = np.minimum(family_seconds, least)
     share = presence * spent["seconds"].to_numpy(dtype=float) / family_seconds  # adds up to a family's presence
@@ -79,12 +92,18 @@ def parents(rows: pd.DataFrame) -> pd.Series:
     return pd.Series(names, index=rows.index)
 
 
-def effective_seconds(seconds: np.ndarray, weight: np.ndarray) -> float:
-    """Seconds that count: (sum w)^2 / sum(w^2 / s) for clips of s seconds and weights w (Kish 1965).
+def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
+    """Seconds of different motion that weights (n,) make of rows with `clip`, `family` and `seconds`.
 
-    Equal to the sum of the seconds where every second weighs the same.
+    (sum W)^2 / sum(W^2 / S) (Kish 1965) over families of weight W and S seconds of their own: those of the one take
+    that has most. A take is a recording or one variant of it. Equal to the sum of the S where every second of own
+    motion weighs the same: copies add nothing, and a family that weighs too much for its seconds takes from the others.
     """
-    total = float(np.sum(weight**2 / seconds))
+    take = rows["clip"].str.replace(WITHIN_A_TAKE, "", regex=True)
+    takes = rows["seconds"].astype(float).groupby([rows["family"], take]).sum()
+    own = takes.groupby(level=0).max()
+    of_family = pd.Series(weight, index=rows.index).groupby(rows["family"]).sum()
+    total = float(np.sum(of_family**2 / own))
     return float(np.sum(weight)) ** 2 / total if total > 0.0 else 0.0
 
 

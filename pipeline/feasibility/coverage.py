@@ -8,14 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.feasibility.balance import effective_seconds
+from pipeline.feasibility.balance import effective_seconds, parents
 from pipeline.feasibility.command_cells import STANDING, Axis, standing
 from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
+from pipeline.feasibility.gait_signature import families
+from pipeline.feasibility.missing_turns import missing_turns
 from pipeline.feasibility.settings import BalanceSettings, CommandSettings, FeasibilitySettings
 from pipeline.time_series import runs
 
 NEEDED = ("clip", "seconds", *VELOCITIES)
-"""Columns that are looked at; `command_seconds` and `weight` too where they are there."""
+"""Columns that are looked at; `command_seconds`, `weight`, `parent`, `gait_signature` too where they are there."""
 
 AXES = ("forward", "lateral", "yaw")
 
@@ -26,10 +28,12 @@ class Coverage:
 
     cells: pd.DataFrame
     """A row a cell: `axis` (`standing, forward, lateral, yaw, forward_yaw`), `low` and `high` of the first
-    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` that visit it and, where
-    the rows have weights, `weight` and `effective_seconds`: what the seconds count for as they are weighted."""
+    quantity, `low_2` and `high_2` of the second (plane alone), `seconds`, `clips` that visit it, `families` of
+    different motion they are of, and `effective_seconds_before`: what the seconds count for where all weigh the same.
+    Where the rows have weights, `weight` and `effective_seconds`: what they count for as they are weighted."""
     missing: tuple[str, ...]
-    """A sentence for each stretch of an axis that has too little: a cell wide or wider, or at the end of the range."""
+    """A sentence for each stretch of an axis that has too little: a cell wide or wider, or at the end of the range;
+    then for each stretch of the plane."""
 
 
 def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
@@ -41,6 +45,8 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
     commands = settings.balance.commands
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
+    if len(rows):
+        rows = rows.assign(family=families(rows, parents(rows), settings.balance.same_gait))
     spent = by_command(rows)
     if "weight" in spent:
         spent = spent.assign(weight=spent["weight"] * spent["seconds"] / spent["clip_seconds"])
@@ -49,7 +55,9 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
     for axis in AXES:
         tables += _axis_rows(axis, _only(spent, _on_axis(spent, axis, commands) & ~still), _limits(axis, commands))
     tables += _plane_rows(_only(spent, _near(spent, "lateral", commands) & ~still), commands)
-    return Coverage(cells=pd.DataFrame(tables), missing=_missing(spent, settings.balance))
+    cells = pd.DataFrame(tables)
+    missing = (*_missing(spent, settings.balance), *missing_turns(cells, settings.balance))
+    return Coverage(cells=cells, missing=missing)
 
 
 def _limits(axis: str, commands: CommandSettings) -> Axis:
@@ -109,11 +117,13 @@ def _row(axis: str, low: float, high: float, rows: pd.DataFrame) -> dict:
         "high_2": np.nan,
         "seconds": float(np.sum(seconds)),
         "clips": rows["row"].nunique(),
+        "families": rows["family"].nunique() if len(rows) else 0,
+        "effective_seconds_before": effective_seconds(rows, seconds) if len(rows) else 0.0,
     }
     if "weight" in rows:
         weight = rows["weight"].to_numpy(dtype=float)
         entry["weight"] = float(np.sum(weight))
-        entry["effective_seconds"] = effective_seconds(seconds, weight)
+        entry["effective_seconds"] = effective_seconds(rows, weight) if len(rows) else 0.0
     return entry
 
 

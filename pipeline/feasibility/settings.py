@@ -171,6 +171,8 @@ class BalanceSettings:
     """0: every second weighs the same; 1: every cell weighs the same."""
     max_ratio: float
     """Largest weight of a second over the mean weight of a second."""
+    same_gait: float
+    """Motions whose gait signatures differ by less than this [rad, root mean square] share a part of a cell."""
     smooth_jerk: float
     """Mean jerk [m/s^3] at which a clip's weight is halved."""
     missing_seconds: float

@@ -59,7 +59,7 @@ def test_a_rough_motion_weighs_less():
     assert weights["rough"] < weights["smooth"] / 3.0
 
 
-@hypothesis.settings(deadline=None, max_examples=30)
+@hypothesis.settings(deadline=None, max_examples=15)
 @given(
     st.lists(
         st.tuples(
@@ -98,10 +98,27 @@ def test_no_clips_have_no_weights():
     assert balance(pd.DataFrame(), LIMITS).empty
 
 
+def _takes(*takes: tuple[str, str, float]) -> pd.DataFrame:
+    return pd.DataFrame(takes, columns=["clip", "family", "seconds"])
+
+
 def test_effective_seconds_are_the_seconds_where_all_weigh_the_same():
-    seconds = np.array([1.0, 2.0, 5.0])
-    assert effective_seconds(seconds, seconds) == pytest.approx(8.0)
-    assert effective_seconds(seconds, np.array([1.0, 0.0, 0.0])) == pytest.approx(1.0)
+    rows = _takes(("a", "a", 1.0), ("b", "b", 2.0), ("c", "c", 5.0))
+    assert effective_seconds(rows, np.array([1.0, 2.0, 5.0])) == pytest.approx(8.0)
+    assert effective_seconds(rows, np.array([1.0, 0.0, 0.0])) == pytest.approx(1.0)
+
+
+def test_variants_add_no_effective_seconds_and_pieces_and_windows_of_a_take_do():
+    copies = _takes(("a", "a", 4.0), ("a~mirror", "a", 4.0), ("a~x0.9", "a", 4.4))
+    assert effective_seconds(copies, np.ones(3)) == pytest.approx(4.4)
+    parts = _takes(("a@0-100", "a", 2.0), ("a@200-300+1", "a", 1.0), ("a@200-300+2", "a", 1.0), ("b", "b", 3.0))
+    assert effective_seconds(parts, np.array([2.0, 1.0, 1.0, 3.0])) == pytest.approx(7.0)
+
+
+def test_copies_that_are_not_balanced_away_cost_effective_seconds():
+    rows = _takes(("a", "a", 4.0), ("a~mirror", "a", 4.0), ("b", "b", 4.0))
+    assert effective_seconds(rows, np.ones(3)) == pytest.approx(36.0 / 5.0)
+    assert effective_seconds(rows, np.array([0.5, 0.5, 1.0])) == pytest.approx(8.0)
 
 
 def test_what_is_missing_is_said_in_words():
