@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
-from pipeline.simulation.plant import PlantState
+from pipeline.simulation.plant import NoBallError, PlantState
 from pipeline.simulation.terrain import FlatGround, Ground
 
 INTEGRATORS = {
@@ -121,6 +121,8 @@ class MujocoPlant:
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
         """From `BALL_DISTANCE` before the root link's centre of mass, at its height and towards it."""
+        if self.options.ball is None:
+            raise NoBallError(self)
         self._place_ball(self.data.xipos[1] - BALL_DISTANCE * direction_w, speed * direction_w)
 
     def remove_ball(self) -> None:

@@ -8,6 +8,15 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.errors import PipelineError
+
+
+class NoBallError(PipelineError):
+    """A ball is to be thrown in a plant without one."""
+
+    def __init__(self, plant: object):
+        super().__init__(f"{type(plant).__name__} has no ball to throw; push with a force or a kick there.")
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlantState:
@@ -66,7 +75,10 @@ class ThrowsBall(Protocol):
     """A plant that has a ball to throw at the robot."""
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
-        """Send the ball against the root link along a horizontal unit direction at a speed [m/s]."""
+        """Send the ball against the root link along a horizontal unit direction at a speed [m/s].
+
+        Raises NoBallError.
+        """
         ...
 
     def remove_ball(self) -> None:

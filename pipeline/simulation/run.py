@@ -14,7 +14,7 @@ from pipeline.errors import PipelineError
 from pipeline.robot import Robot
 from pipeline.simulation.events import Event, Kick, Push, Throw
 from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.plant import Plant, PlantState, TellsAcceleration, ThrowsBall
+from pipeline.simulation.plant import NoBallError, Plant, PlantState, TellsAcceleration, ThrowsBall
 from pipeline.simulation.record import Record, Rollout
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 
@@ -56,13 +56,6 @@ class RateError(PipelineError):
             f"a timestep of {timestep_s:g} s does not divide the control step of {1.0 / control_hz:g} s; choose one "
             "that does, as 0.001, 0.002 or 0.005 s at 50 Hz."
         )
-
-
-class NoBallError(PipelineError):
-    """A ball is to be thrown in a plant without one."""
-
-    def __init__(self, plant: Plant):
-        super().__init__(f"{type(plant).__name__} has no ball to throw; push with a force or a kick there.")
 
 
 def run(
