@@ -1,4 +1,4 @@
-"""What was approved of the feedback from hardware, from outside the graph: an external asset a part, one stage heeds each.
+"""What was approved of the feedback from hardware, from outside the graph: an external asset a part, heeded by a stage.
 
 A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
 unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
