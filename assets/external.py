@@ -6,6 +6,7 @@ import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
+from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, motions_version
 
@@ -19,6 +20,8 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
         key, version = measurements_key(robot), measurements_version(project, robot)
         versions[key] = version
         _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
+    versions[HARDWARE_LOGS], facts = logs_version(project)
+    _note(instance, HARDWARE_LOGS, versions[HARDWARE_LOGS], facts)
     for key, (version, facts) in approved_versions(project).items():
         versions[key] = version
         _note(instance, key, version, facts)

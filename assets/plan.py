@@ -92,6 +92,9 @@ RELEASED = (
 """What the release report is made from, as it is: it runs nothing, and says what was not run."""
 
 
+TRIALS = Plan(name="hardware_trials", packages=("hardware_logs",), settings_files=("hardware_logs.yaml",))
+"""What is made of each log by itself."""
+
 FIELD = (
     Plan(
         name="failure_modes",
@@ -143,7 +146,5 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
 
 def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     """Every asset of the graph by key."""
-    each = (
-        SHARED + FIELD + tuple(plan for robot in project.robots for plan in (*robot_plans(robot), *policy_plans(robot)))
-    )
-    return {plan.key: plan for plan in each}
+    by_robot = (plan for robot in project.robots for plan in (*robot_plans(robot), *policy_plans(robot)))
+    return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *by_robot)}

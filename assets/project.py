@@ -50,6 +50,16 @@ class Project:
         """Folder of a robot's torque-speed measurements."""
         return self.data / "actuators" / robot
 
+    @property
+    def hardware_logs(self) -> Path:
+        """Folder that logs of the robot are dropped into."""
+        return self.data / "hardware_logs"
+
+    @property
+    def log_digests(self) -> Path:
+        """File that remembers the digests of logs."""
+        return self.store.root / "log_digests.json"
+
     def adapted_robot(self, robot: str) -> Path:
         """Folder of the robot as adapted to its measurements, in the form of `robots/<robot>`."""
         return self.data / "adapted_robot" / robot

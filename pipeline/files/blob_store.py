@@ -28,6 +28,16 @@ class BlobStore:
             atomic.write_bytes(self.path(blob), data)
         return blob
 
+    def take(self, path: Path) -> str:
+        """Move a file of the same disk into the store, whole and synced already; its digest."""
+        blob = digest.of_file(path)
+        if self.has(blob):
+            path.unlink()
+        else:
+            self.path(blob).parent.mkdir(parents=True, exist_ok=True)
+            path.replace(self.path(blob))
+        return blob
+
     def get(self, blob: str) -> bytes:
         """Bytes of a blob. Raises FileError when it is missing or its content is not its name."""
         path = self.path(blob)

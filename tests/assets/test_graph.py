@@ -11,6 +11,8 @@ from assets.robot_motions import robot_assets
 
 LINEAGE = {
     "raw_motions": set(),
+    "hardware_logs": set(),
+    "hardware_trials": {"hardware_logs"},
     "motion_catalog": {"raw_motions"},
     "approved_windows": set(),
     "approved_variants": set(),
@@ -32,6 +34,9 @@ LINEAGE = {
 MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
 """What is about the robot and no stage of motions."""
 
+FIELD = ("hardware_logs", "hardware_trials")
+"""What is about logs."""
+
 APPROVED = ("approved_windows", "approved_variants", "approved_weights", "approved_limits", "approved_randomization")
 """What a person approved of the feedback from hardware; the windows are all robots'."""
 
@@ -49,9 +54,9 @@ def test_lineage_of_the_t1_bears_the_bare_keys():
     assert {key: parents for key, parents in found.items() if "/" not in key} == LINEAGE
 
 
-def test_only_motions_measurements_and_approvals_are_external():
+def test_only_motions_measurements_logs_and_approvals_are_external():
     graph = defs.resolve_asset_graph()
-    from_outside = {"raw_motions", "actuator_measurements", *APPROVED}
+    from_outside = {"raw_motions", "hardware_logs", "actuator_measurements", *APPROVED}
     assert {key.to_user_string() for key in graph.external_asset_keys} == from_outside
 
 
@@ -74,7 +79,7 @@ def test_every_asset_has_a_plan_a_description_and_a_group():
     for key in graph.materializable_asset_keys:
         assert key in known
         assert graph.get(key).description
-        assert graph.get(key).group_name in {"motions", "t1_motions"}
+        assert graph.get(key).group_name in {"motions", "t1_motions", "field"}
 
 
 def test_what_would_make_wrong_data_blocks():
@@ -84,7 +89,7 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking
     }
-    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, *APPROVED, "expert_db")]
+    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, *APPROVED, *FIELD, "expert_db")]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
     expected |= {("robot_model", "models_agree"), ("expert_db", "whole_database")}

@@ -1,0 +1,132 @@
+"""The folder that logs are dropped into: which files are logs, which are whole, what their content is."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.files import atomic, digest
+from pipeline.hardware_logs.ingest import SUFFIXES
+from pipeline.hardware_logs.mcap_records import MAGIC
+
+QUARANTINE = "quarantine"
+"""Folder of sentences, one for each log that is refused; nothing is moved there."""
+QUIET_S = 3.0
+"""A file that is whole by its format and was not written for so long is complete."""
+STALE_S = 60.0
+"""A file that is not whole by its format and was not written for so long is what there is of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFile:
+    """A log, and the YAML file beside it."""
+
+    name: str
+    """Path below the folder without suffix, or with it where two logs would have one name."""
+    path: Path
+    sidecar: Path | None
+    content: str
+    """Digest of the log's bytes."""
+    question: str
+    """Digest of the log's and the sidecar's bytes."""
+
+
+def list_logs(folder: Path) -> list[Path]:
+    """Every log below a folder, in order; files that begin with a dot are of those who copy."""
+    if not folder.is_dir():
+        return []
+    paths = (path for path in folder.rglob("*") if path.suffix in SUFFIXES and path.is_file())
+    kept = [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
+    return sorted(path for path in kept if path.relative_to(folder).parts[0] != QUARANTINE)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether the file ends as its format says that it ends."""
+    with path.open("rb") as stream:
+        head = stream.read(100)
+        size = path.stat().st_size
+        if path.suffix == ".db3":
+            unfinished = any(path.with_name(path.name + each).exists() for each in ("-journal", "-wal"))
+            page = int.from_bytes(head[16:18], "big")
+            pages = int.from_bytes(head[28:32], "big")
+            return len(head) == 100 and not unfinished and pages * (65_536 if page == 1 else page) == size
+        stream.seek(max(size - len(MAGIC), 0))
+        return size > 2 * len(MAGIC) and head.startswith(MAGIC) and stream.read() == MAGIC
+
+
+def is_complete(path: Path, now_s: float) -> bool:
+    """Whether nobody is still writing a file: whole and quiet, or for long not touched."""
+    age_s = now_s - path.stat().st_mtime
+    return age_s > STALE_S or (age_s > QUIET_S and is_whole(path))
+
+
+class Digests:
+    """Digests of files, remembered by size and time of change in a file of their own."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        try:
+            self._known = json.loads(path.read_text())
+        except (OSError, ValueError):
+            self._known = {}
+        self._used: dict[str, list] = {}
+
+    def of(self, path: Path) -> str:
+        stat = path.stat()
+        state = [stat.st_size, stat.st_mtime_ns]
+        known = self._known.get(str(path))
+        content = known[2] if known and known[:2] == state else digest.of_file(path)
+        self._used[str(path)] = [*state, content]
+        return content
+
+    def save(self) -> None:
+        """Keep what was asked for since this was made; the rest is of files that are gone."""
+        if self._used != self._known:
+            atomic.write_text(self._path, json.dumps(self._used, sort_keys=True))
+
+
+def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
+    """The logs that are complete, by name, and those that are still being written.
+
+    Args:
+        folder: where the logs are
+        cache: file that digests are remembered in
+        now_s: the time, if it is not now
+    """
+    found, waiting, digests = [], [], Digests(cache)
+    paths = list_logs(folder)
+    stems = [path.relative_to(folder).with_suffix("").as_posix() for path in paths]
+    for path, stem in zip(paths, stems, strict=True):
+        try:
+            if not is_complete(path, time.time() if now_s is None else now_s):
+                waiting.append(path)
+                continue
+            name = stem if stems.count(stem) == 1 else path.relative_to(folder).as_posix()
+            sidecar = path.with_suffix(".yaml")
+            beside = sidecar if sidecar.is_file() else None
+            content = digests.of(path)
+            question = digest.of_json([content, digest.of_file(sidecar) if beside else None])
+            found.append(LogFile(name=name, path=path, sidecar=beside, content=content, question=question))
+        except FileNotFoundError:
+            continue  # taken away while we looked
+    if paths:
+        digests.save()
+    return found, waiting
+
+
+def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[LogFile], list[str]]:
+    """Logs without those that were delivered twice, and a sentence for each that is left out.
+
+    Args:
+        known: question of a log -> the name it had before, which it keeps while that file is there
+    """
+    kept: dict[str, LogFile] = {}
+    for log in logs:
+        other = kept.get(log.question)
+        if other is None or known.get(log.question) == log.name:
+            kept[log.question] = log
+    names = {log.name for log in kept.values()}
+    said = [f"{log.name} has the content of {kept[log.question].name}." for log in logs if log.name not in names]
+    return sorted(kept.values(), key=lambda log: log.name), said
