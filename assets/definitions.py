@@ -3,6 +3,8 @@
 import dagster as dg
 
 from assets.approved import approved_specs
+from assets.hardware import hardware_logs, hardware_trials
+from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.project import PROJECT
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -12,12 +14,16 @@ from assets.sources import raw_motions
 defs = dg.Definitions(
     assets=[
         raw_motions,
+        hardware_logs,
+        hardware_trials,
         *approved_specs(None),
         motion_catalog,
         selected_motions,
         repaired_motions,
         *(asset for robot in PROJECT.robots for asset in robot_assets(robot)),
     ],
+    jobs=[ingest_logs],
+    sensors=[hardware_log_sensor],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
     executor=dg.in_process_executor,
 )
