@@ -14,10 +14,14 @@ SMALLEST_CHANGE = 0.01
 """A change of length that is always allowed [m]: 5 % of a foot is less than marker noise."""
 
 
-def find_broken_bones(pos_w: Positions, settings: DetectionSettings) -> list[Defect]:
-    """Frames in which a bone's length is off the clip's median (`bone_length`), with the joint that is to blame."""
+def find_broken_bones(pos_w: Positions, lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings) -> list[Defect]:
+    """Frames in which a bone's length is off the clip's median (`bone_length`), with the joint that is to blame.
+
+    The median is that of frames of which nothing is `lost`.
+    """
     lengths = bone_lengths(pos_w)
-    median = np.median(lengths, axis=0)
+    seen = ~lost.any(axis=1)
+    median = np.median(lengths[seen] if seen.any() else lengths, axis=0)
     share = np.full(len(PARENT), settings.loose_bone_change)
     share[list(LIMB_ENDS)] = settings.bone_change
     broken = np.abs(lengths - median) > np.maximum(share * median, SMALLEST_CHANGE)

@@ -82,6 +82,15 @@ class Findings:
         return sorted({defect.start for defect in self.defects if defect.is_cut})
 
     @property
+    def beside_cuts(self) -> Bool[np.ndarray, "t 19"]:
+        """The frames before and after each cut, of the bodies that jump there."""
+        mask = np.zeros_like(self.lost_pos)
+        for defect in self.defects:
+            if defect.is_cut:
+                mask[defect.start - 1 : defect.start + 1, list(defect.bodies)] = True
+        return mask
+
+    @property
     def lost(self) -> Bool[np.ndarray, "t 19"]:
         return self.lost_pos | self.lost_rot
 

@@ -11,9 +11,13 @@ from pipeline.repair.fill import fill
 from pipeline.repair.frozen import find_frozen
 from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.missing import find_missing
+from pipeline.repair.roughness import find_noise, find_spikes
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.swapped import find_swapped, swap_back
 from pipeline.repair.unsteadiness import Seen
+
+MOST_LOOKS = 4
+"""How often small spikes are sought: a larger one hides what is beside it."""
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
@@ -31,11 +35,22 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
     if frozen:
         findings.add(frozen)
         seen = _bridged(clip, findings)
-    broken = _new(find_broken_bones(seen.pos_w, settings), findings)
+    shaking = _new(find_noise(seen, clip.fps, settings), findings)
+    if shaking:
+        findings.add(shaking)
+        seen = _bridged(clip, findings)
+    broken = _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
     if broken:
         findings.add(broken)
         seen = _bridged(clip, findings)
-    findings.add(joined(find_jumps(seen, clip.fps, settings), findings.defects))
+    jumps = joined(find_jumps(seen, findings.lost, clip.fps, settings), findings.defects)
+    findings.add(jumps)
+    for _ in range(MOST_LOOKS):
+        seen = _bridged(clip, findings) if jumps else seen
+        jumps = find_spikes(seen, findings.lost | findings.beside_cuts, clip.fps, settings)
+        if not jumps:
+            break
+        findings.add(jumps)
     return clip, findings
 
 

@@ -13,6 +13,8 @@ from pipeline.repair.tree import PARENT, Orientations, Positions, descendants, p
 
 CONTEXT_S = 0.055
 """Time on either side that a gap is bridged from [s]."""
+UNIT_TOLERANCE = 0.01
+"""How far from 1 the length of a quaternion may be that bodies below it have followed."""
 DEGREE = 5
 """Of the polynomial: place, speed and acceleration of both sides."""
 
@@ -32,7 +34,7 @@ def fill(
     """
     if not (lost_pos.any() or lost_rot.any()):
         return pos_w.copy(), _unit(quat_w)
-    astray = astray_bodies(lost_pos, lost_rot)
+    astray = astray_bodies(lost_pos, lost_rot, quat_w)
     offset, turn = to_local(np.nan_to_num(pos_w), _unit(quat_w))
     new_pos, new_quat = np.where(lost_pos[..., None], np.nan_to_num(pos_w), pos_w), _unit(quat_w)
     for index in range(len(PARENT)):
@@ -102,13 +104,17 @@ def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Fl
     return basis(frames) @ solution + miss[:1] * (1.0 - share) + miss[1:] * share
 
 
-def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray) -> Bool[np.ndarray, "t 19"]:
-    """Bodies that hang below a body of which only the orientation was lost, unless lost themselves."""
+def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> Bool[np.ndarray, "t 19"]:
+    """Bodies that hang below a body of which only the orientation was lost, unless lost themselves.
+
+    An orientation that is no rotation (not a number, not unit) has led nobody astray.
+    """
     astray = np.zeros_like(lost_pos)
-    for index in range(len(PARENT)):
-        turned = lost_rot[:, index] & ~lost_pos[:, index]
-        if turned.any():
-            astray[:, list(descendants(index))] |= turned[:, None]
+    turned = lost_rot & ~lost_pos
+    if turned.any():
+        turned &= np.abs(np.linalg.norm(quat_w, axis=-1) - 1.0) < UNIT_TOLERANCE
+    for index in np.flatnonzero(turned.any(axis=0)).tolist():
+        astray[:, list(descendants(index))] |= turned[:, index, None]
     return astray
 
 

@@ -26,7 +26,7 @@ def filled(clip: HumanClip, findings: Findings, dropped: Bool[np.ndarray, " t"],
     if not findings.lost.any():
         return clip
     pos_w, quat_w = fill(clip.body_pos_w, clip.body_quat_w, lost_pos, lost_rot, clip.fps)
-    astray = astray_bodies(lost_pos, lost_rot)
+    astray = astray_bodies(lost_pos, lost_rot, clip.body_quat_w)
     lost = findings.lost | astray
     new_pos, new_quat = pos_w.copy(), quat_w.copy()
     for start, stop in time_series.runs(lost.any(axis=1) & ~dropped):

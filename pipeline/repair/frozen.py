@@ -10,8 +10,11 @@ from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect
 from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import FEET_BODIES
-from pipeline.repair.unsteadiness import Seen, slow_rate
+from pipeline.repair.tree import FEET_BODIES, PARENT
+from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
+
+POSE_BODIES = 12
+"""Where so many joints keep their rotation the whole pose is not the person's."""
 
 
 def find_frozen(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
@@ -44,34 +47,79 @@ def _frozen_joints(
     fps: float,
     settings: DetectionSettings,
 ) -> list[Defect]:
-    """Joints that stand still to the last bit and jump out of it (`frozen_joint`) and into it (`dropout`).
+    """Joints that stand still to the last bit and jump out of it (`frozen_joint`), or into it as well (`dropout`).
 
-    Standing still alone is nothing: knees are locked, arms held and feet planted without a jump.
+    Standing still alone is nothing: knees are locked, arms held and feet planted without a jump. Nor is a pose that
+    the joint holds at other times, too: that is where it is locked, and what it jumps to from there is the defect.
     """
+    measured = seen.unsteadiness
+    slow = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * slow_rate(fps)
     still_turn = _step(rotation.length(seen.local_turns)) < settings.still_step
-    still_pos = still_pos.copy()
-    still_pos[:, list(FEET_BODIES)] = False
-    measured, rate = seen.unsteadiness, slow_rate(fps)
+    release = np.minimum(settings.release_turn, slow)
+    steps = _step(rotation.length(seen.local_turns)) * fps
+    turned = _marked(still_turn, whole, (measured.turn, steps), (release, slow), seen.local[1], settings)
+    own = still_pos.copy()
+    own[:, list(FEET_BODIES)] = False
+    near = np.full(own.shape[1], settings.position_jump)
+    jump = (measured.world, np.zeros_like(measured.world))
+    moved = _marked(own, whole, jump, (near, 2.0 * slow_rate(fps) * near), seen.pos_w, settings)
     defects = []
-    for still, jump, limit, pos in (
-        (still_turn, measured.turn, settings.angle_jump * rate, False),
-        (still_pos, measured.world, settings.position_jump * rate, True),
-    ):
-        marked = {code: np.zeros_like(still) for code in ("dropout", "frozen_joint")}
-        for index in np.flatnonzero((still & ~whole[:, None]).any(axis=0)):
-            for start, stop in time_series.runs(still[:, index]):
-                if stop - start < settings.still_frames or whole[start:stop].all():
-                    continue
-                if still[max(start - 4, 0) : start - 1, index].any() or still[stop + 1 : stop + 4, index].any():
-                    continue  # at rest before or after, too
-                entered = jump[start - 1, index] > limit
-                if (stop < len(still) and jump[stop, index] > limit) or (stop == len(still) and entered):
-                    code = "dropout" if entered else "frozen_joint"
-                    marked[code][start - entered : stop, index] = True
-        text = "{names} " + ("keep their place" if pos else "keep their rotation") + " to the last bit"
-        for code, mask in marked.items():
-            defects += spans(code, text, mask, pos=mask if pos else None, rot=mask)
+    for code, mask in turned.items():
+        mask[mask.sum(axis=1) >= POSE_BODIES] = True
+        posed = np.repeat(mask.all(axis=1, keepdims=True), mask.shape[1], axis=1)
+        defects += spans(code, "{names} keep their rotation to the last bit", mask, pos=posed, rot=mask)
+    for code, mask in moved.items():
+        for index in FEET_BODIES:
+            mask[:, index] = mask[:, PARENT[index]] & still_pos[:, index]
+        defects += spans(code, "{names} keep their place to the last bit", mask, pos=mask, rot=mask)
     return defects
+
+
+def _marked(
+    still: Bool[np.ndarray, "t 19"],
+    whole: Bool[np.ndarray, " t"],
+    jumps: tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]],
+    limits: tuple[Float[np.ndarray, " 19"], Float[np.ndarray, " 19"]],
+    value: Float[np.ndarray, "t 19 d"],
+    settings: DetectionSettings,
+) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    """Frames in which each body is frozen.
+
+    `jumps` are how unsteady the step into each frame is, and its speed; `limits` are those of the jump out of a pose
+    that is held once, and of other jumps. A pose held once that is stopped at and left at speed is frozen, too.
+    """
+    marked = {code: np.zeros_like(still) for code in ("dropout", "frozen_joint")}
+    (jump, speed), (released, entering) = jumps, limits
+    for index in np.flatnonzero((still & ~whole[:, None]).any(axis=0)):
+        for start, stop in time_series.runs(still[:, index]):
+            if stop - start < settings.still_frames or whole[start:stop].all():
+                continue
+            if still[max(start - 4, 0) : start - 1, index].any() or still[stop + 1 : stop + 4, index].any():
+                continue  # at rest before or after, too
+            entered = jump[start - 1, index] > entering[index] and start > settings.still_frames
+            alone = not _held_elsewhere(value[:, index], still[:, index], start - 1, stop, settings.still_step)
+            if not alone and not (entered and stop < len(still)):
+                continue
+            limit = released[index] if alone else entering[index]
+            left = stop < len(still) and jump[stop, index] > limit
+            if alone and start > 1 and stop + 1 < len(still):
+                left |= min(speed[start - 1, index], speed[stop + 1, index]) > settings.stop_speed
+            if left or (stop == len(still) and entered):
+                code = "dropout" if entered else "frozen_joint"
+                marked[code][start - entered : stop, index] = True
+    return marked
+
+
+def _held_elsewhere(
+    value: Float[np.ndarray, "t d"], still: Bool[np.ndarray, " t"], start: int, stop: int, still_step: float
+) -> bool:
+    """Whether the pose that a body keeps in frames [start, stop) is one that it keeps at another time, too."""
+    apart = np.abs(value - value[stop - 1]).max(axis=1)
+    if value.shape[1] == 4:
+        apart = np.minimum(apart, np.abs(value + value[stop - 1]).max(axis=1))
+    there = still & (apart < still_step)
+    there[start:stop] = False
+    return bool(there.any())
 
 
 def _still_places(seen: Seen, settings: DetectionSettings) -> Bool[np.ndarray, "t 19"]:

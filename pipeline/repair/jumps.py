@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,51 +12,81 @@ from pipeline import rotation
 from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import Orientations, Positions
-from pipeline.repair.unsteadiness import Seen, slow_rate
+from pipeline.repair.tree import PARENT, TOES, Orientations, Positions
+from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
 
 USUAL_PERCENTILE = 95.0
+SLOW_SPREAD = 10.0
+"""At low rates a limit rises with the rate only as far as this many times what is usual for the body."""
 AT_THE_ENDS = 2.0
 """The first and the last step are judged from one side only and have to be this many times as large."""
 COMEBACK_SPEED = 1.5
 """A joint has come back if the way across took no more than this many times its usual top speed."""
+CHAIN_FRAMES = 3
+"""Jumps this close to each other are one disturbance."""
+TOE_SHARE = 2.0
+"""Toes bend so fast when they land that their limits are this many times as large."""
+SMALL_S = 0.15
+"""A small jump is one if another leads back within this [s]: knees that lock and unlock jump a little, too."""
 EVERYBODY = tuple(range(len(BODIES)))
 
 
-def find_jumps(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
+@dataclass(frozen=True, kw_only=True)
+class Edges:
+    """Frames into which each body jumps (t, 19)."""
+
+    place: Bool[np.ndarray, "t 19"]
+    turn: Bool[np.ndarray, "t 19"]
+    large: Bool[np.ndarray, "t 19"]
+    """Large enough to be told alone; a smaller one needs another one soon that leads back."""
+
+
+def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
     """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
 
     A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
-    without a way back is a cut.
+    without a way back is a cut. What is usual is taken from frames of which nothing is `lost`.
     """
     pos_w, quat_w = seen.pos_w, seen.quat_w
     if len(pos_w) < 6:
         return []
-    measured = seen.unsteadiness
-    rate = slow_rate(fps)
-    place_limit = _limits(measured.place, settings.position_jump * rate, settings.jump_spread)
-    place_limit[0] = _limits(measured.place[:, :1], settings.root_jump * rate, settings.jump_spread)[0]
-    turn_limit = _limits(measured.turn, settings.angle_jump * rate, settings.jump_spread)
-    turn_limit[0] = _limits(measured.turn[:, :1], settings.angle_jump, settings.jump_spread)[0]  # steady at any rate
-    ends = np.ones((len(pos_w), 1))
-    ends[[1, -1]] = AT_THE_ENDS
-    place, turn = measured.place > place_limit * ends, measured.turn > turn_limit * ends
+    edges = _edges(seen, lost, fps, settings)
     offset, local_turn = seen.local
-    fast = np.zeros_like(turn)
-    fast[1:] = rotation.length(seen.local_turns) * fps > settings.angular_speed
-    turn |= fast
-    visible = (measured.world > settings.position_jump / 2) | (measured.world_turn > settings.angle_jump / 2)
-    place[:, 1:] &= visible[:, 1:]
-    turn[:, 1:] &= visible[:, 1:] | fast[:, 1:]
-    defects = _root_defects(pos_w, quat_w, place[:, 0], turn[:, 0], fps, settings)
+    defects = _root_defects(pos_w, quat_w, edges.place[:, 0], edges.turn[:, 0], fps, settings)
     taken = np.zeros(len(pos_w), dtype=bool)
     for defect in defects:
         taken[max(defect.start - 1, 0) : defect.stop + 2] = True
-    for index in EVERYBODY[1:]:
-        both = (place[:, index] | turn[:, index]) & ~taken
-        if both.any():
-            defects += _joint_defects(index, both, place[:, index], offset, local_turn, fps, settings)
+    jumps = edges.place | edges.turn
+    for index in np.flatnonzero((jumps & ~taken[:, None]).any(axis=0)).tolist():
+        if index > 0:
+            at, large = jumps[:, index] & ~taken, edges.large[:, index]
+            defects += _joint_defects(index, at, large, edges.place[:, index], offset, local_turn, fps, settings)
     return defects
+
+
+def _edges(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> Edges:
+    measured, rate, usual = seen.unsteadiness, slow_rate(fps), np.asarray(~lost.any(axis=1))
+    least = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump)
+    near = np.full(len(EVERYBODY), settings.position_jump)
+    near[0] = settings.root_jump
+    ends = np.ones((len(seen.pos_w), 1))
+    ends[[1, -1]] = AT_THE_ENDS
+    place = measured.place > limits(measured.place, near, settings.jump_spread, usual) * ends
+    turn_limit = limits(measured.turn, least, settings.jump_spread, usual)
+    turn_limit[1:] = np.maximum(turn_limit[1:], _slow(measured.turn[usual, 1:], least[1:], rate))
+    turn_limit[list(TOES)] = np.maximum(turn_limit[list(TOES)], TOE_SHARE * settings.angle_jump)
+    alone = np.maximum(turn_limit, settings.angle_jump * rate)
+    fast = np.zeros_like(place)
+    fast[1:] = rotation.length(seen.local_turns) * fps > settings.angular_speed
+    turn = (measured.turn > turn_limit * ends) | fast
+    visible = (measured.world > settings.position_jump / 2) | (measured.world_turn > least / 2)
+    visible[:, 0] = True
+    bridged = lost.copy()
+    bridged[:, 1:] |= lost[:, list(PARENT[1:])]
+    bridged[1:] |= bridged[:-1].copy()
+    place &= visible & ~bridged
+    turn &= (visible | fast) & ~bridged
+    return Edges(place=place, turn=turn, large=place | fast | (measured.turn > alone * ends))
 
 
 def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
@@ -76,8 +107,11 @@ def joined(defects: list[Defect], known: list[Defect]) -> list[Defect]:
     return [stretch_of(one) if one.is_cut else one for one in defects]
 
 
-def _limits(size: Float[np.ndarray, "t n"], floor: float, spread: float) -> Float[np.ndarray, " n"]:
-    return np.maximum(floor, spread * np.percentile(size, USUAL_PERCENTILE, axis=0))
+def _slow(size: Float[np.ndarray, "t n"], floor: Float[np.ndarray, " n"], rate: float) -> Float[np.ndarray, " n"]:
+    """Least limits at a low rate: feet that land jump from frame to frame; what is always smooth need not be spared."""
+    if rate <= 1.0 or not len(size):
+        return floor
+    return np.clip(SLOW_SPREAD * np.percentile(size, USUAL_PERCENTILE, axis=0), floor, floor * rate)
 
 
 def _root_defects(
@@ -126,6 +160,7 @@ def _root_defects(
 def _joint_defects(
     index: int,
     edges: Bool[np.ndarray, " t"],
+    large: Bool[np.ndarray, " t"],
     place: Bool[np.ndarray, " t"],
     offset: Positions,
     turn: Orientations,
@@ -144,6 +179,10 @@ def _joint_defects(
 
     defects = []
     for start, stop in _stretches(np.flatnonzero(edges), len(edges), came_back, fps, settings):
+        brief = start > 0 and start < stop < min(len(edges), start + SMALL_S * fps)
+        told = brief or large[start : stop + 1].any()
+        if not told:
+            continue
         edge = start if start > 0 else stop
         code = "joint_jump" if start == stop else ("spike" if stop - start <= 2 else "dropout")
         if start != stop and (start == 0 or stop == len(edges)):
@@ -184,9 +223,24 @@ def _stretches(
         start = left.pop(0)
         near = [edge for edge in left if edge - start <= longest]
         back = next((edge for edge in near if came_back(start, edge)), None)
-        if back is None:
+        chain = _chain(start, left)
+        if back is None and len(chain) > 1:
+            result.append((start, chain[-1]))
+            left = left[len(chain) :]
+        elif back is None:
             result.append((start, start))
         else:
             result.append((start, back))
             left = [edge for edge in left if edge > back]
     return result
+
+
+def _chain(start: int, later: list[int]) -> list[int]:
+    """Of `later` edges those that follow on `start` within a few frames each: one disturbance, not many cuts."""
+    chain, last = [], start
+    for edge in later:
+        if edge - last > CHAIN_FRAMES:
+            break
+        chain.append(edge)
+        last = edge
+    return chain

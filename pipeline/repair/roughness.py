@@ -1,0 +1,167 @@
+"""How far each body is from where the frames around say: spikes too small to be jumps, and shaking.
+
+A gap of a few frames is bridged by a cubic through the two frames on either side, and what is there is held against
+it. For motion the miss goes with the fourth derivative, so it is far smaller than that of steps held against each
+other (`unsteadiness`); for a spike it is the spike's size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import time_series
+from pipeline.repair.defect import Defect, names
+from pipeline.repair.missing import spans
+from pipeline.repair.settings import DetectionSettings
+from pipeline.repair.tree import TOES
+from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
+
+LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
+"""Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
+NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
+"""A body shakes where it misses by so many times what it does in a quarter of all frames."""
+FEWEST_FRAMES = 7
+"""Of a window that may be shaking."""
+REACH = 2
+"""A bad frame disturbs the bridges of this many frames on either side."""
+TOE_SHARE = 1.5
+"""Toes bend so fast when they land that their limit is this many times as large."""
+CLEAR = 3
+"""A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
+
+
+def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Stretches in which a body shakes: most frames are off what their neighbours say (`noise`)."""
+    width = max(FEWEST_FRAMES, 2 * round(settings.noise_s * fps / 2.0) + 1)
+    if len(seen.pos_w) < width:
+        return []
+    turn, place = _misses(seen, 1)
+    least = _turn_limits(settings.noise_turn, settings) * slow_rate(fps)
+    turn_limit = np.maximum(least, NOISE_SPREAD * np.percentile(turn, OFTEN_PERCENTILE, axis=0))
+    place_limit = np.full(place.shape[1], settings.noise_place)
+    place_limit[0] = settings.root_jump / 2.0
+    rough = (turn > turn_limit) | (place > place_limit)
+    bodies = np.flatnonzero(rough.sum(axis=0) >= settings.noise_share * width)
+    shaking = np.zeros_like(rough)
+    for index in bodies:
+        core = time_series.moving_mean(rough[:, index].astype(float), width) >= settings.noise_share - 1e-9
+        for start, stop in time_series.runs(core):
+            inside = start + np.flatnonzero(rough[start:stop, index])
+            if len(inside):
+                shaking[inside[0] : inside[-1] + 1, index] = True
+        shaking[:, index] = _grown(shaking[:, index], rough[:, index])
+    if not shaking.any():
+        return []
+    return spans("noise", "{names} shaking from frame to frame", shaking, pos=shaking, rot=shaking)
+
+
+def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
+    longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
+    found: list[tuple[float, int, int, int, float, bool]] = []
+    for gap in range(1, longest + 1):
+        if len(seen.pos_w) < gap + 2 * REACH + 2:
+            break
+        found += _candidates(seen, lost, gap, settings)
+    defects, taken = [], np.zeros(lost.shape, dtype=bool)
+    for _, index, start, stop, angle, moved in sorted(found, reverse=True):
+        if taken[start:stop, index].any():
+            continue
+        taken[max(start - REACH, 0) : stop + REACH, index] = True
+        defects.append(
+            Defect(
+                code="spike",
+                text=f"{names([index])} is {np.rad2deg(angle):.0f} deg off what the frames around say",
+                start=start,
+                stop=stop,
+                bodies=(index,),
+                pos=moved,
+                value=angle,
+                limit=settings.spike_turn,
+                unit="rad",
+            )
+        )
+    return defects
+
+
+def _candidates(
+    seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, settings: DetectionSettings
+) -> list[tuple[float, int, int, int, float, bool]]:
+    """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle, whether it moved."""
+    turn, place = _misses(seen, gap)
+    least = _turn_limits(settings.spike_turn, settings)
+    usual = np.asarray(~lost.any(axis=1))
+    turn_limit = limits(turn, least, settings.spike_spread, usual)
+    place_limit = limits(place, np.full(place.shape[1], settings.position_jump), settings.spike_spread, usual)
+    place_limit[0] = max(place_limit[0], settings.root_jump)
+    turn_limit[list(TOES)] *= TOE_SHARE
+    size = np.maximum(turn / turn_limit, place / place_limit)
+    if not (size > 1.0).any():
+        return []
+    world_turn = 2.0 * _size(interpolation_miss(seen.continuous, gap))
+    world_place = _size(interpolation_miss(seen.pos_w, gap))
+    visible = (world_turn > least / 2.0) | (world_place > settings.position_jump / 2.0)
+    visible[:, 0] = True
+    result = []
+    for frame, index in np.argwhere((size > 1.0) & visible):
+        start = int(frame) - (gap - 1) // 2
+        stop = start + gap
+        if lost[max(start - CLEAR, 0) : stop + CLEAR, index].any():
+            continue
+        moved = bool(place[frame, index] > place_limit[index])
+        result.append((float(size[frame, index]), int(index), start, stop, float(turn[frame, index]), moved))
+    return result
+
+
+def _misses(seen: Seen, gap: int) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+    """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
+    offset, _ = seen.local
+    return (
+        2.0 * _size(interpolation_miss(seen.continuous_local, gap)),
+        _size(interpolation_miss(offset, gap)),
+    )
+
+
+def interpolation_miss(values: Float[np.ndarray, "t n d"], gap: int) -> Float[np.ndarray, "t n d"]:
+    """Middle of each window of `gap` frames less the cubic through the two frames on either side of it.
+
+    Of an even gap the middle lies half a frame after the frame it is told for. Zero where the window has no neighbours.
+    """
+    inner, outer = (gap + 1) / 2.0, (gap + 3) / 2.0
+    near = outer**2 / (outer**2 - inner**2) / 2.0
+    width = gap + 2 * REACH
+    count = len(values) - width + 1
+    result = np.zeros(values.shape)
+    if count < 1:
+        return result
+
+    def at(offset: int) -> np.ndarray:
+        return values[offset : offset + count]
+
+    first = REACH + (gap - 1) // 2
+    middle = at(first) if gap % 2 else 0.5 * (at(first) + at(first + 1))
+    sides = near * (at(1) + at(width - 2)) + (0.5 - near) * (at(0) + at(width - 1))
+    result[first : first + count] = middle - sides
+    return result
+
+
+def _size(vectors: Float[np.ndarray, "t n d"]) -> Float[np.ndarray, "t n"]:
+    return np.sqrt(np.einsum("tnd,tnd->tn", vectors, vectors))
+
+
+def _turn_limits(most: float, settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
+    """Limits of a turn [rad] that are `most` where jumps have theirs, and smaller in proportion elsewhere."""
+    return turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * (most / settings.angle_jump)
+
+
+def _grown(shaking: Bool[np.ndarray, " t"], rough: Bool[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """Stretches with the rough frames that touch them, across up to two quiet ones."""
+    result = shaking.copy()
+    for start, stop in time_series.runs(shaking):
+        while start > 0 and rough[max(start - REACH - 1, 0) : start].any():
+            start = max(start - REACH - 1, 0) + int(np.argmax(rough[max(start - REACH - 1, 0) : start]))
+        while stop < len(rough) and rough[stop : stop + REACH + 1].any():
+            stop += 1 + int(np.flatnonzero(rough[stop : stop + REACH + 1])[-1])
+        result[start:stop] = True
+    return result
