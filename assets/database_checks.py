@@ -116,7 +116,7 @@ def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
 
     found = coverage(index, settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings))
     axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")
-    columns = ["axis", "low", "high", "seconds", "effective_seconds", "clips"]
+    columns = ["axis", "low", "high", "seconds", "effective_seconds_before", "effective_seconds", "clips", "families"]
     return dg.AssetCheckResult(
         asset_key=plan.key,
         check_name=COMMANDS,

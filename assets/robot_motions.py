@@ -22,6 +22,12 @@ from assets.variants import with_further_variants
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import settings
 
+EFFECTIVE_SECONDS = (
+    *("axis", "low", "high", "low_2", "high_2", "seconds", "clips", "families"),
+    *("effective_seconds_before", "effective_seconds"),
+)
+"""Columns of the table of command cells: what their seconds count for before weighting and after."""
+
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
@@ -178,7 +184,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
-        from pipeline.feasibility import FeasibilitySettings, balance, process
+        from pipeline.feasibility import FeasibilitySettings, balance, coverage, process
         from pipeline.feasibility.command_seconds import by_command
         from pipeline.feasibility.recheck import recheck
         from pipeline.robot import load_robot
@@ -190,8 +196,8 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         stage = stage_of(plan, partial(process, settings=values, robot=robot), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
         balanced = balance(manifest.entry_table(), values)
-        weights = dict(zip(balanced["clip"], balanced["weight"], strict=True))
-        manifest = manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in weights.items()})
+        made = balanced[["clip", "weight", "family"]].itertuples(index=False)
+        manifest = manifest.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
         feedback = approved_part(PROJECT, "weights", plan.robot)
         manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
@@ -199,6 +205,8 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
+            cells = coverage(manifest.entry_table(), values).cells
+            metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
         ask_again = partial(recheck, settings=values, robot=robot)

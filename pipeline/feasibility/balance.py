@@ -100,10 +100,10 @@ def effective_seconds(rows: pd.DataFrame, weight: np.ndarray) -> float:
     motion weighs the same: copies add nothing, and a family that weighs too much for its seconds takes from the others.
     """
     take = rows["clip"].str.replace(WITHIN_A_TAKE, "", regex=True)
-    takes = rows["seconds"].astype(float).groupby([rows["family"], take]).sum()
-    own = takes.groupby(level=0).max()
-    of_family = pd.Series(weight, index=rows.index).groupby(rows["family"]).sum()
-    total = float(np.sum(of_family**2 / own))
+    takes = rows.assign(take=take, seconds=rows["seconds"].astype(float)).groupby(["family", "take"])["seconds"].sum()
+    own = np.asarray(takes.groupby(level=0).max(), dtype=float)
+    of_family = np.asarray(rows.assign(weight=weight).groupby("family")["weight"].sum(), dtype=float)
+    total = float(np.sum(np.square(of_family) / own))
     return float(np.sum(weight)) ** 2 / total if total > 0.0 else 0.0
 
 

@@ -17,13 +17,12 @@ def missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, 
     Speeds at which nothing at all is done are left out: the axis of forward speed says so.
     """
     plane = cells[cells["axis"] == "forward_yaw"]
-    there = plane.assign(there=plane["seconds"] >= settings.missing_seconds)
+    plane = plane.assign(there=plane["seconds"] >= settings.missing_seconds)
+    by_speed = [line for _, line in plane.groupby("low") if line["there"].to_numpy(dtype=bool).any()]
     sentences = []
     for side, sign in DIRECTIONS.items():
         lines = [
-            (float(low), float(high), _missing_rates(line, sign))
-            for (low, high), line in there.groupby(["low", "high"])
-            if line["there"].any()
+            (float(line["low"].iloc[0]), float(line["high"].iloc[0]), _missing_rates(line, sign)) for line in by_speed
         ]
         for rates, same in itertools.groupby(lines, key=lambda line: line[2]):
             stretches = _joined([(low, high) for low, high, _ in same])
