@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.deployment import Policy
@@ -75,6 +76,17 @@ def torque_at_60_percent(clean: Deployed) -> Deployed:
 
 def half_kp(clean: Deployed) -> Deployed:
     return dataclasses.replace(clean, task=dataclasses.replace(clean.task, kp=0.5 * clean.task.kp))
+
+
+def with_normalizer(policy: Policy, mean: Float[np.ndarray, " n"], scale: Float[np.ndarray, " n"]) -> Policy:
+    """The same function with another normalizer: the first layer takes up the change.
+
+    The published policy's is that of no change, and leaving it out no fault.
+    """
+    (weight, bias), *others = policy.layers
+    raw = weight / policy.scale
+    layers = ((raw * scale, bias + raw @ (mean - policy.mean)), *others)
+    return dataclasses.replace(policy, mean=mean, scale=scale, layers=layers)
 
 
 def normalizer_left_out(clean: Deployed) -> Deployed:

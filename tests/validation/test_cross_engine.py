@@ -1,0 +1,303 @@
+"""The comparison of engines: its verdict on made-up figures, its planted faults, and the published policy in both."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import rotation
+from pipeline.deployment import deployment_task, load_policy
+from pipeline.files.settings import read
+from pipeline.robot import Robot
+from pipeline.simulation.plant import PlantState
+from pipeline.simulation.sensors import PerfectSensors
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation import cross_engine as comparison
+from pipeline.validation.cross_engine import cross_engine
+from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
+from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
+from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures, command_of, start_state, walk
+from pipeline.validation.deployed import Deployed, with_ankle_kd
+from tests.factories.policies import random_policy, still_policy
+
+
+@pytest.fixture(scope="module")
+def settings(root: Path) -> CrossEngineSettings:
+    return read(root / "data" / "cross_engine.yaml", CrossEngineSettings)
+
+
+@pytest.fixture
+def still(robot: Robot) -> Deployed:
+    """A policy that does nothing."""
+    task = deployment_task(robot)
+    return Deployed(
+        robot=robot, task=task, policy=still_policy(task), envelope=TorqueEnvelope(limit=robot.torque_limit)
+    )
+
+
+@pytest.fixture
+def published(robot: Robot, policies: Path) -> Deployed:
+    """The published policy with the gains that it is deployed with."""
+    policy = load_policy(policies / "t1_walk.npz")
+    envelope = TorqueEnvelope(limit=robot.torque_limit)
+    return with_ankle_kd(Deployed(robot=robot, task=deployment_task(robot), policy=policy, envelope=envelope), 2.0)
+
+
+def one_seed(settings: CrossEngineSettings, **cells: Cell) -> CrossEngineSettings:
+    simulation = dataclasses.replace(settings.simulation, seeds=1)
+    return dataclasses.replace(settings, simulation=simulation, cells=cells or settings.cells)
+
+
+def walked(**changes: float | None) -> Figures:
+    numbers = {"fell_s": None, "forward_m_s": 0.5, "lateral_m_s": 0.0, "yaw_rate_rad_s": 0.0, "height_m": 0.67}
+    return Figures(**{**numbers, "power_w": 100.0, **changes})  # pyright: ignore[reportArgumentType]
+
+
+def fell(after_s: float) -> Figures:
+    nan = float("nan")
+    return walked(fell_s=after_s, forward_m_s=nan, lateral_m_s=nan, yaw_rate_rad_s=nan, height_m=nan)
+
+
+def a_cell(**changes) -> Cell:
+    segment = Segment(seconds=1.0, command=(0.5, 0.0, 0.0))
+    return Cell(**{"segments": (segment,), "measured_s": 0.5, **changes})
+
+
+def judged(
+    monkeypatch: pytest.MonkeyPatch,
+    still: Deployed,
+    settings: CrossEngineSettings,
+    cell: Cell,
+    **by_engine: Figures | list[Figures],
+):
+    """The verdict where engines would find these figures, one a seed."""
+    rows = {engine: each if isinstance(each, list) else [each] for engine, each in by_engine.items()}
+    monkeypatch.setattr(comparison, "walk_cell", lambda deployed, engine, cell, seed, simulation: rows[engine][seed])
+    simulation = dataclasses.replace(settings.simulation, seeds=len(next(iter(rows.values()))))
+    return cross_engine(still, dataclasses.replace(settings, simulation=simulation, cells={"walk": cell}))
+
+
+def test_the_grid_has_what_pure_forward_walking_misses(settings: CrossEngineSettings):
+    required = [cell for cell in settings.cells.values() if cell.required]
+    commands = np.array([segment.command for cell in required for segment in cell.segments])
+    assert not commands[0].any()
+    for axis in range(3):
+        assert commands[:, axis].min() < 0.0 < commands[:, axis].max()
+    assert any(abs(sum(s.seconds * s.command[2] for s in cell.segments)) > np.pi for cell in required)
+    assert any(all(segment.slew == 0.0 for segment in cell.segments) for cell in required)
+    assert {np.sign(cell.push.impulse).tobytes() for cell in required if cell.push} >= {
+        np.sign(each).tobytes() for each in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+    }
+    assert all(cell.velocity_error_m_s is not None for cell in required)
+
+
+def test_a_command_is_slewed_from_where_the_last_one_had_come_to():
+    quick = Segment(seconds=0.5, command=(1.0, 0.0, 0.0))
+    command = command_of([quick, Segment(seconds=1.0, command=(0.0, 0.0, -1.0), slew=2.0)])
+    np.testing.assert_allclose(command(0.0), [0.0, 0.0, 0.0])
+    np.testing.assert_allclose(command(0.3), [0.3, 0.0, 0.0])
+    np.testing.assert_allclose(command(0.6), [0.3, 0.0, -0.2])
+    np.testing.assert_allclose(command(9.0), [0.0, 0.0, -1.0])
+    step = command_of([Segment(seconds=1.0, command=(0.6, 0.0, 0.0), slew=0.0)])
+    np.testing.assert_allclose(step(0.0), [0.6, 0.0, 0.0])
+
+
+def test_seeds_start_near_the_default_pose_in_any_direction(still: Deployed, settings: CrossEngineSettings):
+    first = start_state(still.robot, still.task, 0, settings.simulation)
+    np.testing.assert_array_equal(first.joint_pos, still.robot.default_joint_pos)
+    yaws = []
+    for seed in range(1, 8):
+        state = start_state(still.robot, still.task, seed, settings.simulation)
+        assert np.abs(state.joint_pos - first.joint_pos).max() <= settings.simulation.start_joint_pos
+        yaws.append(float(rotation.yaw_of(state.root_quat_w)))
+    assert np.ptp(yaws) > 2.0
+
+
+def test_engines_that_agree_pass(monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings):
+    result = judged(
+        monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked(forward_m_s=0.56)
+    )
+    assert result.passed and result.reasons == ()
+
+
+def test_a_disagreement_names_both_figures_and_where_it_comes_from(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    result = judged(
+        monkeypatch,
+        still,
+        settings,
+        a_cell(),
+        mujoco=walked(),
+        bridge=walked(forward_m_s=0.48),
+        dart=walked(forward_m_s=0.40, height_m=0.685),
+    )
+    assert result.reasons == (
+        "cell 'walk': forward velocity 0.500 m/s in MuJoCo and 0.400 in DART, 0.100 apart, allowed is 0.070 "
+        "(-0.020 from the armature on the links, -0.080 from contact and solver)",
+        "cell 'walk': root height 0.670 m in MuJoCo and 0.685 in DART, 0.015 apart, allowed is 0.010 "
+        "(+0.000 from the armature on the links, +0.015 from contact and solver)",
+    )
+
+
+def test_fast_walks_may_differ_by_their_share(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    fast = {"mujoco": walked(forward_m_s=1.5), "bridge": walked(forward_m_s=1.5)}
+    assert judged(monkeypatch, still, settings, a_cell(), **fast, dart=walked(forward_m_s=1.61)).passed
+    assert not judged(monkeypatch, still, settings, a_cell(), **fast, dart=walked(forward_m_s=1.63)).passed
+
+
+def test_every_fall_is_a_reason_and_is_not_averaged(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    result = judged(
+        monkeypatch,
+        still,
+        settings,
+        a_cell(),
+        mujoco=[walked(), walked(forward_m_s=9.0)],
+        bridge=[walked(), fell(0.3)],
+        dart=[walked(), fell(0.7)],
+    )
+    assert result.reasons == ("cell 'walk' seed 1 in DART: fell after 0.70 s",)
+    assert result.cells[0].survival(DART) == 0.5
+    assert result.to_dict()["walks"]["walk"]["dart"][1]["forward_m_s"] is None
+
+
+def test_a_walk_that_ignores_its_command_fails_where_engines_agree(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    cell = a_cell(velocity_error_m_s=0.2, yaw_rate_error_rad_s=0.1)
+    lazy = walked(forward_m_s=0.0, yaw_rate_rad_s=0.2)
+    result = judged(monkeypatch, still, settings, cell, mujoco=lazy, bridge=lazy, dart=lazy)
+    assert result.reasons[0] == (
+        "cell 'walk' seed 0 in MuJoCo: walks 0.00, 0.00 m/s for 0.5, 0, off by 0.500, allowed is 0.2"
+    )
+    assert "turns 0.20 rad/s for 0, off by 0.200, allowed is 0.1" in result.reasons[1]
+    assert len(result.reasons) == 4
+
+
+def test_what_is_not_required_is_listed_and_fails_nothing(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    cell = a_cell(required=False)
+    result = judged(monkeypatch, still, settings, cell, mujoco=walked(), bridge=walked(), dart=fell(0.2))
+    assert result.passed
+    assert result.to_dict()["not_required"] == {"walk": ["cell 'walk' seed 0 in DART: fell after 0.20 s"]}
+
+
+def test_a_gyro_in_the_world_frame_is_right_only_when_facing_x(still: Deployed):
+    turned = state_of(rotation.about_z(np.pi / 2.0), [0.3, 0.0, 0.1])
+    read_so = FAULTS["gyro in the world frame"](still).reads.read(turned)
+    np.testing.assert_allclose(read_so.gyro_b, [0.0, 0.3, 0.1], atol=1e-12)
+    ahead = state_of(rotation.IDENTITY.copy(), [0.3, 0.0, 0.1])
+    clean = PerfectSensors().read(ahead)
+    np.testing.assert_array_equal(FAULTS["gyro in the world frame"](still).reads.read(ahead).gyro_b, clean.gyro_b)
+    np.testing.assert_allclose(FAULTS["gyro in deg/s"](still).reads.read(ahead).gyro_b, np.degrees(clean.gyro_b))
+
+
+def test_faults_of_order_permute_what_they_say(robot: Robot):
+    rng = np.random.default_rng(0)
+    task = deployment_task(robot)
+    clean = Deployed(
+        robot=robot, task=task, policy=random_policy(task, rng), envelope=TorqueEnvelope(limit=robot.torque_limit)
+    )
+    observation = rng.normal(size=(task.history, task.frame_size))
+    backwards = FAULTS["reversed history"](clean).policy
+    np.testing.assert_allclose(backwards.act(observation.ravel()), clean.policy.act(observation[::-1].ravel()))
+    hardware = FAULTS["wrong joint order"](clean).task.policy_joints
+    assert sorted(hardware) == sorted(task.policy_joints) and hardware != task.policy_joints
+    swapped = FAULTS["left and right swapped"](clean).task
+    left, right = (task.policy_joints.index(f"{side}_Knee_Pitch") for side in ("Left", "Right"))
+    assert swapped.policy_index[left] == task.policy_index[right]
+
+
+def test_faults_of_strength_scale_what_they_say(still: Deployed):
+    np.testing.assert_allclose(FAULTS["60 % torque"](still).envelope.limit, 0.6 * still.envelope.limit)
+    np.testing.assert_allclose(FAULTS["half Kp"](still).motors().kp, 0.5 * still.motors().kp)
+    assert FAULTS["action scale halved"](still).task.action_scale == 0.5 * still.task.action_scale
+    bare = FAULTS["normalizer left out"](still).policy
+    assert not bare.mean.any() and (bare.scale == 1.0).all()
+
+
+@pytest.mark.shared
+def test_the_published_policy_passes_a_fast_subset(published: Deployed, settings: CrossEngineSettings):
+    """Forwards and round a corner: all engines, and the velocities of the notes."""
+    result = cross_engine(published, one_seed(settings), only=("walk_0.6", "arc_left"))
+    assert result.passed, result.reasons
+    walk_cell = result.cells[0]
+    assert walk_cell.mean(MUJOCO, "forward_m_s") == pytest.approx(0.504, abs=0.02)
+    assert walk_cell.mean("bridge", "forward_m_s") == pytest.approx(0.495, abs=0.02)
+    assert walk_cell.mean(DART, "forward_m_s") == pytest.approx(0.492, abs=0.02)
+
+
+@pytest.mark.shared
+def test_a_walk_in_dart_gives_the_same_bits_again(published: Deployed, settings: CrossEngineSettings):
+    cell = dataclasses.replace(settings.cells["walk_0.6"], segments=(Segment(seconds=1.5, command=(0.6, 0.0, 0.0)),))
+    one, two = (walk(published, DART, cell, 1, settings.simulation) for _ in range(2))
+    np.testing.assert_array_equal(one.qpos, two.qpos)
+    np.testing.assert_array_equal(one.torque, two.torque)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("fault", "cell"), [("60 % torque", "walk_1.0"), ("half Kp", "stand")])
+def test_weak_motors_pass_mujoco_and_fall_in_dart(
+    published: Deployed, settings: CrossEngineSettings, fault: str, cell: str
+):
+    """What the second engine is for."""
+    result = cross_engine(FAULTS[fault](published), one_seed(settings), only=(cell,), engines=(MUJOCO, DART))
+    assert result.cells[0].survival(MUJOCO) == 1.0
+    assert result.cells[0].survival(DART) == 0.0
+    assert not result.passed
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("fault", "cell"),
+    [
+        ("gyro in the world frame", "turn_left"),
+        ("gyro in deg/s", "stand"),
+        ("left and right swapped", "walk_0.6"),
+        ("reversed history", "walk_0.6"),
+        ("wrong joint order", "stand"),
+        ("action scale halved", "walk_0.6"),
+    ],
+)
+def test_planted_faults_fail_a_required_cell(published: Deployed, settings: CrossEngineSettings, fault: str, cell: str):
+    result = cross_engine(FAULTS[fault](published), one_seed(settings), only=(cell,), engines=(MUJOCO, DART))
+    assert not result.passed
+    assert any(f"cell '{cell}'" in reason for reason in result.reasons)
+
+
+@pytest.mark.shared
+def test_a_normalizer_left_out_fails_where_there_was_one(published: Deployed, settings: CrossEngineSettings):
+    """The published policy has none; given one, it is the same function, and without it another."""
+    rng = np.random.default_rng(0)
+    size = published.policy.observation_size
+    policy = with_normalizer(published.policy, rng.normal(0.0, 0.3, size), rng.uniform(0.3, 3.0, size))
+    observation = rng.normal(size=size)
+    np.testing.assert_allclose(policy.act(observation), published.policy.act(observation), atol=1e-9)
+    fault = FAULTS["normalizer left out"](dataclasses.replace(published, policy=policy))
+    assert not cross_engine(fault, one_seed(settings), only=("walk_0.6",), engines=(MUJOCO, DART)).passed
+
+
+@pytest.mark.shared
+def test_a_gyro_in_the_world_frame_passes_straight_on(published: Deployed, settings: CrossEngineSettings):
+    """From a start that faces x: why the grid turns."""
+    fault = FAULTS["gyro in the world frame"](published)
+    assert cross_engine(fault, one_seed(settings), only=("walk_0.6",), engines=(MUJOCO, DART)).passed
+
+
+def state_of(quat_w: np.ndarray, ang_vel_b: list[float]) -> PlantState:
+    return PlantState(
+        root_pos_w=np.zeros(3),
+        root_quat_w=quat_w,
+        root_lin_vel_w=np.zeros(3),
+        root_ang_vel_b=np.array(ang_vel_b),
+        joint_pos=np.zeros(23),
+        joint_vel=np.zeros(23),
+    )
