@@ -56,6 +56,7 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
     return [
         dg.AssetSpec(
             approved_key(section, robot),
+            deps=[PROPOSAL],
             group_name="field" if robot is None else f"{robot}_motions",
             description=f"What was approved of curation_feedback (data/feedback/approved.yaml): {SAYS[section]}.",
             kinds={"file"},

@@ -3,10 +3,12 @@
 import dagster as dg
 
 from assets.approved import approved_specs
+from assets.feedback import curation_feedback, failure_modes, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
 from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.project import PROJECT
+from assets.recuration import approve_feedback, approved_feedback_sensor, nightly_recuration, recurate
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
@@ -16,14 +18,18 @@ defs = dg.Definitions(
         raw_motions,
         hardware_logs,
         hardware_trials,
+        failure_modes,
+        curation_feedback,
+        sim_to_real_report,
         *approved_specs(None),
         motion_catalog,
         selected_motions,
         repaired_motions,
         *(asset for robot in PROJECT.robots for asset in robot_assets(robot)),
     ],
-    jobs=[ingest_logs],
-    sensors=[hardware_log_sensor],
+    jobs=[ingest_logs, recurate, approve_feedback],
+    sensors=[hardware_log_sensor, approved_feedback_sensor],
+    schedules=[nightly_recuration],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
     executor=dg.in_process_executor,
 )

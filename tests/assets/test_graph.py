@@ -14,11 +14,14 @@ LINEAGE = {
     "hardware_logs": set(),
     "hardware_trials": {"hardware_logs"},
     "motion_catalog": {"raw_motions"},
-    "approved_windows": set(),
-    "approved_variants": set(),
-    "approved_weights": set(),
-    "approved_limits": set(),
-    "approved_randomization": set(),
+    "failure_modes": {"hardware_trials", "actuator_calibration"},
+    "sim_to_real_report": {"failure_modes"},
+    "curation_feedback": {"failure_modes"},
+    "approved_windows": {"curation_feedback"},
+    "approved_variants": {"curation_feedback"},
+    "approved_weights": {"curation_feedback"},
+    "approved_limits": {"curation_feedback"},
+    "approved_randomization": {"curation_feedback"},
     "selected_motions": {"motion_catalog", "approved_windows"},
     "repaired_motions": {"selected_motions"},
     "robot_model": set(),
@@ -34,7 +37,7 @@ LINEAGE = {
 MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
 """What is about the robot and no stage of motions."""
 
-FIELD = ("hardware_logs", "hardware_trials")
+FIELD = ("hardware_logs", "hardware_trials", "failure_modes", "sim_to_real_report", "curation_feedback")
 """What is about logs."""
 
 APPROVED = ("approved_windows", "approved_variants", "approved_weights", "approved_limits", "approved_randomization")
