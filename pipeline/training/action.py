@@ -1,4 +1,7 @@
-"""The policy's action: joint targets q_default + .25 a; joints that it doesn't move keep their default."""
+"""The policy's action: joint targets q_default + .25 a; joints that it doesn't move keep their default.
+
+A target may arrive some physics steps late; how many is drawn for each episode.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,10 @@ class PolicyAction(ActionTerm):
         self._index = env.policy_index
         self._raw = torch.zeros(self.num_envs, len(self._index), device=self.device)
         self._target = env.default_joint_pos.repeat(self.num_envs, 1)
+        self._before = self._target.clone()
+        self._largest_lag = env.context.options.action_lag_steps
+        self._lag = torch.zeros(self.num_envs, 1, dtype=torch.long, device=self.device)
+        self._substep = 0
 
     @property
     def action_dim(self) -> int:
@@ -38,10 +45,20 @@ class PolicyAction(ActionTerm):
 
     def process_actions(self, actions: torch.Tensor) -> None:
         self._raw[:] = actions
+        self._before.copy_(self._target)
+        self._substep = 0
         self._target[:, self._index] = self._env.default_joint_pos[self._index] + SCALE * actions
 
     def apply_actions(self) -> None:
-        self._entity.set_joint_position_target(self._target)
+        """At each physics step: the new target, or the one before where it is still on its way."""
+        late = self._substep < self._largest_lag
+        target = torch.where(self._lag > self._substep, self._before, self._target) if late else self._target
+        self._entity.set_joint_position_target(target)
+        self._substep += 1
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
-        self._raw[slice(None) if env_ids is None else env_ids] = 0.0
+        ids = slice(None) if env_ids is None else env_ids
+        self._raw[ids] = 0.0
+        self._target[ids] = self._env.default_joint_pos
+        if self._largest_lag:
+            self._lag[ids] = torch.randint(self._largest_lag + 1, self._lag[ids].shape, device=self.device)

@@ -92,7 +92,9 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
         raise TrainingError(f"{folder}/bundle.json: schema {about.get('schema')!r}, this version reads {SCHEMA!r}.")
     for name, wanted in about["files"].items():
         if hashlib.sha256(_bytes(folder / name)).hexdigest() != wanted:
-            raise TrainingError(f"{folder / name}: its digest is not the one bundle.json states. Write the bundle again.")
+            raise TrainingError(
+                f"{folder / name}: its digest is not the one bundle.json states. Write the bundle again."
+            )
     facts = json.loads(_bytes(folder / "robot.json"))
     return Bundle(
         robot=_robot(facts, _bytes(folder / "robot.xml").decode()),

@@ -74,7 +74,9 @@ def _pairs(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m pipeline.training", description="Train a policy; see the module's text.")
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.training", description="Train a policy; see the module's text."
+    )
     parser.add_argument("--bundle", type=Path)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--preset", default="tracking_amp")

@@ -71,10 +71,10 @@ class VelocityCommand(CommandTerm):
     def command(self) -> torch.Tensor:
         return self._command
 
-    def give(self, env_ids: torch.Tensor, command: torch.Tensor) -> None:
-        """Set the command of some environments."""
+    def give(self, env_ids: torch.Tensor, command: torch.Tensor, age: float = 0.0) -> None:
+        """Set the command of some environments, as if it were `age` [s] old."""
         self._command[env_ids] = command
-        self.age[env_ids] = 0.0
+        self.age[env_ids] = age
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
         self.give(env_ids, draw_commands(len(env_ids), self._env.context.options, self.device))

@@ -39,8 +39,8 @@ class Record:
         self._episodes = torch.zeros(5, device=device)
 
     def add(self, env) -> None:
-        """A step of the environment, after it; velocities are taken of every fourth."""
-        if env.common_step_counter % 4 == 0:
+        """A step of the environment, after it; velocities are taken of every eighth."""
+        if env.common_step_counter % 8 == 0:
             self._add_velocity(env)
         done = env.reset_buf
         stalled = done & ~env.fell & ~env.reset_time_outs

@@ -25,12 +25,15 @@ from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, grown, push_velocity
 from pipeline.training.readings import Readings
 from pipeline.training.reward_table import reward_cfg
+from pipeline.training.reward_terms import tracking
 from pipeline.training.robot_entity import robot_entity
 from pipeline.training.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
 
 PHYSICS_S = 0.005
 DECIMATION = 4
+OLD_S = 10.0
+"""Age of the command of an episode that begins at the velocity it commands [s]: it may stall at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +59,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
+        self._kernels: torch.Tensor | None = None
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
 
@@ -84,8 +88,21 @@ class AmpEnvironment(ManagerBasedRlEnv):
         options = self.context.options
         return grown((options.penalty_start, 1.0), self.iteration(), options.penalty_iterations)
 
+    def late_factor(self) -> float:
+        """What late rewards are multiplied by at this iteration."""
+        first, last = self.context.options.late_iterations
+        return min(1.0, max(0.0, (self.iteration() - first) / max(last - first, 1)))
+
+    def tracking_kernels(self) -> torch.Tensor:
+        """How well the command is followed on each axis (n, 3), worked out once a step."""
+        if self._kernels is None:
+            sigma2 = self.context.options.sigma2
+            self._kernels = tracking(self.command, self.readings.velocity, sigma2)
+        return self._kernels
+
     def step(self, action: torch.Tensor):
         """mjlab's step; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows within one episode."""
+        self._kernels = None
         result = super().step(action)
         self.record.add(self)
         self._motion = torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1)
@@ -98,8 +115,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         read, index = self.readings, self.controlled_index
         values = state_features(
             read.root_pos_w,
-            read.root_quat_w,
-            read.lin_vel_w,
+            read.root_rotation_w,
+            read.lin_vel_b,
             read.ang_vel_b,
             read.joint_pos[:, index],
             read.joint_vel[:, index],
@@ -113,7 +130,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         super()._reset_idx(env_ids)
         own = self.own_command[env_ids]
         kept = ~own.isnan().any(dim=1)
-        self.command_manager.get_term("velocity").give(env_ids[kept], own[kept])
+        self.command_manager.get_term("velocity").give(env_ids[kept], own[kept], age=OLD_S)
 
 
 def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:
@@ -137,7 +154,7 @@ def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: in
         observations=observation_cfg(),
         actions={"joints": PolicyActionCfg(entity_name="robot")},
         commands={"velocity": VelocityCommandCfg(resampling_time_range=options.resample_s)},
-        rewards=reward_cfg(options),
+        rewards=reward_cfg(),
         terminations=termination_cfg(options),
         events=_events(robot, options),
     )
@@ -150,10 +167,8 @@ def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
         return ContactSensorCfg(
             name=name,
             primary=ContactMatch(mode=mode, pattern=pattern, entity="robot"),
-            fields=("found", "force"),
+            fields=("force",),
             reduce="netforce",
-            track_air_time=name == "feet_contact",
-            history_length=DECIMATION,
         )
 
     feet = sensor("feet_contact", "body", tuple(f"^{link}$" for link in robot.foot_links))

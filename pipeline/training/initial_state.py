@@ -28,7 +28,9 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     joint_vel[home] = 0.0
     lin_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
     ang_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
-    turn = quat_from_euler_xyz(*(torch.zeros(2, count, device=device)), 2.0 * math.pi * torch.rand(count, device=device))
+    turn = quat_from_euler_xyz(
+        *(torch.zeros(2, count, device=device)), 2.0 * math.pi * torch.rand(count, device=device)
+    )
     quat, lin_vel_w, ang_vel_w = quat_mul(turn, quat), quat_apply(turn, lin_vel_w), quat_apply(turn, ang_vel_w)
     joints += JOINT_NOISE * (2.0 * torch.rand_like(joints) - 1.0)
     joints = torch.clamp(joints, *env.joint_limits)

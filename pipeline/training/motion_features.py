@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import torch
-from mjlab.utils.lab_api.math import quat_apply_inverse
 
 FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
 """Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: what hardly moves in the data
@@ -17,7 +16,11 @@ CLIP = 10.0
 
 
 def features(
-    joint_pos: torch.Tensor, ends_b: torch.Tensor, lin_vel_b: torch.Tensor, ang_vel_b: torch.Tensor, joint_vel: torch.Tensor
+    joint_pos: torch.Tensor,
+    ends_b: torch.Tensor,
+    lin_vel_b: torch.Tensor,
+    ang_vel_b: torch.Tensor,
+    joint_vel: torch.Tensor,
 ) -> torch.Tensor:
     """(n, 18 + 2 a + …) of joints (n, a) in the expert's order and end effectors (n, 12) in the trunk's frame."""
     return torch.cat([joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel], dim=1)
@@ -25,17 +28,16 @@ def features(
 
 def state_features(
     root_pos_w: torch.Tensor,
-    root_quat_w: torch.Tensor,
-    lin_vel_w: torch.Tensor,
+    root_rotation_w: torch.Tensor,
+    lin_vel_b: torch.Tensor,
     ang_vel_b: torch.Tensor,
     joint_pos: torch.Tensor,
     joint_vel: torch.Tensor,
     ends_pos_w: torch.Tensor,
 ) -> torch.Tensor:
-    """Features of simulator states; `ends_pos_w` (n, 4, 3) are hands and feet in the world."""
-    quat = root_quat_w[:, None].expand(-1, ends_pos_w.shape[1], -1)
-    ends_b = quat_apply_inverse(quat, ends_pos_w - root_pos_w[:, None])
-    lin_vel_b = quat_apply_inverse(root_quat_w, lin_vel_w)
+    """Features of simulator states; `ends_pos_w` (n, 4, 3) are hands and feet in the world, `root_rotation_w`
+    (n, 3, 3) turns the root's frame into the world's."""
+    ends_b = torch.bmm(ends_pos_w - root_pos_w[:, None], root_rotation_w)
     return features(joint_pos, ends_b.flatten(1), lin_vel_b, ang_vel_b, joint_vel)
 
 

@@ -50,10 +50,14 @@ class Options:
     """Of the paper's feet-slide weight."""
     action_rate_factor: float = 1.0
     """Of the paper's action-rate weight."""
+    tracking_product: float = 0.0
+    """Share of the three tracking terms' weight that their product has instead of their sum."""
     mean_tracking: float = 0.0
-    """Weight of tracking by the velocity averaged over .4 s, each axis."""
-    mean_sigma2: float = 0.02
-    """Width of those kernels."""
+    """Weight of tracking by the velocity averaged over .4 s, all axes at once."""
+    mean_sigma2: float = 0.05
+    """Width of that kernel."""
+    late_iterations: tuple[int, int] = (200, 500)
+    """`mean_tracking` grows in between these iterations."""
     standing_still: float = 0.0
     """Weight of steps and joint speed while the command is to stand."""
     single_stance: float = 0.0
@@ -72,8 +76,8 @@ class Options:
     """… and yaw rate [rad/s]."""
     stall_share: float = 0.3
     """Less than this share of the command is standing."""
-    stall_s: float = 1.0
-    """For this long [s]."""
+    stall_s: float = 0.8
+    """For this long [s], and not within this time of a new command."""
 
     # Where episodes start
     reference_share: float = 0.85

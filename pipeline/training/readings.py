@@ -1,13 +1,14 @@
-"""What the environment's terms read of the simulation, worked out once a step.
+"""What the environment's terms read of the simulation, each worked out once for a state.
 
-Root state and joints come straight from qpos and qvel. Places of links lag them by one physics step while rewards and
-terminations are worked out, and are fresh for observations and motion features (see mjlab's `step`).
+Root velocities and joints come straight from qpos and qvel. Orientations and places of links lag them by one physics
+step while rewards and terminations are worked out, and are fresh for observations and motion features (see mjlab's
+`step`). A step has thousands of launches on the GPU; this file is written for few.
 """
 
 from __future__ import annotations
 
 import torch
-from mjlab.utils.lab_api.math import quat_apply, quat_apply_inverse
+from mjlab.utils.lab_api.math import matrix_from_quat
 
 MEAN_TIME_S = 0.4
 """Time constant of the averaged velocity."""
@@ -16,14 +17,18 @@ CONTACT_FORCE = 1.0
 """Force [N] above which a foot is on the ground."""
 
 
-def yaw_frame(quat: torch.Tensor, vector_w: torch.Tensor) -> torch.Tensor:
-    """World vectors (n, 3) in the frame that shares only the heading of `quat` (n, 4, wxyz)."""
-    forward = quat_apply(quat, torch.tensor([1.0, 0.0, 0.0], device=quat.device).expand(len(quat), 3))
-    length = torch.linalg.norm(forward[:, :2], dim=1).clamp(min=1e-6)
-    cos, sin = forward[:, 0] / length, forward[:, 1] / length
-    x = vector_w[:, 0] * cos + vector_w[:, 1] * sin
-    y = -vector_w[:, 0] * sin + vector_w[:, 1] * cos
-    return torch.stack([x, y, vector_w[:, 2]], dim=1)
+def velocity_of(
+    rotation: torch.Tensor, lin_vel_w: torch.Tensor, ang_vel_b: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Forward and lateral velocity in the frame that shares only the root's heading, and the rate about the vertical.
+
+    `rotation` (n, 3, 3) turns the root's frame into the world's. The second result (n, 2) is the heading as (cos, sin).
+    """
+    heading = torch.nn.functional.normalize(rotation[:, :2, 0], dim=1)
+    x, y = lin_vel_w[:, 0], lin_vel_w[:, 1]
+    cos, sin = heading[:, 0], heading[:, 1]
+    yaw_rate = (rotation[:, 2] * ang_vel_b).sum(dim=1)
+    return torch.stack([x * cos + y * sin, y * cos - x * sin, yaw_rate], dim=1), heading
 
 
 def _kept(work):
@@ -47,9 +52,14 @@ class Readings:
     def __init__(self, env, feet: tuple[str, str], ends: tuple[str, ...]):
         self._env = env
         self._robot = env.scene["robot"]
-        self._foot_sites = self._sites(feet)
-        self._end_sites = self._sites(ends)
+        self._indexing = self._robot.indexing
+        self._root = self._indexing.root_body_id
+        self._foot_sites, self._end_sites = self._sites(feet), self._sites(ends)
+        self._foot_bodies = env.sim.model.site_bodyid[self._foot_sites]
+        self._forces = {name: self._addresses(name) for name in ("feet_contact", "other_contact")}
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
+        self._stance = torch.zeros(env.num_envs, 2, device=env.device)
+        self._stood = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
         self._known: dict[str, torch.Tensor] = {}
 
     def fresh(self) -> None:
@@ -58,15 +68,22 @@ class Readings:
 
     def _sites(self, names: tuple[str, ...]) -> torch.Tensor:
         local, _ = self._robot.find_sites(names, preserve_order=True)
-        return self._robot.indexing.site_ids[torch.as_tensor(local, device=self._env.device)]
+        return self._indexing.site_ids[torch.as_tensor(local, device=self._env.device)]
 
-    @property
+    def _addresses(self, sensor: str) -> torch.Tensor:
+        """Where the force vectors of a contact sensor are in the sensors' data (b, 3)."""
+        model = self._env.sim.mj_model
+        names = [f"{sensor}_{primary}_force" for primary in self._env.scene[sensor].primary_names]
+        first = torch.tensor([int(model.sensor(name).adr[0]) for name in names], device=self._env.device)
+        return first[:, None] + torch.arange(3, device=self._env.device)
+
+    @_kept
     def _qpos(self) -> torch.Tensor:
-        return self._env.sim.data.qpos[:, self._robot.indexing.free_joint_q_adr]
+        return self._env.sim.data.qpos[:, :]
 
-    @property
+    @_kept
     def _qvel(self) -> torch.Tensor:
-        return self._env.sim.data.qvel[:, self._robot.indexing.free_joint_v_adr]
+        return self._env.sim.data.qvel[:, :]
 
     @property
     def root_pos_w(self) -> torch.Tensor:
@@ -81,13 +98,18 @@ class Readings:
     def root_quat_w(self) -> torch.Tensor:
         return self._qpos[:, 3:7]
 
+    @_kept
+    def root_rotation_w(self) -> torch.Tensor:
+        """Turns the root's frame into the world's (n, 3, 3)."""
+        return self._env.sim.data.xmat[:, self._root]
+
     @property
     def lin_vel_w(self) -> torch.Tensor:
         return self._qvel[:, :3]
 
     @_kept
     def lin_vel_b(self) -> torch.Tensor:
-        return quat_apply_inverse(self.root_quat_w, self.lin_vel_w)
+        return torch.bmm(self.lin_vel_w[:, None], self.root_rotation_w)[:, 0]
 
     @property
     def ang_vel_b(self) -> torch.Tensor:
@@ -96,15 +118,21 @@ class Readings:
     @_kept
     def gravity_b(self) -> torch.Tensor:
         """Direction of gravity in the root's frame, unit."""
-        down = torch.tensor([0.0, 0.0, -1.0], device=self._env.device)
-        return quat_apply_inverse(self.root_quat_w, down.expand(self._env.num_envs, 3))
+        return -self.root_rotation_w[:, 2]
 
     @_kept
+    def _planar(self) -> tuple[torch.Tensor, torch.Tensor]:
+        return velocity_of(self.root_rotation_w, self.lin_vel_w, self.ang_vel_b)
+
+    @property
     def velocity(self) -> torch.Tensor:
         """Forward and lateral velocity in the yaw frame [m/s] and yaw rate about the vertical [rad/s] (n, 3)."""
-        planar = yaw_frame(self.root_quat_w, self.lin_vel_w)[:, :2]
-        yaw_rate = quat_apply(self.root_quat_w, self.ang_vel_b)[:, 2:]
-        return torch.cat([planar, yaw_rate], dim=1)
+        return self._planar[0]
+
+    @property
+    def heading_w(self) -> torch.Tensor:
+        """Where the root faces, (cos, sin) (n, 2)."""
+        return self._planar[1]
 
     @property
     def mean_velocity(self) -> torch.Tensor:
@@ -113,22 +141,22 @@ class Readings:
 
     @property
     def joint_pos(self) -> torch.Tensor:
-        return self._robot.data.joint_pos
+        return self._qpos[:, 7:]
 
     @property
     def joint_vel(self) -> torch.Tensor:
-        return self._robot.data.joint_vel
+        return self._qvel[:, 6:]
 
     @property
     def joint_acc(self) -> torch.Tensor:
-        return self._robot.data.joint_acc
+        return self._env.sim.data.qacc[:, 6:]
 
-    @property
+    @_kept
     def torque(self) -> torch.Tensor:
         """What the motors give [N m] (n, j)."""
-        return self._robot.data.qfrc_actuator
+        return self._env.sim.data.qfrc_actuator[:, 6:]
 
-    @property
+    @_kept
     def feet_pos_w(self) -> torch.Tensor:
         """Centres of the left and right sole (n, 2, 3)."""
         return self._env.sim.data.site_xpos[:, self._foot_sites]
@@ -138,47 +166,44 @@ class Readings:
         """Hands and feet in the order of the expert frames (n, 4, 3)."""
         return self._env.sim.data.site_xpos[:, self._end_sites]
 
-    @_kept
+    @property
     def feet_vel_w(self) -> torch.Tensor:
         """Velocity of the centres of the soles (n, 2, 3) [m/s]."""
         data = self._env.sim.data
-        body = self._env.sim.model.site_bodyid[self._foot_sites]
-        cvel = data.cvel[:, body]
-        arm = data.site_xpos[:, self._foot_sites] - data.subtree_com[:, self._robot.indexing.root_body_id, None]
+        cvel = data.cvel[:, self._foot_bodies]
+        arm = self.feet_pos_w - data.subtree_com[:, self._root, None]
         return cvel[..., 3:] + torch.cross(cvel[..., :3], arm, dim=-1)
 
-    @property
+    @_kept
     def feet_force_w(self) -> torch.Tensor:
         """Net contact force on each foot [N] at the last physics step (n, 2, 3)."""
-        return self._env.scene["feet_contact"].data.force
-
-    @property
-    def feet_force_history_w(self) -> torch.Tensor:
-        """The same at each physics step of the control step (n, 2, h, 3)."""
-        return self._env.scene["feet_contact"].data.force_history
+        return self._env.sim.data.sensordata[:, self._forces["feet_contact"]]
 
     @_kept
     def contacts(self) -> torch.Tensor:
-        """Feet that touched the ground during the control step (n, 2)."""
-        return torch.linalg.norm(self.feet_force_history_w, dim=-1).amax(dim=-1) > CONTACT_FORCE
+        """Feet that touch the ground (n, 2)."""
+        return torch.linalg.norm(self.feet_force_w, dim=-1) > CONTACT_FORCE
 
     @property
-    def other_force_history_w(self) -> torch.Tensor:
-        """Net contact force on each link that must not touch (n, b, h, 3)."""
-        return self._env.scene["other_contact"].data.force_history
+    def other_force_w(self) -> torch.Tensor:
+        """Net contact force on each shape that must not touch (n, b, 3)."""
+        return self._env.sim.data.sensordata[:, self._forces["other_contact"]]
 
     @property
     def stance_time(self) -> torch.Tensor:
         """How long each foot has been on the ground, or in the air [s] (n, 2)."""
-        data = self._env.scene["feet_contact"].data
-        return torch.maximum(data.current_contact_time, data.current_air_time)
+        return self._stance
 
     def advance(self) -> None:
-        """Once a control step, before rewards: the averaged velocity moves on."""
+        """Once a control step, before rewards: the averaged velocity and the time of stances move on."""
         self.fresh()
-        self._mean += (self.velocity - self._mean) * (self._env.step_dt / MEAN_TIME_S)
+        self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
+        self._stance = (self._stance + self._env.step_dt) * (self.contacts == self._stood)
+        self._stood = self.contacts
 
     def restart(self, env_ids: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""
         self.fresh()
-        self._mean[env_ids] = self.velocity[env_ids]
+        rotation = matrix_from_quat(self.root_quat_w[env_ids])
+        self._mean[env_ids] = velocity_of(rotation, self.lin_vel_w[env_ids], self.ang_vel_b[env_ids])[0]
+        self._stance[env_ids] = 0.0

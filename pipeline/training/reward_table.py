@@ -10,10 +10,10 @@ from mjlab.managers.reward_manager import RewardTermCfg
 
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
-from pipeline.training.readings import CONTACT_FORCE, yaw_frame
+from pipeline.training.readings import CONTACT_FORCE
 
-STEP_S = 0.02
-"""mjlab multiplies weights by the control step [s]."""
+PENALTY, LATE = "penalty", "late"
+"""Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,7 @@ class Term:
     """Of the environment, (n,)."""
     added: str = ""
     """Why it is there, where the paper does not have it; its off-switch is the option of that name set to 0."""
+    ramp: str = ""
 
 
 def table(options: Options) -> tuple[Term, ...]:
@@ -35,41 +36,67 @@ def table(options: Options) -> tuple[Term, ...]:
     return tuple(row for row in rows if row.weight != 0.0)
 
 
-def reward_cfg(options: Options) -> dict[str, RewardTermCfg]:
-    """The table as mjlab's reward manager takes it."""
-    return {row.name: RewardTermCfg(func=_Evaluate, weight=row.weight, params={"row": row.name}) for row in table(options)}
+def reward_cfg() -> dict[str, RewardTermCfg]:
+    """The table as one term of mjlab's reward manager, which would launch ten kernels more for each row."""
+    return {"task": RewardTermCfg(func=TaskReward, weight=1.0)}
 
 
-class _Evaluate:
-    """A row as a term of mjlab. Penalties but the termination's grow in over the first iterations."""
+class TaskReward:
+    """The weighted sum of the table's rows."""
 
     def __init__(self, cfg: RewardTermCfg, env):
-        options = env.context.options
-        self._row = next(row for row in table(options) if row.name == cfg.params["row"])
-        self._ramped = self._row.weight < 0.0 and self._row.name != "termination"
+        self.rows = table(env.context.options)
+        self._weights = {
+            ramp: torch.tensor([row.weight if _ramp(row) == ramp else 0.0 for row in self.rows], device=env.device)
+            for ramp in ("", PENALTY, LATE)
+        }
 
-    def __call__(self, env, row: str) -> torch.Tensor:
-        value = self._row.value(env)
-        return value * env.penalty_factor() if self._ramped else value
+    def values(self, env) -> torch.Tensor:
+        """Every row's value, not weighted (n, rows)."""
+        return torch.stack([row.value(env) for row in self.rows], dim=1)
+
+    def __call__(self, env) -> torch.Tensor:
+        weights = self._weights[""] + env.penalty_factor() * self._weights[PENALTY]
+        return torch.nan_to_num(self.values(env)) @ (weights + env.late_factor() * self._weights[LATE])
+
+
+def _ramp(row: Term) -> str:
+    return PENALTY if row.weight < 0.0 and row.name != "termination" else row.ramp
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
     def kernel(axis: int) -> Callable:
-        return lambda env: terms.tracking(env.command, env.readings.velocity, axis, options.sigma2)
+        return lambda env: env.tracking_kernels()[:, axis]
 
     names = ("tracking_x", "tracking_y", "tracking_yaw")
     symbols = ("v_x", "v_y", "w_z")
-    return tuple(
-        Term(name=name, equation=f"exp(-({symbol}_cmd - {symbol})^2 / sigma^2)", weight=3.0, value=kernel(axis))
+    each = tuple(
+        Term(
+            name=name,
+            equation=f"exp(-({symbol}_cmd - {symbol})^2 / sigma^2)",
+            weight=3.0 * (1.0 - options.tracking_product),
+            value=kernel(axis),
+        )
         for axis, (name, symbol) in enumerate(zip(names, symbols, strict=True))
     )
+    product = Term(
+        name="tracking_product",
+        equation="the product of the three",
+        weight=9.0 * options.tracking_product,
+        value=lambda env: env.tracking_kernels().prod(dim=1),
+        added="a robot that stands is paid two of three sums, but little of the product",
+    )
+    return (*each, product)
 
 
 def _motion(options: Options) -> tuple[Term, ...]:
     limit = terms.limit_indicator if options.joint_limit == "indicator" else terms.limit_excess
     return (
         Term(
-            name="lin_vel_z", equation="v_z^2", weight=-1.0, value=lambda env: terms.square(env.readings.lin_vel_b[:, 2])
+            name="lin_vel_z",
+            equation="v_z^2",
+            weight=-1.0,
+            value=lambda env: terms.square(env.readings.lin_vel_b[:, 2]),
         ),
         Term(
             name="ang_vel_xy",
@@ -95,7 +122,10 @@ def _motion(options: Options) -> tuple[Term, ...]:
             value=lambda env: terms.square(env.action_manager.action - env.action_manager.prev_action),
         ),
         Term(
-            name="orientation", equation="|g_xy|^2", weight=-2.0, value=lambda env: terms.square(env.readings.gravity_b[:, :2])
+            name="orientation",
+            equation="|g_xy|^2",
+            weight=-2.0,
+            value=lambda env: terms.square(env.readings.gravity_b[:, :2]),
         ),
         Term(
             name="joint_limit",
@@ -113,7 +143,7 @@ def _feet(options: Options) -> tuple[Term, ...]:
             name="undesired_contacts",
             equation="sum 1[|f_i| > 1]",
             weight=-1.0,
-            value=lambda env: terms.undesired_contacts(env.readings.other_force_history_w, CONTACT_FORCE),
+            value=lambda env: terms.undesired_contacts(env.readings.other_force_w, CONTACT_FORCE),
         ),
         Term(
             name="feet_slide",
@@ -149,18 +179,15 @@ def _feet(options: Options) -> tuple[Term, ...]:
 
 
 def _added(options: Options) -> tuple[Term, ...]:
-    mean = tuple(
-        Term(
-            name=f"mean_tracking_{name}",
-            equation="exp(-(v_cmd - mean v)^2 / mean_sigma2)",
-            weight=options.mean_tracking,
-            value=_mean_kernel(axis, options.mean_sigma2),
-            added="the wide kernel pays .99 for an error of .05; this one, on the average over a step, does not",
-        )
-        for axis, name in enumerate(("x", "y", "yaw"))
-    )
     return (
-        *mean,
+        Term(
+            name="mean_tracking",
+            equation="exp(-|v_cmd - mean v|^2 / mean_sigma2)",
+            weight=options.mean_tracking,
+            value=lambda env: terms.joint_tracking(env.command, env.readings.mean_velocity, options.mean_sigma2),
+            added="the wide kernel pays .99 for an error of .05; this one, on the average over a step, does not",
+            ramp=LATE,
+        ),
         Term(
             name="standing_still",
             equation="1[c = 0] (feet in the air + .05 |dq|)",
@@ -185,10 +212,6 @@ def _added(options: Options) -> tuple[Term, ...]:
     )
 
 
-def _mean_kernel(axis: int, sigma2: float) -> Callable:
-    return lambda env: terms.tracking(env.command, env.readings.mean_velocity, axis, sigma2)
-
-
 def _lateral_gap(env) -> torch.Tensor:
-    gap_w = env.readings.feet_pos_w[:, 0] - env.readings.feet_pos_w[:, 1]
-    return yaw_frame(env.readings.root_quat_w, gap_w)[:, 1]
+    gap_w, heading = env.readings.feet_pos_w[:, 0] - env.readings.feet_pos_w[:, 1], env.readings.heading_w
+    return gap_w[:, 1] * heading[:, 0] - gap_w[:, 0] * heading[:, 1]

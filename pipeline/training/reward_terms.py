@@ -18,9 +18,14 @@ STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 
 
-def tracking(command: torch.Tensor, velocity: torch.Tensor, axis: int, sigma2: float) -> torch.Tensor:
-    """exp(-(c - v)^2 / sigma^2) on one axis."""
-    return torch.exp(-torch.square(command[:, axis] - velocity[:, axis]) / sigma2)
+def tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
+    """exp(-(c - v)^2 / sigma^2) on each axis (n, 3)."""
+    return torch.exp(-torch.square(command - velocity) / sigma2)
+
+
+def joint_tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
+    """exp(-|c - v|^2 / sigma^2), all axes at once (n,)."""
+    return torch.exp(-torch.square(command - velocity).sum(dim=1) / sigma2)
 
 
 def square(value: torch.Tensor) -> torch.Tensor:
@@ -44,9 +49,9 @@ def limit_excess(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.Tens
     return torch.clamp((joint_pos - middle).abs() - half, min=0.0).sum(dim=1)
 
 
-def undesired_contacts(force_history_w: torch.Tensor, threshold: float) -> torch.Tensor:
-    """How many links (n, b, h, 3) were pressed by more than the threshold [N] during the step."""
-    return (torch.linalg.norm(force_history_w, dim=-1).amax(dim=-1) > threshold).float().sum(dim=1)
+def undesired_contacts(force_w: torch.Tensor, threshold: float) -> torch.Tensor:
+    """How many shapes (n, b, 3) are pressed by more than the threshold [N]."""
+    return (torch.linalg.norm(force_w, dim=-1) > threshold).float().sum(dim=1)
 
 
 def feet_slide(contacts: torch.Tensor, feet_vel_w: torch.Tensor) -> torch.Tensor:

@@ -59,7 +59,9 @@ class TrainingRun:
         wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
-        self.runner = OnPolicyRunner(wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device)
+        self.runner = OnPolicyRunner(
+            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
+        )
         self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]
         self.iteration = 0
         """How many iterations are done."""
@@ -172,7 +174,12 @@ AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
 
 def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
     """rsl-rl's configuration of the runner."""
-    network = {"class_name": "MLPModel", "hidden_dims": list(options.hidden), "activation": "elu", "obs_normalization": True}
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(options.hidden),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
     noise = {"class_name": "GaussianDistribution", "init_std": options.init_std, "std_type": "scalar"}
     mirror = "pipeline.training.mirror:augment"
     return {
@@ -191,7 +198,9 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
             "desired_kl": options.desired_kl,
             "schedule": "adaptive",
             "rnd_cfg": None,
-            "symmetry_cfg": {"data_augmentation_func": mirror, "use_data_augmentation": True} if options.symmetry else None,
+            "symmetry_cfg": {"data_augmentation_func": mirror, "use_data_augmentation": True}
+            if options.symmetry
+            else None,
             "options": options,
             "expert": windows,
             "joints": joints,
@@ -201,7 +210,8 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
 
 def _line(row: dict[str, float], iterations: int) -> str:
     pairs = [
-        f"{name} {row[name + '_achieved']:.2f}/{row[name + '_commanded']:.2f}" for name in ("mid", "top", "side", "turn")
+        f"{name} {row[name + '_achieved']:.2f}/{row[name + '_commanded']:.2f}"
+        for name in ("mid", "top", "side", "turn")
     ]
     style = f"task {row['task_reward']:.3f}, style {row['style_reward']:.3f}"
     d = f"D {row['d_expert']:.1f}/{row['d_policy']:.1f}"
