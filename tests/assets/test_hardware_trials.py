@@ -1,0 +1,214 @@
+"""Logs become trials asset-wise: each read once, none stops the others, copies and half copies change nothing."""
+
+import logging
+import os
+import shutil
+import time
+from pathlib import Path
+
+import dagster as dg
+import numpy as np
+import pytest
+
+import assets.external
+import assets.hardware
+import assets.log_sensor
+import assets.resources
+from assets.hardware import hardware_logs, hardware_trials, logs_version, trials_of
+from assets.log_ingest import IngestedLogs, ingest_folder
+from assets.log_sensor import hardware_log_sensor, ingest_logs
+from assets.plan import TRIALS
+from assets.project import Project
+from assets.resources import StoreIOManager
+from pipeline.files import settings
+from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
+from tests.factories.robot_logs import POLICY, robot_log
+
+LONG_AGO_S = 3_600.0
+
+
+@pytest.fixture
+def project(root, tmp_path, monkeypatch) -> Project:
+    """A project of its own, without motions, logs or a store."""
+    made = Project(tmp_path)
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots/t1").symlink_to(root / "robots/t1")
+    made.hardware_logs.mkdir(parents=True)
+    for path in (root / "data").glob("*.yaml"):
+        shutil.copy(path, made.data)
+    (made.data / "motions").mkdir()
+    for module in (assets.hardware, assets.log_sensor, assets.resources):
+        monkeypatch.setattr(module, "PROJECT", made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def log_bytes() -> bytes:
+    from pipeline.robot import load_robot
+
+    return mcap_bytes(robot_log(load_robot("t1"), 1.0), Storage(chunk_bytes=60_000))
+
+
+def drop(project: Project, name: str, data: bytes, age_s: float = LONG_AGO_S) -> Path:
+    """Put a file into the folder that was last written `age_s` ago."""
+    path = project.hardware_logs / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    then = time.time() - age_s
+    os.utime(path, (then, then))
+    return path
+
+
+def ingested(project: Project) -> IngestedLogs:
+    """What the asset does, and its manifest as the current one."""
+    values = settings.read(project.settings("hardware_logs.yaml"), LogSettings)
+    found = ingest_folder(project, TRIALS, values, logging.getLogger())
+    project.store.save("hardware_trials", found.manifest)
+    return found
+
+
+def test_a_log_becomes_a_trial_in_the_store(project, log_bytes, robot):
+    drop(project, "day1/walk.mcap", log_bytes)
+    found = ingested(project)
+    ((name, path, numbers),) = trials_of(found.manifest)
+    trial = read_trial(path)
+    assert name == trial.name == "day1/walk"
+    assert numbers["policy_digest"] == trial.policy_digest == POLICY
+    assert numbers["log"] == "day1/walk"
+    np.testing.assert_array_equal(trial.joint_pos, robot_log(robot, 1.0).low_state.joint_pos.astype(np.float32))
+    assert not list((project.store.root / "ingest").iterdir())
+
+
+def test_an_empty_folder_and_none_at_all_are_fine(project):
+    assert ingested(project).manifest.entries == ()
+    project.hardware_logs.rmdir()
+    assert ingested(project).manifest.judged == ()
+
+
+def test_a_bad_log_gets_its_sentence_and_does_not_stop_the_others(project, log_bytes):
+    drop(project, "a.mcap", b"no log at all" * 10)
+    drop(project, "b.mcap", log_bytes)
+    drop(project, "c.mcap", log_bytes[: len(log_bytes) // 2])
+    manifest = ingested(project).manifest
+    assert [entry.clip for entry in manifest.entries] == ["b", "c"]
+    assert [row.fate for row in manifest.judged] == ["rejected", "accepted", "accepted"]
+    assert manifest.entries[1].numbers["integrity"] == "recovered"
+    (note,) = (project.hardware_logs / "quarantine").iterdir()
+    assert note.name == "a.txt"
+    text = note.read_text()
+    assert text.startswith("a: not an MCAP file")
+    assert text.count("\n") == 1
+
+
+def test_a_log_that_is_healed_leaves_quarantine(project, log_bytes):
+    drop(project, "a.mcap", b"no log at all" * 10)
+    ingested(project)
+    drop(project, "a.mcap", log_bytes)
+    assert [entry.clip for entry in ingested(project).manifest.entries] == ["a"]
+    assert not list((project.hardware_logs / "quarantine").iterdir())
+
+
+def test_logs_are_read_once(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    drop(project, "b.mcap", b"no log at all" * 10)
+    first = ingested(project).manifest
+    second = ingested(project).manifest
+    assert (first.recomputed, second.recomputed) == (2, 0)
+    assert first.digest == second.digest
+
+
+@pytest.mark.parametrize("name", ["z.mcap", "0.mcap", "other/a.mcap"])
+def test_a_log_that_comes_again_changes_nothing(project, log_bytes, name):
+    drop(project, "a.mcap", log_bytes)
+    before, version = ingested(project).manifest, logs_version(project)[0]
+    drop(project, name, log_bytes)
+    drop(project, "a.mcap", log_bytes, age_s=100.0)
+    after = ingested(project)
+    assert after.manifest.digest == before.digest
+    assert logs_version(project)[0] == version
+    assert after.passed_over == (f"{name.removesuffix('.mcap')} has the content of a.",)
+
+
+def test_a_sidecar_speaks_for_its_log(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    before = logs_version(project)[0]
+    drop(project, "a.yaml", b"events: [{time_s: 0.25, kind: stop}]\n")
+    assert logs_version(project)[0] != before
+    ((_, path, _),) = trials_of(ingested(project).manifest)
+    (event,) = [event for event in read_trial(path).events if event.source == "sidecar"]
+    assert (event.kind, event.time_s) == ("stop", 0.25)
+
+
+def test_a_sidecar_that_contradicts_its_log_refuses_it(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    drop(project, "a.yaml", b"robot: k1\n")
+    (row,) = ingested(project).manifest.judged
+    assert row.fate == "rejected"
+    assert "states the robot 't1', its sidecar 'k1'" in row.reasons[0]["text"]
+
+
+def test_what_is_still_being_copied_waits(project, log_bytes):
+    drop(project, "half.mcap", log_bytes[: len(log_bytes) // 2], age_s=10.0)
+    drop(project, "fresh.mcap", log_bytes, age_s=0.0)
+    found = ingested(project)
+    assert found.manifest.judged == ()
+    assert found.passed_over == ("fresh.mcap is still being written.", "half.mcap is still being written.")
+
+
+def materialize(instance: dg.DagsterInstance) -> dg.ExecuteInProcessResult:
+    resources = {"io_manager": StoreIOManager(bootstrap=False)}
+    return dg.materialize([hardware_logs, hardware_trials], instance=instance, resources=resources)
+
+
+def tick(instance: dg.DagsterInstance, cursor: str | None) -> tuple[int, str | None, str]:
+    """Runs that the sensor asks for, its cursor, why it asks for none."""
+    definitions = dg.Definitions(assets=[hardware_logs, hardware_trials], jobs=[ingest_logs])
+    with dg.build_sensor_context(instance=instance, cursor=cursor, definitions=definitions) as context:
+        found = hardware_log_sensor(context)
+    if isinstance(found, dg.SkipReason):
+        return 0, cursor, found.skip_message or ""
+    assert isinstance(found, dg.SensorResult)
+    return len(found.run_requests or []), found.cursor, ""
+
+
+def test_the_sensor_starts_one_run_for_a_new_log_and_none_for_half_of_one(project, log_bytes):
+    with dg.instance_for_test() as instance:
+        assert tick(instance, None)[0] == 0
+        drop(project, "a.mcap", log_bytes[: len(log_bytes) // 2], age_s=10.0)
+        runs, cursor, why = tick(instance, None)
+        assert (runs, cursor) == (0, None)
+        assert "1 still being written" in why
+        drop(project, "a.mcap", log_bytes, age_s=10.0)
+        runs, cursor, _ = tick(instance, cursor)
+        assert runs == 1
+        assert tick(instance, cursor)[0] == 0
+        drop(project, "again.mcap", log_bytes)
+        assert tick(instance, cursor)[0] == 0
+
+
+def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        assets.external.note_external(instance, project)
+        result = materialize(instance)
+        assert result.success
+        runs, _, why = tick(instance, None)
+        assert runs == 0
+        assert "1 are ingested" in why
+        checks = {check.check_name: check.passed for check in result.get_asset_check_evaluations()}
+        assert checks == {"every_log_readable": True, "every_log_verified": True}
+
+
+def test_a_refused_log_warns_and_does_not_fail_the_run(project):
+    drop(project, "a.mcap", b"no log at all" * 10)
+    with dg.instance_for_test() as instance:
+        result = materialize(instance)
+        assert result.success
+        (check,) = [each for each in result.get_asset_check_evaluations() if not each.passed]
+        assert check.check_name == "every_log_readable"
+        assert check.severity == dg.AssetCheckSeverity.WARN
+
+
+def test_the_sensor_runs_by_itself_every_half_minute():
+    assert hardware_log_sensor.default_status == dg.DefaultSensorStatus.RUNNING
+    assert hardware_log_sensor.minimum_interval_seconds == 30
