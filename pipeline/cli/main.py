@@ -6,7 +6,14 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from pipeline.cli import inspect_command, retarget_command, score_command, validate_command, view_command
+from pipeline.cli import (
+    inspect_command,
+    retarget_command,
+    score_command,
+    validate_command,
+    view_command,
+    webots_command,
+)
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
@@ -19,7 +26,7 @@ EPILOG = (
     "dagster asset materialize --select expert_db"
 )
 
-COMMANDS = (inspect_command, retarget_command, score_command, validate_command, view_command)
+COMMANDS = (inspect_command, retarget_command, score_command, validate_command, view_command, webots_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
