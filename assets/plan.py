@@ -144,7 +144,31 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
     )
 
 
+def validation_plan(robot: str) -> Plan:
+    """What is asked of a robot's policy in MuJoCo."""
+    packages = ("validation", "deployment", "actuators", "virtual_robot", "hardware_logs")
+    return Plan(name="mujoco_validation", packages=packages, settings_files=("validation.yaml",), robot=robot)
+
+
+def engine_plans(robot: str) -> tuple[Plan, ...]:
+    """What holds a robot's policy against other physics engines."""
+    walked = ("validation", "deployment", "actuators")
+    return (
+        Plan(
+            name="cross_engine_validation",
+            packages=(*walked, "dart"),
+            settings_files=("cross_engine.yaml",),
+            robot=robot,
+        ),
+        Plan(name="webots_validation", packages=(*walked, "webots"), settings_files=("webots.yaml",), robot=robot),
+    )
+
+
 def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     """Every asset of the graph by key."""
-    by_robot = (plan for robot in project.robots for plan in (*robot_plans(robot), *policy_plans(robot)))
+    by_robot = (
+        plan
+        for robot in project.robots
+        for plan in (*robot_plans(robot), *policy_plans(robot), *engine_plans(robot), validation_plan(robot))
+    )
     return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *by_robot)}

@@ -55,6 +55,10 @@ class Project:
         """Folder that logs of the robot are dropped into."""
         return self.data / "hardware_logs"
 
+    def simulated_failures(self, robot: str, engine: str) -> Path:
+        """Folder among the logs for what a robot's policy failed at in simulation."""
+        return self.hardware_logs / "simulation" / robot / engine
+
     @property
     def log_digests(self) -> Path:
         """File that remembers the digests of logs."""

@@ -1,0 +1,117 @@
+"""`mujoco_validation`: does the exported policy do in MuJoCo what is asked of it, on the adapted robot?"""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import dagster as dg
+import pandas as pd
+
+from assets.actuators import declared
+from assets.plainly import plainly
+from assets.plan import Plan, policy_plans, robot_plans, validation_plan
+from assets.policy import result_of, served, served_policy
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.report import picture, table_of
+from assets.resources import ClipPoolResource
+from pipeline.batch import Manifest
+from pipeline.files import settings
+
+PASSED = "required_cells_passed"
+VERDICT = "verdict"
+"""Key under which the result lies in the manifest."""
+SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
+"""Walks that pictures show, by cell."""
+
+
+class ValidationConfig(dg.Config):
+    """What is tried."""
+
+    suite: Literal["quick", "full"] = "full"
+    policy: str = ""
+    """An npz to validate in place of the exported policy. The release report then calls it another policy's result."""
+
+
+def validation_assets(robot: str) -> list[Any]:
+    """The asset of the robot in `robots/<robot>`."""
+    adapted = next(plan for plan in robot_plans(robot) if plan.name == "adapted_robot")
+    exported = next(plan for plan in policy_plans(robot) if plan.name == "exported_policy")
+    return [mujoco_validation(validation_plan(robot), exported, adapted)]
+
+
+def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `mujoco_validation` of a robot."""
+    spec = dg.AssetCheckSpec(
+        PASSED, asset=plan.key, description="Every required cell of data/validation.yaml holds all of its bars."
+    )
+    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+
+    @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[adapted.key]), check_specs=[spec])
+    @plainly
+    def mujoco_validation(
+        context: dg.AssetExecutionContext,
+        config: ValidationConfig,
+        clip_pool: ClipPoolResource,
+        exported_policy: Manifest,
+    ):
+        """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
+        from pipeline.deployment import digest, load_policy
+        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.deployed import deployed
+        from pipeline.validation.failed_trials import write_failed_trials
+        from pipeline.validation.measure import measure
+        from pipeline.validation.suites import cells_of
+        from pipeline.validation.verdict import judge
+
+        bars = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported_policy)
+        one = deployed(PROJECT.adapted_robot(robot), policy)
+        measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
+        verdict = judge(measured, bars, suite=config.suite, policy=digest(policy), robot=one.robot.digest)
+        logs = write_failed_trials(one, verdict, PROJECT.simulated_failures(robot, "mujoco"))
+        context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
+        said = {**verdict.to_dict(), "stage": plan.name, "not run": _not_run(config.suite)}
+        if not config.policy:
+            said["policy"] = served(exported_policy)["digest"]
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: said})
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=PASSED,
+            passed=verdict.passed,
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata={"found": "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"},
+        )
+        return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
+
+    return mujoco_validation
+
+
+def _not_run(suite: str) -> list[str]:
+    return [] if suite == "full" else ["the full suite: only the quick one was run"]
+
+
+def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
+    from pipeline.validation.report import table
+    from pipeline.validation.suites import named
+    from pipeline.validation.walk import Worlds, walk
+    from pipeline.viewing.validation_plots import command_tracking, foot_contacts, survival_heatmap, torque_speed
+
+    worlds = Worlds(one)
+    walks = {cell.name: walk(worlds, cell.trials[0]) for cell in named(one.robot, SHOWN)}
+    rows = pd.DataFrame(table(verdict))
+    spared = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
+    return {
+        "passed": verdict.passed,
+        "suite": verdict.suite,
+        "cells": len(verdict.cells),
+        "cells failed": len(verdict.failed_cells),
+        "trials": sum(len(cell.measured.trials) for cell in verdict.cells),
+        "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in verdict.reasons) or "none"),
+        "not required": dg.MetadataValue.md("\n".join(f"- {name}: {why}" for name, why in spared.items()) or "none"),
+        "failures written": ", ".join(path.name for path in logs) or "none",
+        "command tracking": picture(command_tracking(verdict)),
+        "survival of pushes": picture(survival_heatmap(verdict)),
+        "torque against speed": picture(torque_speed(walks, one.envelope)),
+        "foot contacts": picture(foot_contacts(walks)),
+        "every cell": table_of(rows, list(rows)),
+    }

@@ -1,0 +1,125 @@
+"""A validation as pictures: commands followed, pushes survived, torque against speed, feet on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.verdict import CellVerdict, Verdict
+from pipeline.viewing.plots import png
+
+AXES = (("forward", "forward [m/s]"), ("lateral", "to the left [m/s]"), ("yaw_rate", "yaw rate [rad/s]"))
+COLOURS = {"passed": "#1f77b4", "failed": "#d62728", "not required": "#7f7f7f"}
+SHOWN_S = 3.0
+"""Of the foot contacts."""
+POINTS = 1500
+"""Of a joint in the scatter."""
+
+
+def command_tracking(verdict: Verdict) -> bytes:
+    """Achieved against commanded velocity, a column an axis; bars from the least to the most of the seeds."""
+    figure = Figure(figsize=(9.0, 3.2), dpi=80, layout="constrained")
+    cells = [cell for cell in verdict.cells if cell.measured.cell.group == "commands"]
+    for (name, label), place in zip(AXES, figure.subplots(1, 3), strict=True):
+        shown = [cell for cell in cells if _wanted(cell, name) != 0.0 or _stands(cell)]
+        for cell in shown:
+            spread, wanted = cell.measured.spread(name), _wanted(cell, name)
+            if spread:
+                low, high = spread["mean"] - spread["min"], spread["max"] - spread["mean"]
+                place.errorbar(wanted, spread["mean"], [[low], [high]], fmt="o", color=COLOURS[cell.word], markersize=4)
+            else:
+                place.plot(wanted, 0.0, "x", color=COLOURS["failed"])
+        ends = [_wanted(cell, name) for cell in shown] or [0.0]
+        place.plot([min(ends), max(ends)], [min(ends), max(ends)], color="#bbbbbb", linewidth=0.8, zorder=0)
+        place.set_xlabel(f"wanted {label}", fontsize=8)
+        place.set_ylabel("achieved", fontsize=8)
+        place.tick_params(labelsize=7)
+        place.grid(alpha=0.3)
+    figure.suptitle("blue passed, red failed, grey not required, x: every trial fell", fontsize=8)
+    return png(figure)
+
+
+def survival_heatmap(verdict: Verdict) -> bytes:
+    """Share of survived pushes: a row a push model and gait, a column a strength."""
+    rows: dict[str, list[CellVerdict]] = {}
+    for cell in verdict.cells:
+        if cell.measured.cell.group.startswith("pushes"):
+            rows.setdefault(" ".join(cell.measured.cell.name.split()[1:3]), []).append(cell)
+    figure = Figure(figsize=(8.0, 0.55 * max(len(rows), 1) + 0.8), dpi=80, layout="constrained")
+    place = figure.subplots()
+    for row, (label, cells) in enumerate(rows.items()):
+        for column, cell in enumerate(cells):
+            survival = cell.measured.figure("survival") or 0.0
+            place.add_patch(_square(column, row, survival))
+            text = f"{' '.join(cell.measured.cell.name.split()[3:])}\n{survival:.2f}"
+            weight = "bold" if cell.word == "failed" else "normal"
+            place.text(column, row, text, ha="center", va="center", fontsize=7, fontweight=weight)
+        place.text(-0.6, row, label, ha="right", va="center", fontsize=8)
+    place.set_xlim(-2.2, max((len(cells) for cells in rows.values()), default=1) - 0.5)
+    place.set_ylim(len(rows) - 0.5, -0.5)
+    place.set_axis_off()
+    figure.suptitle("survival of pushes by model; bold: below its bar", fontsize=8)
+    return png(figure)
+
+
+def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> bytes:
+    """Torque against speed of the left leg's joints, with what their motors can give."""
+    first = next(iter(walks.values()))
+    names = first.robot.joint_names
+    legs = [index for index, name in enumerate(names) if name.startswith("Left") and _is_leg(name)]
+    figure = Figure(figsize=(9.0, 5.0), dpi=80, layout="constrained")
+    for joint, place in zip(legs, np.ravel(figure.subplots(2, 3)), strict=False):
+        for label, walked in walks.items():
+            step = max(len(walked.torque) // POINTS, 1)
+            place.plot(walked.qvel[::step, 6 + joint], walked.torque[::step, joint], ".", markersize=1.2, label=label)
+        fastest = max(float(np.abs(walked.qvel[:, 6 + joint]).max()) for walked in walks.values())
+        speed = np.linspace(-1.1 * fastest, 1.1 * fastest, 100)
+        lower, upper = envelope.bounds(np.tile(speed[:, None], (1, len(names))))
+        place.plot(speed, upper[:, joint], color="#000000", linewidth=0.8)
+        place.plot(speed, lower[:, joint], color="#000000", linewidth=0.8)
+        place.set_title(names[joint], fontsize=8)
+        place.tick_params(labelsize=7)
+        place.grid(alpha=0.3)
+    figure.supxlabel("joint speed [rad/s]", fontsize=8)
+    figure.supylabel("torque [N m]", fontsize=8)
+    figure.suptitle(", ".join(walks) + "; line: torque-speed envelope", fontsize=8)
+    return png(figure)
+
+
+def foot_contacts(walks: Mapping[str, Rollout]) -> bytes:
+    """When each foot is on the ground, in the last seconds of each walk."""
+    figure = Figure(figsize=(9.0, 0.8 * len(walks) + 0.6), dpi=80, layout="constrained")
+    for (label, walked), place in zip(walks.items(), np.ravel(figure.subplots(len(walks), 1)), strict=True):
+        contacts = walked.contacts()[-round(SHOWN_S / walked.timestep_s) :]
+        times_s = walked.timestep_s * np.arange(len(contacts))
+        for foot, colour in enumerate(("#1f77b4", "#ff7f0e")):
+            place.fill_between(
+                times_s, foot + 0.1, foot + 0.9, where=contacts[:, foot].tolist(), color=colour, step="post"
+            )
+        place.set_yticks([0.5, 1.5], ["left", "right"], fontsize=7)
+        place.set_title(label, fontsize=8, loc="left")
+        place.tick_params(labelsize=7)
+    figure.supxlabel("time [s]", fontsize=8)
+    return png(figure)
+
+
+def _wanted(cell: CellVerdict, name: str) -> float:
+    return float(getattr(cell.measured.cell.trials[0].command.last, name))
+
+
+def _stands(cell: CellVerdict) -> bool:
+    return not any(cell.measured.cell.trials[0].command.last.goal)
+
+
+def _is_leg(name: str) -> bool:
+    return any(part in name for part in ("Hip", "Knee", "Ankle"))
+
+
+def _square(column: int, row: int, survival: float) -> Rectangle:
+    colour = (0.95 - 0.55 * survival, 0.45 + 0.45 * survival, 0.45 + 0.1 * survival)
+    return Rectangle((column - 0.48, row - 0.45), 0.96, 0.9, facecolor=colour)
