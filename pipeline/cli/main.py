@@ -10,6 +10,7 @@ from pipeline.cli import (
     inspect_command,
     retarget_command,
     score_command,
+    simulate_robot_command,
     validate_command,
     view_command,
     webots_command,
@@ -26,7 +27,15 @@ EPILOG = (
     "dagster asset materialize --select expert_db"
 )
 
-COMMANDS = (inspect_command, retarget_command, score_command, validate_command, view_command, webots_command)
+COMMANDS = (
+    inspect_command,
+    retarget_command,
+    score_command,
+    validate_command,
+    simulate_robot_command,
+    view_command,
+    webots_command,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

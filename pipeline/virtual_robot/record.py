@@ -40,16 +40,18 @@ def record(
     *,
     quality: LogQuality = SOUND,
     heat: Mapping[str, HeatModel] | None = None,
+    every: int = 1,
 ) -> RobotLog:
-    """The log of a rollout with the joint gains that its controller sent. One state a timestep.
+    """The log of a rollout with the joint gains that its controller sent.
 
     The walking command goes into the log's facts, with the source `schedule`. `heat` gives single joints another motor.
+    Of the states one in `every` timesteps is logged.
     """
     schedule = _schedule(rollout)
     facts = dataclasses.replace(facts, simulated=True, command=schedule, command_source="schedule")
     times = _times(len(rollout.qpos), rollout.timestep_s)
     states = _low_states(rollout, times, rng, quality, heat or {})
-    kept = rng.random(len(times)) >= quality.message_loss
+    kept = (rng.random(len(times)) >= quality.message_loss) & (np.arange(len(times)) % every == 0)
     kept[0] = True
     return RobotLog(
         facts=facts,

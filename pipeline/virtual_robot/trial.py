@@ -56,8 +56,12 @@ def simulate(
     *,
     envelope: TorqueEnvelope | None = None,
     quality: LogQuality = SOUND,
+    every: int = 1,
 ) -> tuple[Rollout, RobotLog]:
-    """The walk, and the log of it. `envelope` is that of the nominal motors; the robot's torque limits if not given."""
+    """The walk, and the log of it.
+
+    `envelope` is that of the nominal motors; the robot's torque limits if not given. `every`: see `record`.
+    """
     differs = trial.deviations
     task, wanted = controller.task, command_of(trial.command)
     motors = PdControl(
@@ -87,7 +91,7 @@ def simulate(
         events=(*facts.events, *_events(trial)),
         notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(differs.words()) or "no"},
     )
-    log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat)
+    log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)
 
 
