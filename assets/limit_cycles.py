@@ -76,7 +76,14 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
 
 def trials_of(trials: dg.AssetKey | None, robot: str, policy: str) -> Iterator[Any]:
     """The trials of a robot that this policy walked; none where the graph has no logs or none was read."""
-    return iter(())
+    from assets.hardware import trials_of as files_of
+    from pipeline.hardware_logs.trial import read_trial
+
+    if trials is None or not PROJECT.store.manifest_path(trials.to_user_string()).is_file():
+        return
+    for _, path, numbers in files_of(PROJECT.store.load(trials.to_user_string())):
+        if numbers.get("robot") == robot and numbers.get("policy_digest") == policy:
+            yield read_trial(path)
 
 
 def _row(speed: float, one: Any) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
+from assets.approved import approved_key, approved_part
 from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -46,13 +48,16 @@ class ExportConfig(dg.Config):
 def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
 
-    @dg.asset(**declared(plan, "pytorch", deps=[database.key, adapted.key]))
+    deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
+
+    @dg.asset(**declared(plan, "pytorch", deps=deps))
     @plainly
     def amp_policy(context: dg.AssetExecutionContext, config: AmpConfig, clip_pool: ClipPoolResource):
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
         robot = plan.robot or DEFAULT_ROBOT
         bundle, about = bundle_of(PROJECT, robot)
-        run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about))
+        wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
+        run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
         commit = commit_of(PROJECT)
         train(run, PROJECT.root, PROJECT.training_lock, context.log)
         chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
@@ -165,6 +170,16 @@ def served_policy(manifest: Manifest) -> Any:
     from pipeline.export.folder import POLICY
 
     return load_policy(PROJECT.root / served(manifest)["folder"] / POLICY)
+
+
+def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
+    """The options of a preset that approved changes widen: each change is a new end of a range."""
+    from pipeline.training.presets import preset
+
+    ends = {change.what: list(getattr(preset(preset_name), change.what)) for change in changes}
+    for change in changes:
+        ends[change.what][0 if change.value < change.before else 1] = change.value
+    return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
 
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:

@@ -74,16 +74,22 @@ def read_card(folder: Path) -> ModelCard:
 
 def page(card: ModelCard) -> str:
     """The card as Markdown."""
+    lines = [f"| {name} | {_cell(value)} |" for name, value in card_rows(card).items()]
+    return "\n".join([f"# {card.name}", "", "| | |", "|---|---|", *lines, ""])
+
+
+def card_rows(card: ModelCard) -> dict[str, str]:
+    """What a person reads first: name of a fact, and the fact."""
     licence = card.data.get("licence", {})
-    rows = {
+    return {
         "robot": card.robot,
-        "run": card.run.get("name", "not stated"),
-        "commit": card.run.get("commit", "not stated"),
-        "command": f"`{card.run['command']}`" if card.run.get("command") else "not stated",
+        "run": str(card.run.get("name", "not stated")),
+        "commit": str(card.run.get("commit", "not stated")),
+        "command": str(card.run.get("command", "not stated")),
         "preset, seed": f"{card.run.get('preset', 'not stated')}, {card.run.get('seed', 'not stated')}",
         "environments, device": f"{card.run.get('num_envs', 'not stated')}, {card.run.get('device', 'not stated')}",
         "trained": f"{card.run.get('iterations', '?')} iterations, {card.run.get('seconds', '?')} s",
-        "expert database": card.data.get("digest", "not stated"),
+        "expert database": str(card.data.get("digest", "not stated")),
         "clips, seconds": f"{card.data.get('clips', '?')}, {card.data.get('seconds', '?')}",
         "licence": f"{licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",
         "may ship": f"{'yes' if card.shippable else 'no'}. {card.why}",
@@ -92,8 +98,6 @@ def page(card: ModelCard) -> str:
         f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
         "digest": card.digest,
     }
-    lines = [f"| {name} | {_cell(value)} |" for name, value in rows.items()]
-    return "\n".join([f"# {card.name}", "", "| | |", "|---|---|", *lines, ""])
 
 
 def _cell(value: Any) -> str:

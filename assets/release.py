@@ -1,0 +1,218 @@
+"""`release_report`: one page from what is materialized, for a person to sign. It runs no check and starts nothing."""
+
+import base64
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import dagster as dg
+
+from assets.actuators import declared
+from assets.bootstrap import stale_now
+from assets.plainly import plainly
+from assets.plan import RELEASED, Plan, plans
+from assets.policy import result_of, served, served_policy
+from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.sources import DATA_VERSION_TAG
+from pipeline.batch import Manifest
+from pipeline.errors import PipelineError
+from pipeline.files import atomic, digest
+from pipeline.release.dossier import Dossier, Picture, Verdict, judged
+
+READY = "ready_to_sign"
+VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
+"""Assets that judge the policy; each stores what it found under a key `passed`."""
+SPEEDS_M_S = (0.6, 2.0)
+"""Walks that are shown."""
+LONGEST_FACT = 90
+"""Letters of a fact that goes into the lineage."""
+FACTS = 8
+
+PICTURE = re.compile(r"data:image/(png|gif);base64,([A-Za-z0-9+/=]+)")
+
+
+def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
+    """The asset `release_report` of a robot; `known` are the plans of the assets it is made from, by name."""
+    spec = dg.AssetCheckSpec(READY, asset=plan.key, description="Every check was run on this policy and passed.")
+
+    @dg.asset(**declared(plan, "html", deps=[each.key for each in known.values()]), check_specs=[spec])
+    @plainly
+    def release_report(context: dg.AssetExecutionContext):
+        """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
+        from pipeline.release.page import page
+
+        robot = plan.robot or DEFAULT_ROBOT
+        stale = {key: why for key, why in stale_now(context.instance, PROJECT).items()}
+        dossier = gather(context.instance, PROJECT, robot, known, stale)
+        path = PROJECT.release_report(robot)
+        text = page(dossier)
+        atomic.write_text(path, text)
+        points = dossier.open_points
+        for point in points:
+            context.log.info(f"open: {point}")
+        facts = {"stage": plan.name, "policy": dossier.policy, "page": digest.of_bytes(text.encode()), "open": points}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={"release": {**facts, "open": [*points]}})
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=READY,
+            passed=not points,
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata={"found": "; ".join(points) or "every check was run and passed"},
+        )
+        metadata = {
+            "policy": dossier.policy or "none",
+            "open points": dg.MetadataValue.md("\n".join(f"- {point}" for point in points) or "none"),
+            "digest of the page": facts["page"],
+            "dagster/uri": dg.MetadataValue.path(str(path)),
+        }
+        return result_of(plan, manifest, metadata, [check])
+
+    return release_report
+
+
+def gather(
+    instance: dg.DagsterInstance,
+    project: Project,
+    robot: str,
+    known: Mapping[str, Plan],
+    stale: Mapping[dg.AssetKey, str],
+) -> Dossier:
+    """What is materialized, as the page shows it."""
+    exported = _stored(project, known.get("exported_policy"))
+    facts = served(exported) if exported is not None else {}
+    events = {name: _last(instance, plan.key) for name, plan in known.items()}
+    card, conditions = _card(project, robot, facts)
+    return Dossier(
+        title=f"Release report: {facts.get('name', 'no policy')} on {robot}",
+        policy=facts.get("digest", ""),
+        card=card,
+        conditions=conditions,
+        lineage=tuple(_lineage(name, plan, events[name], stale) for name, plan in known.items()),
+        verdicts=tuple(
+            _verdict(name, project, known.get(name), events.get(name), facts.get("digest", ""), stale)
+            for name in VERDICTS
+        ),
+        pictures=_walks(exported, robot) if exported is not None else (),
+    )
+
+
+def _verdict(
+    name: str,
+    project: Project,
+    plan: Plan | None,
+    event: dg.AssetMaterialization | None,
+    policy: str,
+    stale: Mapping[dg.AssetKey, str],
+) -> Verdict:
+    stored = _stored(project, plan)
+    if plan is None or stored is None:
+        return judged(name, None, policy)
+    outdated = f"it is stale: {stale[plan.key]}" if plan.key in stale else ""
+    return judged(name, result_in(stored), policy, outdated, pictures_in(event))
+
+
+def result_in(manifest: Manifest) -> dict[str, Any]:
+    """What a check found: the one entry of its manifest that says whether it passed. Without one it was not run."""
+    said = [value for value in manifest.settings.values() if isinstance(value, dict) and "passed" in value]
+    if len(said) == 1:
+        return said[0]
+    return {"passed": None, "not_run": f"its result says {len(said)} times whether it passed"}
+
+
+def pictures_in(event: dg.AssetMaterialization | None) -> tuple[Picture, ...]:
+    """The pictures on the page of an asset's last materialization."""
+    found = []
+    for name, value in (event.metadata if event is not None else {}).items():
+        if isinstance(value, dg.MarkdownMetadataValue):
+            for kind, data in PICTURE.findall(value.md_str or ""):
+                found.append(Picture(caption=name, data=base64.b64decode(data), kind=kind))
+    return tuple(found)
+
+
+def _stored(project: Project, plan: Plan | None) -> Manifest | None:
+    """The current result of an asset; None where there is none that can be read."""
+    if plan is None:
+        return None
+    try:
+        return project.store.load(plan.key.to_user_string())
+    except PipelineError:
+        return None
+
+
+def _last(instance: dg.DagsterInstance, key: dg.AssetKey) -> dg.AssetMaterialization | None:
+    event = instance.get_latest_materialization_event(key)
+    return event.asset_materialization if event is not None else None
+
+
+def _lineage(
+    name: str, plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str]
+) -> tuple[str, str, str]:
+    if event is None:
+        return plan.key.to_user_string(), "none", "never materialized here"
+    facts = []
+    for key, value in event.metadata.items():
+        plain = value.value if isinstance(value, (dg.TextMetadataValue, dg.IntMetadataValue)) else None
+        plain = f"{value.value:.4g}" if isinstance(value, dg.FloatMetadataValue) and value.value is not None else plain
+        if plain is not None and "/" not in key and len(str(plain)) <= LONGEST_FACT:
+            facts.append(f"{key} {plain}")
+    said = "; ".join(facts[:FACTS])
+    version = (event.tags or {}).get(DATA_VERSION_TAG, "not stated")[:12]
+    why = stale.get(plan.key)
+    return plan.key.to_user_string(), version, f"stale: {why}. {said}" if why else said
+
+
+def _card(
+    project: Project, robot: str, facts: Mapping[str, Any]
+) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Rows of the model card, and what holds for the policy's use."""
+    if not facts:
+        return (("policy", "none was exported"),), ()
+    from pipeline.export.card import card_rows, read_card
+
+    card = read_card(project.root / facts["folder"])
+    rows = {"origin": facts["origin"], **card_rows(card)}
+    licence = card.data.get("licence", {})
+    conditions = [
+        f"licence of its data, {licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",
+        f"may ship with the project: {'yes' if card.shippable else 'no'}",
+        "all figures are of simulation, unless a log of a robot is named",
+    ]
+    return tuple((name, str(value)) for name, value in rows.items()), tuple(conditions)
+
+
+def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
+    """The policy walking in MuJoCo at some speeds: two seconds moving, and a contact sheet of the same."""
+    import numpy as np
+
+    from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+    from pipeline.simulation.run import run
+    from pipeline.validation.deployed import deployed
+    from pipeline.viewing.contact_sheet import contact_sheet
+    from pipeline.viewing.walk_gif import walk_gif
+
+    one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
+    pictures = []
+    for speed in SPEEDS_M_S:
+        walked = run(
+            one.robot,
+            MujocoPlant(one.robot, MujocoOptions(timestep_s=0.005)),
+            one.controller(),
+            one.motors(),
+            lambda time_s, speed=speed: np.array([min(speed, time_s), 0.0, 0.0]),
+            6.0,
+            stop_on_fall=True,
+        )
+        ended = f"fell after {walked.fell_s:.1f} s" if walked.fell_s is not None else "no fall in 6 s"
+        clip = walked.clip(f"{speed:g} m/s")
+        start_s = max((len(clip.joint_pos) - 1) / clip.fps - 2.0, 0.0)
+        sheet = contact_sheet(None, walked.clip(f"{speed:g} m/s, last 1.5 s", start_s=start_s + 0.5), one.robot)
+        caption = f"forward {speed:g} m/s in MuJoCo, {ended}"
+        pictures.append(Picture(caption=caption, data=walk_gif(clip, one.robot, start_s), kind="gif"))
+        pictures.append(Picture(caption=caption, data=sheet))
+    return tuple(pictures)
+
+
+def released(robot: str) -> dict[str, Plan]:
+    """Plans of the assets that the page is made from and that the graph has, in the page's order."""
+    by_name = {plan.name: plan for plan in plans(PROJECT).values() if plan.robot in (None, robot)}
+    return {name: by_name[name] for name in RELEASED if name in by_name}
