@@ -81,6 +81,7 @@ SHARED = (
 RELEASED = (
     "exported_policy",
     "expert_db",
+    "actuator_calibration",
     "adapted_robot",
     "mujoco_validation",
     "cross_engine_validation",
@@ -88,6 +89,7 @@ RELEASED = (
     "limit_cycles",
     "augmentation_ablation",
     "hardware_trials",
+    "sim_to_real_report",
 )
 """What the release report is made from, as it is: it runs nothing, and says what was not run."""
 
