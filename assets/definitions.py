@@ -3,15 +3,18 @@
 import dagster as dg
 
 from assets.approved import approved_specs
+from assets.engine_assets import engine_assets
 from assets.feedback import curation_feedback, failure_modes, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
 from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
+from assets.policy_assets import policy_assets, training_jobs
 from assets.project import PROJECT
 from assets.recuration import approve_feedback, approved_feedback_sensor, nightly_recuration, recurate
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
+from assets.validation import validation_assets
 
 defs = dg.Definitions(
     assets=[
@@ -25,9 +28,13 @@ defs = dg.Definitions(
         motion_catalog,
         selected_motions,
         repaired_motions,
-        *(asset for robot in PROJECT.robots for asset in robot_assets(robot)),
+        *(
+            asset
+            for robot in PROJECT.robots
+            for asset in (*robot_assets(robot), *policy_assets(robot), *validation_assets(robot), *engine_assets(robot))
+        ),
     ],
-    jobs=[ingest_logs, recurate, approve_feedback],
+    jobs=[ingest_logs, recurate, approve_feedback, *training_jobs(PROJECT.robots)],
     sensors=[hardware_log_sensor, approved_feedback_sensor],
     schedules=[nightly_recuration],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},

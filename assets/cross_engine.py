@@ -1,0 +1,65 @@
+"""`cross_engine_validation`: the exported policy in MuJoCo, in MuJoCo with the armature on the links, and in DART."""
+
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.actuators import declared
+from assets.judged_policy import JudgedPolicyConfig, judged_policy
+from assets.plainly import plainly
+from assets.plan import Plan
+from assets.policy import result_of
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.report import picture, table_of
+from assets.resources import ClipPoolResource
+from pipeline.batch import Manifest
+from pipeline.files import settings
+
+HOLDS = "holds_in_both_engines"
+VERDICT = "verdict"
+"""Key under which the result lies in the manifest."""
+
+
+def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `cross_engine_validation` of a robot."""
+    spec = dg.AssetCheckSpec(HOLDS, asset=plan.key, description="No fall, commands kept, engines agree where required.")
+    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+
+    @dg.asset(**declared(plan, "dart", ins=inputs, deps=[adapted.key]), check_specs=[spec])
+    @plainly
+    def cross_engine_validation(
+        context: dg.AssetExecutionContext,
+        config: JudgedPolicyConfig,
+        clip_pool: ClipPoolResource,
+        exported_policy: Manifest,
+    ):
+        """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+        from pipeline.validation.cross_engine import cross_engine
+        from pipeline.validation.cross_engine_settings import CrossEngineSettings
+        from pipeline.viewing.cross_engine_plots import cross_engine_plots
+
+        values = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+        judged = judged_policy(config, exported_policy, plan.robot or DEFAULT_ROBOT)
+        found = cross_engine(judged.deployed, values, pool=clip_pool.pool())
+        verdict = {"stage": plan.name, "policy": judged.digest, **found.to_dict()}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
+        check = dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=HOLDS,
+            passed=found.passed,
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata={"found": "; ".join(found.reasons) or "every required cell holds"},
+        )
+        rows = pd.DataFrame(found.rows())
+        metadata = {
+            "passed": found.passed,
+            "required cells": len(found.cells) - len(found.not_required),
+            "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),
+            "not required": ", ".join(found.not_required) or "none",
+            "pictures": picture(cross_engine_plots(found)),
+            "cells": table_of(rows, list(rows)),
+        }
+        return result_of(plan, manifest, metadata, [check])
+
+    return cross_engine_validation

@@ -1,0 +1,118 @@
+"""`webots_validation`: a Webots project of the robot and its policy, in Webots and in what stands in for it."""
+
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.actuators import declared
+from assets.judged_policy import JudgedPolicyConfig, judged_policy
+from assets.plainly import plainly
+from assets.plan import Plan
+from assets.policy import result_of
+from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import table_of
+from pipeline.batch import Manifest
+from pipeline.files import settings
+
+IS_THE_ROBOT = "project_is_the_robot"
+WALKS = "walks_in_webots"
+VERDICT = "verdict"
+"""Key under which the result lies in the manifest."""
+
+
+def webots_folder(project: Project, robot: str) -> Any:
+    """Where the project lies; a person may open it in Webots."""
+    return project.data / "webots" / robot
+
+
+def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
+    """The asset `webots_validation` of a robot."""
+    specs = [
+        dg.AssetCheckSpec(
+            IS_THE_ROBOT, asset=plan.key, blocking=True, description="PROTO and world have the robot's numbers."
+        ),
+        dg.AssetCheckSpec(WALKS, asset=plan.key, description="The walk of data/webots.yaml in Webots itself."),
+    ]
+    inputs = {"exported_policy": dg.AssetIn(exported.key)}
+
+    @dg.asset(**declared(plan, "webots", ins=inputs, deps=[adapted.key]), check_specs=specs)
+    @plainly
+    def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
+        """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
+        from pipeline.webots.checks import project_faults
+        from pipeline.webots.settings import WebotsSettings
+        from pipeline.webots.validate import WEBOTS, validate
+
+        values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
+        robot = plan.robot or DEFAULT_ROBOT
+        judged = judged_policy(config, exported_policy, robot)
+        project = _written(robot, judged.deployed, values)
+        faults = project_faults(project.world, judged.deployed.robot)
+        verdicts = validate(project, values)
+        stored = stored_verdict(plan.name, judged.digest, verdicts, WEBOTS)
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
+        said = {each.engine: each.status for each in verdicts.values()}
+        for engine, status in said.items():
+            context.log.info(f"{engine}: {status}")
+        metadata = {
+            **said,
+            "dagster/uri": dg.MetadataValue.path(str(project.folder)),
+            "segments": table_of(_rows(verdicts), list(_rows(verdicts))),
+        }
+        return result_of(plan, manifest, metadata, _checks(plan, faults, verdicts[WEBOTS]))
+
+    return webots_validation
+
+
+def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
+    """What the manifest keeps: passed, failed, or null and why it was not run; what stood in stands by its own name."""
+    own = verdicts[webots]
+    others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
+    return {
+        "stage": stage,
+        "policy": policy,
+        "passed": own.status == "passed" if own.judged else None,
+        "reasons": list(own.reasons),
+        "not_run": [] if own.judged else [own.status],
+        "webots": own.to_dict(),
+        **{name: each["status"] for name, each in others.items()},
+        "stand_ins": others,
+    }
+
+
+def _written(robot: str, one: Any, values: Any) -> Any:
+    """The project's folder."""
+    from pipeline.robot.read import read_description
+    from pipeline.webots.project import write_project
+
+    source = read_description(PROJECT.adapted_robot(robot))
+    return write_project(webots_folder(PROJECT, robot), source, one.task, one.envelope, one.policy, values)
+
+
+def _checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCheckResult]:
+    found = {"found": "; ".join(webots.reasons) or webots.status}
+    return [
+        dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=IS_THE_ROBOT,
+            passed=not faults,
+            metadata={"found": "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"},
+        ),
+        dg.AssetCheckResult(
+            asset_key=plan.key,
+            check_name=WALKS,
+            passed=webots.status == "passed",
+            severity=dg.AssetCheckSeverity.WARN,
+            metadata=found,
+        ),
+    ]
+
+
+def _rows(verdicts: dict[str, Any]) -> pd.DataFrame:
+    rows = [
+        {"engine": each["engine"], "status": each["status"], **segment}
+        for each in (verdict.to_dict() for verdict in verdicts.values())
+        for segment in ((each["result"] or {}).get("segments") or [{}])
+    ]
+    return pd.DataFrame(rows)
