@@ -231,7 +231,7 @@ def _proposal_metadata(found: str, proposal: Any, approved: Any, pending: Any) -
     ]
     table = pd.DataFrame(rows, columns=None if rows else ["part"])
     silent = "\n".join(f"- {sentence}" for sentence in proposal.silent) or "nothing"
-    how = f'{{"ops": {{"approve_feedback": {{"config": {{"proposal": "{found}", "by": "YOUR NAME"}}}}}}}}'
+    how = f'{{"ops": {{"approve": {{"config": {{"proposal": "{found}", "by": "YOUR NAME"}}}}}}}}'
     return {
         "proposal": found or "none",
         "changes": len(rows),

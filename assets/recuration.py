@@ -37,6 +37,8 @@ class Approval(dg.Config):
     """Who approves it."""
     policies: list[str] = []  # noqa: RUF012, pydantic copies it
     """Digests of policies: only changes that rest on logs of these alone are approved. Empty: all."""
+    sections: list[str] = []  # noqa: RUF012
+    """Parts of the proposal that are approved, as `weights`. Empty: all."""
 
 
 class ApprovalError(PipelineError):
@@ -47,7 +49,8 @@ class ApprovalError(PipelineError):
 def approve(context: dg.OpExecutionContext, config: Approval):
     """Let the changes of a proposal take effect."""
     with told_plainly():
-        count = approve_proposal(PROJECT, config.proposal, config.by, tuple(config.policies))
+        policies, sections = tuple(config.policies), tuple(config.sections)
+        count = approve_proposal(PROJECT, config.proposal, config.by, policies=policies, sections=sections)
         context.log.info(f"proposal '{config.proposal}': {count} changes approved by {config.by}")
         note_external(context.instance, PROJECT)
 
@@ -60,8 +63,13 @@ def approve_feedback() -> None:
     approve()
 
 
-def approve_proposal(project: Project, proposal: str, by: str, policies: tuple[str, ...] = ()) -> int:
-    """Write the approved changes; their number. Raises ApprovalError where another proposal, or none, is pending."""
+def approve_proposal(
+    project: Project, proposal: str, by: str, *, policies: tuple[str, ...] = (), sections: tuple[str, ...] = ()
+) -> int:
+    """Write the approved changes; their number. What was approved before and is not among them is taken back.
+
+    Raises ApprovalError where another proposal, or none, is pending.
+    """
     from pipeline.feedback.approved import write_changes
     from pipeline.feedback.change import Change, Witness, check_bounds, proposal_digest
     from pipeline.feedback.rules import FeedbackRules
@@ -79,8 +87,10 @@ def approve_proposal(project: Project, proposal: str, by: str, policies: tuple[s
     if not by.strip():
         raise ApprovalError("an approval needs a name: state who approves it in 'by'.")
     kept = [each for each in changes if not policies or all(one.policy in policies for one in each.witnesses)]
+    kept = [each for each in kept if not sections or each.section in sections]
     if not kept:
-        raise ApprovalError(f"no change of proposal '{proposal}' rests on logs of {', '.join(policies)} alone.")
+        asked = ", ".join((*policies, *sections))
+        raise ApprovalError(f"no change of proposal '{proposal}' is of {asked} alone; nothing was approved.")
     check_bounds(kept, settings.read(project.settings("feedback_rules.yaml"), FeedbackRules))
     write_changes(project.approved_feedback, kept, by=by)
     return len(kept)
