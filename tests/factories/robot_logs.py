@@ -85,3 +85,31 @@ def robot_log(robot: Robot, seconds: float = 2.0, **changes) -> RobotLog:
         ),
     }
     return RobotLog(**(values | changes))
+
+
+def noisy_log(robot: Robot, seconds: float, command_hz: float, rng: np.random.Generator) -> RobotLog:
+    """A long log as a robot's would be: noise in every number, jitter in the times of receipt, some lost messages."""
+
+    def received(rate_hz: float) -> np.ndarray:
+        times = every(seconds, rate_hz) + rng.integers(0, 300_000, size=round(seconds * rate_hz))
+        return times[rng.random(len(times)) > 0.001]
+
+    time_ns = received(500)
+    states = low_states(robot, time_ns)
+    for name in ("rpy", "gyro_b", "acc_b", "joint_pos", "joint_vel", "joint_acc", "torque_est"):
+        getattr(states, name)[:] += rng.normal(0.0, 1e-3, size=getattr(states, name).shape)
+    ctrl, fall = received(command_hz), received(10)
+    shape = (len(ctrl), len(robot.joint_names))
+    return RobotLog(
+        facts=facts(),
+        low_state=states,
+        joint_ctrl=LowCmds(
+            time_ns=ctrl,
+            target_pos=robot.default_joint_pos + rng.normal(0.0, 0.1, size=shape),
+            target_torque=np.zeros(shape),
+            kp=np.broadcast_to(robot.kp, shape),
+            kd=np.broadcast_to(robot.kd, shape),
+        ),
+        fall_down=FallStates(time_ns=fall, state=np.zeros_like(fall), recovery_available=np.ones_like(fall)),
+        odometer=Odometry(time_ns=ctrl, pose=rng.normal(size=(len(ctrl), 3))),
+    )
