@@ -1,0 +1,108 @@
+"""What no robot can say is counted, left out or refused."""
+
+import numpy as np
+import pytest
+
+from pipeline.files import settings
+from pipeline.hardware_logs import LogSettings
+from pipeline.hardware_logs.columns import low_state_columns
+from pipeline.hardware_logs.layout import K1, layout_of, layouts
+from pipeline.hardware_logs.plausible import Plausible
+from pipeline.hardware_logs.write import low_states as payloads
+from tests.factories.robot_logs import every, low_states
+
+
+@pytest.fixture
+def look(root, robot):
+    """A look at a second of a swaying robot after it was changed."""
+
+    def look(change=lambda columns: None) -> Plausible:
+        values = settings.read(root / "data/hardware_logs.yaml", LogSettings).plausible
+        columns = low_state_columns(payloads(low_states(robot, every(1.0, 500))))
+        change(columns)
+        plausible = Plausible(values, layout_of(robot))
+        kept = plausible.finite(columns)
+        plausible.in_range({name: each[kept] for name, each in columns.items()})
+        return plausible
+
+    return look
+
+
+def still(columns: dict[str, np.ndarray]) -> None:
+    columns["gyro_b"][:], columns["joint_vel"][:], columns["rpy"][:] = 0.0, 0.0, 0.0
+
+
+def test_a_sound_robot_is_plausible(look):
+    found = look()
+    assert found.refusal() == ""
+    assert found.remarks() == []
+
+
+@pytest.mark.parametrize("name", ["joint_pos", "joint_vel", "torque_est", "rpy", "gyro_b", "acc_b"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_found_in_every_column(look, name, value):
+    def change(columns):
+        columns[name][[3, 5], -1] = value
+
+    found = look(change)
+    assert found.not_finite == 2
+    assert found.refusal() == ""
+
+
+@pytest.mark.parametrize(("name", "value"), [("joint_pos", 4.0), ("joint_vel", 60.0), ("acc_b", 250.0)])
+def test_out_of_range_is_counted_and_too_much_of_it_refused(look, name, value):
+    def some(columns):
+        columns[name][:10, 1] = value
+
+    def most(columns):
+        columns[name][:200, 1] = value
+
+    assert look(some).out_of_range == 10
+    assert look(some).refusal() == ""
+    assert "beyond what 't1' can do" in look(most).refusal()
+
+
+def test_gravity_in_other_units_is_refused(look):
+    def in_g(columns):
+        still(columns)
+        columns["acc_b"] /= 9.81
+
+    assert "at rest the specific force is 1.00 m/s^2" in look(in_g).refusal()
+
+
+def test_an_accelerometer_that_contradicts_the_attitude_is_told(look):
+    def tilted(columns):
+        still(columns)
+        columns["rpy"][:, 1] = np.radians(45.0)
+
+    assert "45 degrees off the attitude" in " ".join(look(tilted).remarks())
+
+
+def test_upright_at_rest_needs_no_remark(look):
+    assert look(still).remarks() == []
+
+
+def test_a_count_of_lost_packets_that_falls_is_told(look):
+    def restarted(columns):
+        columns["lost"][250:] = 0
+
+    assert "fell 1 times" in " ".join(look(restarted).remarks())
+
+
+def test_robots_are_told_by_their_number_of_joints(robot):
+    found = layouts([robot])
+    assert {count: each.robot for count, each in found.items()} == {22: "k1", 23: "t1"}
+    assert "Waist" not in K1.joint_names
+    with pytest.raises(ValueError, match="both have 23 joints"):
+        layouts([robot, robot])
+
+
+def test_the_limits_of_the_k1_are_mirrored():
+    left = [name for name in K1.joint_names if "Left" in name]
+    for name in left:
+        one, other = K1.joint_names.index(name), K1.joint_names.index(name.replace("Left", "Right"))
+        limits = (K1.joint_lower[one], K1.joint_upper[one])
+        assert limits in (
+            (K1.joint_lower[other], K1.joint_upper[other]),
+            (-K1.joint_upper[other], -K1.joint_lower[other]),
+        )
