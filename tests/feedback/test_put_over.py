@@ -1,0 +1,68 @@
+"""Approved changes put over the settings of what they feed."""
+
+import dataclasses
+
+import pytest
+
+from pipeline.actuators import ActuatorSettings, adapt
+from pipeline.augment import AugmentSettings
+from pipeline.errors import UnknownNameError
+from pipeline.feedback.change import Change, Witness
+from pipeline.feedback.motor_limits import lowered
+from pipeline.feedback.randomization import widened
+from pipeline.feedback.wanted import further_speeds, wanted_seconds
+from pipeline.files import settings
+from tests.factories.trial_reports import CURATION, DATA
+
+AUGMENT = settings.read(DATA / "augment.yaml", AugmentSettings)
+ACTUATORS = settings.read(DATA / "actuators.yaml", ActuatorSettings)
+
+
+def _change(section: str, what: str, value: float, before: float) -> Change:
+    witness = Witness(trial="t", log="log.mcap", sha256="0" * 64, policy="p", simulated=True, said="it fell")
+    return Change(section=section, robot="t1", what=what, value=value, before=before, bound=value, witnesses=(witness,))
+
+
+def test_seconds_of_a_skill_are_multiplied_and_the_others_stay():
+    found = wanted_seconds(CURATION, [_change("selection", "side_left", 1.44, 1.0)])
+    assert found.most_seconds["side_left"] == pytest.approx(1.44 * CURATION.most_seconds["side_left"])
+    rest = {skill: value for skill, value in found.most_seconds.items() if skill != "side_left"}
+    assert rest == {skill: value for skill, value in CURATION.most_seconds.items() if skill != "side_left"}
+    assert wanted_seconds(CURATION, []) == CURATION
+
+
+def test_a_skill_gets_the_playing_speeds_that_it_does_not_have_yet():
+    found = further_speeds([_change("augmentation", "side_left", 0.15, 0.0)], AUGMENT)
+    assert found["side_left"].time_scales == (0.85, 1.15)
+    assert further_speeds([_change("augmentation", "side_left", 0.1, 0.0)], AUGMENT) == {}
+    assert further_speeds([_change("augmentation", "stand", 0.15, 0.0)], AUGMENT) == {}
+
+
+def test_a_limit_is_lowered_with_its_motor_line_and_never_raised(robot):
+    actuators = adapt(robot, [], ACTUATORS)
+    knee = robot.joint("Left_Knee_Pitch")
+    line = {"dc_motor_no_load_speed": 16.0, "dc_motor_effort_limit": 60.0, "dc_motor_saturation_effort": 280.0}
+    actuators = (*actuators[:knee], dataclasses.replace(actuators[knee], **line), *actuators[knee + 1 :])
+    found = lowered(actuators, [_change("motors", "Left_Knee_Pitch", 36.0, 60.0)])
+    assert found[knee].box_effort_limit == 36.0 and found[knee].dc_motor_effort_limit == 36.0
+    fall = 1.0 - found[knee].box_velocity_limit / 16.0
+    assert found[knee].dc_motor_saturation_effort == pytest.approx(36.0 / fall)
+    assert "log.mcap" in found[knee].verdict and found[knee].changed
+    assert found[:knee] + found[knee + 1 :] == actuators[:knee] + actuators[knee + 1 :]
+    raised = lowered(actuators, [_change("motors", "Left_Knee_Pitch", 70.0, 80.0)])
+    assert raised[knee].box_effort_limit == 60.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Options:
+    friction: tuple[float, float] = (0.4, 1.2)
+    push_speed: tuple[float, float] = (0.3, 1.5)
+
+
+def test_a_range_is_widened_at_the_end_that_the_rule_moves_and_never_narrowed():
+    friction = _change("randomization", "friction", 0.3, 0.4)
+    assert widened(_Options(), [friction]) == _Options(friction=(0.3, 1.2))
+    assert widened(_Options(friction=(0.2, 1.2)), [friction]).friction == (0.2, 1.2)
+    assert widened(_Options(), [_change("randomization", "push_speed", 1.6, 1.5)]).push_speed == (0.3, 1.6)
+    with pytest.raises(UnknownNameError, match="unknown range of training 'gravity'"):
+        widened(_Options(), [_change("randomization", "gravity", 9.0, 9.81)])
