@@ -150,5 +150,5 @@ def test_a_change_beyond_what_its_logs_allow_is_refused():
         check_bounds([dataclasses.replace(change, witnesses=())], RULES)
     with pytest.raises(ChangeError, match="is there twice"):
         check_bounds([change, change], RULES)
-    with pytest.raises(ChangeError, match="nothing that data/feedback_rules.yaml has a rule for"):
+    with pytest.raises(ChangeError, match=r"nothing that data/feedback_rules\.yaml has a rule for"):
         check_bounds([dataclasses.replace(change, section="randomization", what="gravity")], RULES)
