@@ -12,6 +12,7 @@ from benchmarks.repair_clips import Sound, sound_clips
 from pipeline.clips.outcome import Outcome, Reason
 from pipeline.repair import RepairSettings, process
 from tests.factories.planted_defects import Planted, plant
+from tests.factories.root_defects import FLOOR_M as FLOOR_M_MATTERS
 
 EDGE_FRAMES, EDGE_S = 2, 0.04
 """An edge is located within so many frames or seconds, whichever is more."""
@@ -69,14 +70,15 @@ def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: R
         detected, located = _skate(planted, new, fps)
     else:
         detected, located = _frames(planted, new, fps)
+    strength = planted.strength
+    if kind == "floor_offset":
+        strength = abs(float(clean.numbers["floor_m"] or 0.0) + (planted.size or 0.0)) / FLOOR_M_MATTERS
     said = "; ".join(f"{one.code} {one.start_s} {one.stop_s} {one.text[:90]}" for one in new[:6])
     text = (
         f"{sound.clip.name} {fps:g} Hz, frames [{planted.start}, {planted.stop}) matters [{planted.first}, "
-        f"{planted.last}] x {planted.strength:.2f}: {said or 'nothing said'}"
+        f"{planted.last}] x {strength:.2f}: {said or 'nothing said'}"
     )
-    return Verdict(
-        kind=kind, clip=sound.clip.name, strength=planted.strength, detected=detected, located=located, text=text
-    )
+    return Verdict(kind=kind, clip=sound.clip.name, strength=strength, detected=detected, located=located, text=text)
 
 
 def edge_frames(fps: float) -> float:
@@ -103,7 +105,7 @@ def _floor(kind: str, planted: Planted, outcome: Outcome, clean: Outcome, new: l
     said = any(one.code == kind for one in outcome.reasons)
     name = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}[kind]
     found = float(outcome.numbers[name] or 0.0) - float(clean.numbers[name] or 0.0)
-    return said, abs(found - planted.size) <= FLOOR_M
+    return said, abs(found - (planted.size or 0.0)) <= FLOOR_M
 
 
 def _skate(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool]:

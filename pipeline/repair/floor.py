@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,10 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.repair.settings import FloorSettings
 
 FEWEST_FRAMES = 5
+SHORTEST_STANCE_S, LONGEST_STANCE_S = 0.06, 0.5
+"""Shorter stances are none; longer ones are looked at in parts [s]."""
+FEWEST_STANCES, SHORTEST_WAY_S = 4, 0.5
+"""So many stances tell a slope, by those that are so far apart [s]."""
 FALLBACK_PERCENTILE = 5.0
 """Where no foot ever stands (a clip of a leap) the ground is taken from the lowest toes."""
 
@@ -21,37 +26,84 @@ class Floor:
     """What is known of the ground; heights in the clip's world [m]."""
 
     height: float
-    """The ground: the stance height of the balls of the feet less the joint's height over the sole."""
+    """The ground in the middle of the clip: where the balls of the feet stand less their height over it."""
     drift: float
-    """Change of the stance height from the clip's first third to its last; 0 where too few frames stand."""
+    """How much higher the ground is at the clip's end than at its beginning; 0 where too few stances tell."""
+    slope_m_s: float
+    """What is taken out of the clip: the drift over its duration where it is more than people's feet explain, or 0."""
     stance_frames: int
     """Foot-frames the height was taken from."""
+
+    def at(self, frame: int, clip: HumanClip) -> float:
+        """Height of the ground at a frame of the clip as it was recorded [m]."""
+        return self.height + self.slope_m_s * (frame - (clip.frame_count - 1) / 2.0) / clip.fps
 
 
 def find_floor(clip: HumanClip, settings: FloorSettings, sound: Bool[np.ndarray, " t"]) -> Floor:
     """The ground of a clip from its `sound` frames.
 
-    Of the heights of slow toes the densest band is taken (as PHUMA does) and its median.
+    Of the heights of slow toes the densest band is taken (as PHUMA does) and its median. A drift is the median slope
+    between stances (Theil and Sen), which single steps onto something do not change.
     """
-    heights, frames = [], []
-    for side in FEET:
-        toe_pos_w = clip.pos(f"{side}_toe")
-        speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=1)
-        standing = np.flatnonzero((speed < settings.slow_m_s) & sound)
-        heights.append(toe_pos_w[standing, 2])
-        frames.append(standing)
-    height, when = np.concatenate(heights), np.concatenate(frames)
+    stances = [_stances(clip, side, settings, sound) for side in FEET]
+    when = np.concatenate([frames for frames, _ in stances])
+    height = np.concatenate([heights for _, heights in stances])
     if len(height) < FEWEST_FRAMES:
         toes = np.concatenate([clip.pos(f"{side}_toe")[sound, 2] for side in FEET])
         lowest = float(np.percentile(toes, FALLBACK_PERCENTILE)) if len(toes) else settings.ball_height
-        return Floor(height=lowest - settings.ball_height, drift=0.0, stance_frames=0)
-    inside = np.abs(height - densest(height, settings.band)) <= settings.band / 2.0
-    middle = float(np.median(height[inside]))
+        return Floor(height=lowest - settings.ball_height, drift=0.0, slope_m_s=0.0, stance_frames=0)
+    middle = (clip.frame_count - 1) / 2.0
+    slope = _slope(stances, clip.fps, settings)
+    drifts = abs(slope) * clip.duration_s > settings.drift_limit
+    level = height - slope * (when - middle) / clip.fps if drifts else height
+    inside = np.abs(level - densest(level, settings.band)) <= settings.band / 2.0
     return Floor(
-        height=middle - settings.ball_height,
-        drift=_drift(height, when, middle, clip.frame_count, settings),
+        height=float(np.median(level[inside])) - settings.ball_height,
+        drift=slope * clip.duration_s,
+        slope_m_s=slope if drifts else 0.0,
         stance_frames=int(inside.sum()),
     )
+
+
+def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
+    """The clip without the drift of its ground."""
+    if floor.slope_m_s == 0.0:
+        return clip
+    pos_w = clip.body_pos_w.copy()
+    time_s = (np.arange(clip.frame_count) - (clip.frame_count - 1) / 2.0) / clip.fps
+    pos_w[..., 2] -= floor.slope_m_s * time_s[:, None]
+    return dataclasses.replace(clip, body_pos_w=pos_w)
+
+
+def _stances(
+    clip: HumanClip, side: str, settings: FloorSettings, sound: Bool[np.ndarray, " t"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Sound frames in which a toe is slow, and its heights there [m]."""
+    toe_pos_w = clip.pos(f"{side}_toe")
+    speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=1)
+    frames = np.flatnonzero((speed < settings.slow_m_s) & sound)
+    return frames.astype(float), toe_pos_w[frames, 2]
+
+
+def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: FloorSettings) -> float:
+    """Median slope of the ground between stances [m/s], each weighed by its time apart; 0 where too few are told."""
+    time_s, height = [], []
+    for frames, heights in stances:
+        for group in np.split(np.arange(len(frames)), np.flatnonzero(np.diff(frames) > 1) + 1):
+            for part in np.array_split(group, max(1, round(len(group) / (fps * LONGEST_STANCE_S)))):
+                if len(part) >= SHORTEST_STANCE_S * fps:
+                    time_s.append(float(np.median(frames[part])) / fps)
+                    height.append(float(np.median(heights[part])))
+    first, second = np.triu_indices(len(time_s), 1)
+    apart = np.abs(np.array(time_s)[second] - np.array(time_s)[first]) if len(first) else np.zeros(0)
+    far = apart > SHORTEST_WAY_S
+    if len(time_s) < FEWEST_STANCES or not far.any():
+        return 0.0
+    first, second, apart = first[far], second[far], apart[far]
+    slopes = (np.array(height)[second] - np.array(height)[first]) / (np.array(time_s)[second] - np.array(time_s)[first])
+    order = np.argsort(slopes, kind="stable")
+    total = np.cumsum(apart[order])
+    return float(slopes[order][np.searchsorted(total, total[-1] / 2.0)])
 
 
 def densest(values: Float[np.ndarray, " n"], width: float) -> float:
@@ -62,13 +114,3 @@ def densest(values: Float[np.ndarray, " n"], width: float) -> float:
     spread = ordered[last - 1] - ordered
     best = int(np.lexsort((spread, ordered, -count))[0])
     return float(ordered[best] + ordered[last[best] - 1]) / 2.0
-
-
-def _drift(height: np.ndarray, when: np.ndarray, middle: float, frame_count: int, settings: FloorSettings) -> float:
-    """Difference of the stance heights of the clip's last third and first third, near the ground [m]."""
-    near = np.abs(height - middle) < 3.0 * settings.band
-    first = height[near & (when < frame_count / 3)]
-    last = height[near & (when >= frame_count * 2 / 3)]
-    if min(len(first), len(last)) < FEWEST_FRAMES:
-        return 0.0
-    return densest(last, settings.band) - densest(first, settings.band)

@@ -13,23 +13,28 @@ from pipeline.clips.human_clip import HumanClip
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """Where a piece was in the world of its source: `p_source = R_z(heading) p_piece + (x, y, floor)`."""
+    """Where a piece was in the world of its source: `p_source = R_z(heading) p_piece + (x, y, floor + slope t)`."""
 
     heading_rad: float
     origin_x_m: float
     origin_y_m: float
     floor_m: float
+    """Height of the ground at the piece's first frame."""
+    floor_slope_m_s: float = 0.0
+    """How fast the ground of the recording rose."""
 
-    @property
-    def origin_w(self) -> np.ndarray:
-        return np.array([self.origin_x_m, self.origin_y_m, self.floor_m])
+    def origin_w(self, clip: HumanClip) -> np.ndarray:
+        """The piece's origin in each frame (t, 1, 3)."""
+        place = np.tile([self.origin_x_m, self.origin_y_m, self.floor_m], (clip.frame_count, 1, 1))
+        place[:, 0, 2] += self.floor_slope_m_s * np.arange(clip.frame_count) / clip.fps
+        return place
 
     def applied(self, clip: HumanClip) -> HumanClip:
         """The clip in the piece's world."""
         back = rotation.about_z(-self.heading_rad)
         return dataclasses.replace(
             clip,
-            body_pos_w=rotation.rotate(back, clip.body_pos_w - self.origin_w),
+            body_pos_w=rotation.rotate(back, clip.body_pos_w - self.origin_w(clip)),
             body_quat_w=rotation.make_continuous(rotation.multiply(back, clip.body_quat_w)),
         )
 
@@ -38,7 +43,7 @@ class Placement:
         turn = rotation.about_z(self.heading_rad)
         return dataclasses.replace(
             clip,
-            body_pos_w=rotation.rotate(turn, clip.body_pos_w) + self.origin_w,
+            body_pos_w=rotation.rotate(turn, clip.body_pos_w) + self.origin_w(clip),
             body_quat_w=rotation.make_continuous(rotation.multiply(turn, clip.body_quat_w)),
         )
 

@@ -13,15 +13,16 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
-from pipeline.repair.contacts import both_feet, label_contacts, stance_slip
+from pipeline.repair.contacts import FootPoints, both_feet, label_contacts, stance_slip
 from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
 from pipeline.repair.filling import filled
-from pipeline.repair.floor import Floor, find_floor
+from pipeline.repair.floor import Floor, find_floor, levelled
 from pipeline.repair.pieces import Division, divide
 from pipeline.repair.placement import place
 from pipeline.repair.robot_motion import process_robot
 from pipeline.repair.settings import RepairSettings
+from pipeline.repair.skating import Skating, find_skating
 from pipeline.repair.smoothing import smoothed
 from pipeline.robot import Robot
 
@@ -34,7 +35,7 @@ class WholeClip:
     """What all windows of a source clip share."""
 
     repaired: HumanClip
-    """Filled, over its whole length."""
+    """Filled and without a drift of the ground, over its whole length."""
     findings: Findings
     division: Division
     floor: Floor
@@ -49,7 +50,7 @@ def prepare(clip: HumanClip | RobotClip, *, settings: RepairSettings) -> WholeCl
     repaired = filled(mended, findings, division.dropped, settings.fill)
     sound = ~findings.lost.any(axis=1) & ~division.dropped
     floor = find_floor(repaired, settings.floor, sound)
-    return WholeClip(repaired=repaired, findings=findings, division=division, floor=floor)
+    return WholeClip(repaired=levelled(repaired, floor), findings=findings, division=division, floor=floor)
 
 
 def process(
@@ -116,21 +117,57 @@ def _pieces(
             continue
         labelled = smoothed(clip.cut(low, high, clip.name), skill, settings.smooth)
         feet = both_feet(labelled, floor.height)
-        contacts = label_contacts(feet, clip.fps, settings.contact)
-        part = slice(first - low, last - low)
-        slip = stance_slip((feet[0].cut(part), feet[1].cut(part)), contacts[part])
-        speed_m_s = _ground_speed(labelled.pos("pelvis")[part], clip.fps)
-        refused = reasons.of_contacts(contacts[part], slip, speed_m_s, first, last, clip.fps, settings.contact)
-        told += refused
-        if not any(reason.effect == "rejected" for reason in refused):
-            piece = dataclasses.replace(labelled, contacts=contacts).cut(part.start, part.stop, clip.name)
-            taken.append((first, piece, slip))
+        labelled = dataclasses.replace(labelled, contacts=label_contacts(feet, clip.fps, settings.contact))
+        skating = _inside(find_skating(feet, clip.fps, settings.contact), low, first, last)
+        told += reasons.of_skating(skating, clip.fps, settings.contact)
+        for start, stop in _between(skating, first, last):
+            refused, piece = _piece(labelled, feet, start, stop, low, settings)
+            told += refused
+            if piece is not None:
+                taken.append((start, *piece))
     several = len(taken) > 1
     pieces = []
     for number, (first, piece, slip) in enumerate(taken, start=1):
         named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
-        pieces.append(_placed(named, first, slip, division, floor, settings))
+        pieces.append(_placed(named, first, slip, division, floor, floor.at(first, clip), settings))
     return tuple(pieces), told
+
+
+def _piece(
+    labelled: HumanClip,
+    feet: tuple[FootPoints, FootPoints],
+    start: int,
+    stop: int,
+    low: int,
+    settings: RepairSettings,
+) -> tuple[list[Reason], tuple[HumanClip, float] | None]:
+    """Frames [start, stop) of the source and how much their feet slip, or why they don't go on.
+
+    `labelled` begins at the source's frame `low`.
+    """
+    part, fps = slice(start - low, stop - low), labelled.fps
+    assert labelled.contacts is not None
+    if (stop - start) / fps < settings.min_seconds:
+        return [reasons.too_short(start, stop, fps, settings.min_seconds)], None
+    slip = stance_slip((feet[0].cut(part), feet[1].cut(part)), labelled.contacts[part])
+    speed_m_s = _ground_speed(labelled.pos("pelvis")[part], fps)
+    told = reasons.of_slip(slip, speed_m_s, start, stop, fps, settings.contact)
+    told += reasons.of_flight(labelled.contacts[part], start, stop, fps, settings.contact)
+    return told, None if told else (labelled.cut(part.start, part.stop, labelled.name), slip)
+
+
+def _inside(skating: list[Skating], low: int, first: int, last: int) -> list[Skating]:
+    """Stretches told from frame `low` on, in the source's frames, as far as they are in [first, last)."""
+    moved = [
+        dataclasses.replace(one, start=max(one.start + low, first), stop=min(one.stop + low, last)) for one in skating
+    ]
+    return [one for one in moved if one.stop > one.start]
+
+
+def _between(skating: list[Skating], first: int, last: int) -> list[tuple[int, int]]:
+    """What of [first, last) is left."""
+    edges = [first, *(edge for one in skating for edge in (one.start, one.stop)), last]
+    return [(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop > start]
 
 
 def _ground_speed(pos_w: np.ndarray, fps: float) -> float:
@@ -139,7 +176,13 @@ def _ground_speed(pos_w: np.ndarray, fps: float) -> float:
 
 
 def _placed(
-    clip: HumanClip, first: int, slip: float, division: Division, floor: Floor, settings: RepairSettings
+    clip: HumanClip,
+    first: int,
+    slip: float,
+    division: Division,
+    floor: Floor,
+    source_floor_m: float,
+    settings: RepairSettings,
 ) -> Piece:
     placement = place(clip, floor.height, settings.heading_s)
     placed = placement.applied(clip)
@@ -148,7 +191,7 @@ def _placed(
         "seconds": clip.duration_s,
         "start_frame": first,
         "stop_frame": first + clip.frame_count,
-        **dataclasses.asdict(placement),
+        **dataclasses.asdict(dataclasses.replace(placement, floor_m=source_floor_m, floor_slope_m_s=floor.slope_m_s)),
         "filled_frames": int(division.filled[first : first + clip.frame_count].sum()),
         "stance_slip_m_s": slip,
         "contact_share_left": float(placed.contacts[:, 0].mean()),

@@ -13,6 +13,7 @@ from pipeline.repair.defect import Defect, Findings
 from pipeline.repair.floor import Floor
 from pipeline.repair.pieces import Division
 from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSettings
+from pipeline.repair.skating import Skating
 
 MOST_OF_A_KIND = 20
 """More defects of one kind than this are told as one reason."""
@@ -35,36 +36,58 @@ def of_defects(
 
 
 def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
-    """Whether the ground under the clip stays where it is."""
-    if abs(floor.drift) <= settings.drift_limit:
-        return []
-    text = f"the feet stand {floor.drift:+.3f} m higher in the clip's last third than in its first"
+    """Whether the ground under the clip is at z = 0, and stays there."""
+    told = []
+    if abs(floor.height) > settings.offset_limit:
+        text = f"the ground is at z = {floor.height:+.3f} m; the clip is moved onto z = 0"
+        told.append(("floor_offset", text, floor.height, settings.offset_limit))
+    if floor.slope_m_s != 0.0:
+        text = f"the ground is {floor.drift:+.3f} m higher at the clip's end than at its beginning; that is taken out"
+        told.append(("floor_drift", text, floor.drift, settings.drift_limit))
     return [
-        Reason(code="floor_drift", text=text, effect="noted", value=floor.drift, limit=settings.drift_limit, unit="m")
+        Reason(code=code, text=text, effect="repaired", value=value, limit=limit, unit="m")
+        for code, text, value, limit in told
     ]
 
 
-def of_contacts(
-    contacts: Bool[np.ndarray, "t 2"],
-    slip: float,
-    speed_m_s: float,
-    first: int,
-    last: int,
-    fps: float,
-    settings: ContactSettings,
+def of_slip(
+    slip: float, speed_m_s: float, first: int, last: int, fps: float, settings: ContactSettings
 ) -> list[Reason]:
-    """Whether the feet of a piece [first, last), whose pelvis has a mean speed, slide or never stand."""
+    """Whether the standing feet of a piece [first, last), whose pelvis has a mean speed, slide on average."""
     limit = settings.slip_limit_m_s + settings.slip_per_speed * speed_m_s
+    if slip <= limit:
+        return []
+    text = f"standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
+    return [_refused("foot_skate", text, (first, last), fps, slip, limit, "m/s")]
+
+
+def of_skating(skating: list[Skating], fps: float, settings: ContactSettings) -> list[Reason]:
+    """Stretches in which the foot that carries the body slides."""
+    limit = settings.skate_limit_m_s
+    return [
+        _refused(
+            "foot_skate",
+            f"standing feet slide at {one.speed_m_s:.3f} m/s, allowed are {limit:g} m/s; these frames are cut",
+            (one.start, one.stop),
+            fps,
+            one.speed_m_s,
+            limit,
+            "m/s",
+        )
+        for one in skating
+    ]
+
+
+def of_flight(
+    contacts: Bool[np.ndarray, "t 2"], first: int, last: int, fps: float, settings: ContactSettings
+) -> list[Reason]:
+    """Whether the feet of a piece [first, last) never stand for longer than people fly."""
     flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps
-    told = []
-    if slip > limit:
-        text = f"standing feet slide at {slip:.3f} m/s on average, allowed are {limit:.3f} m/s"
-        told.append(_refused("foot_skate", text, (first, last), fps, slip, limit, "m/s"))
-    if longest > settings.longest_flight_s:
-        text = f"no foot is on the ground for {longest:.2f} s, allowed are {settings.longest_flight_s:g} s"
-        told.append(_refused("no_contact", text, (first, last), fps, longest, settings.longest_flight_s, "s"))
-    return told
+    if longest <= settings.longest_flight_s:
+        return []
+    text = f"no foot is on the ground for {longest:.2f} s, allowed are {settings.longest_flight_s:g} s"
+    return [_refused("no_contact", text, (first, last), fps, longest, settings.longest_flight_s, "s")]
 
 
 def too_short(first: int, last: int, fps: float, min_seconds: float) -> Reason:

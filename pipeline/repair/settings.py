@@ -112,10 +112,19 @@ class FloorSettings:
     slow_m_s: float
     """A toe slower than this may stand."""
     drift_limit: float
-    """Change of the stance height over the clip that is noted [m]."""
+    """Change of the ground's height over the clip that is taken out [m]."""
+    offset_limit: float
+    """Height of the ground that is told [m]; it is taken out whatever it is."""
 
     def __post_init__(self) -> None:
-        check(self, ball_height=Range(0.0, 0.2), band=POSITIVE, slow_m_s=POSITIVE, drift_limit=NOT_NEGATIVE)
+        check(
+            self,
+            ball_height=Range(0.0, 0.2),
+            band=POSITIVE,
+            slow_m_s=POSITIVE,
+            drift_limit=NOT_NEGATIVE,
+            offset_limit=NOT_NEGATIVE,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +159,8 @@ class ContactSettings:
     """Largest mean speed of the planted point of a standing foot of a person who stands still."""
     slip_per_speed: float
     """What is added to it for each m/s of the pelvis [(m/s)/(m/s)]."""
+    skate_limit_m_s: float
+    """A stretch is cut in which the slowest point near the ground hardly ever is slower than this."""
     longest_flight_s: float
     """Both feet off the ground for longer than this is no gait of a person."""
 
@@ -164,6 +175,7 @@ class ContactSettings:
             shortest_s=NOT_NEGATIVE,
             slip_limit_m_s=NOT_NEGATIVE,
             slip_per_speed=NOT_NEGATIVE,
+            skate_limit_m_s=POSITIVE,
             longest_flight_s=NOT_NEGATIVE,
         )
 

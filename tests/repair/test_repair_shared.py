@@ -77,14 +77,16 @@ def test_skeleton_of_another_person_is_rejected_for_its_skating_feet(repaired):
     outcome = repaired("cmu_asfamc/02_01.amc", fps=120.0)
     assert not outcome.accepted
     skate = next(reason for reason in outcome.reasons if reason.code == "foot_skate")
-    assert skate.value == pytest.approx(0.15, abs=0.02)
+    assert skate.value == pytest.approx(0.14, abs=0.03)
     twin = repaired("misc_bvh/wspr_walk.bvh").pieces[0]
     assert twin.numbers["stance_slip_m_s"] < 0.6 * skate.value
 
 
 def test_frames_that_are_stored_twice_become_one_motion(mocap, settings):
     clip = read_motion(mocap / "isaaclab_amp" / "humanoid_walk.npz", "humanoid_walk").clip
-    any_slip = dataclasses.replace(settings, contact=dataclasses.replace(settings.contact, slip_limit_m_s=1.0))
+    any_slip = dataclasses.replace(
+        settings, contact=dataclasses.replace(settings.contact, slip_limit_m_s=1.0, skate_limit_m_s=1.0)
+    )
     outcome = process(clip, {"skill": "walk_fast_jog"}, settings=any_slip)
     assert "repeated_frame" in {reason.code for reason in outcome.reasons if reason.effect == "repaired"}
     steps = np.linalg.norm(np.diff(outcome.pieces[0].clip.pos("pelvis"), axis=0), axis=1)
