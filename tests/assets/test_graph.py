@@ -32,7 +32,25 @@ LINEAGE = {
     "augmented_motions": {"retargeted_motions", "robot_model", "approved_variants"},
     "feasible_motions": {"augmented_motions", "adapted_robot", "approved_weights"},
     "expert_db": {"feasible_motions", "robot_model"},
+    "amp_policy": {"expert_db", "adapted_robot", "approved_randomization"},
+    "augmentation_ablation": {"expert_db", "adapted_robot"},
+    "exported_policy": {"amp_policy", "robot_model"},
+    "mujoco_validation": {"exported_policy", "adapted_robot"},
+    "cross_engine_validation": {"exported_policy", "adapted_robot"},
+    "webots_validation": {"exported_policy", "adapted_robot"},
+    "limit_cycles": {"exported_policy", "adapted_robot", "hardware_trials"},
 }
+LINEAGE["release_report"] = {
+    *("exported_policy", "mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles"),
+    *("expert_db", "actuator_calibration", "adapted_robot"),
+    *("augmentation_ablation", "hardware_trials", "sim_to_real_report"),
+}
+
+POLICY = (
+    *("amp_policy", "augmentation_ablation", "exported_policy", "limit_cycles", "release_report"),
+    *("mujoco_validation", "cross_engine_validation", "webots_validation"),
+)
+"""What is made of the database and asked of the policy."""
 
 MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
 """What is about the robot and no stage of motions."""
@@ -92,11 +110,13 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking
     }
-    stages = [name for name in LINEAGE if name not in ("raw_motions", *MODEL, *APPROVED, *FIELD, "expert_db")]
+    others = ("raw_motions", *MODEL, *APPROVED, *FIELD, *POLICY, "expert_db")
+    stages = [name for name in LINEAGE if name not in others]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
     expected |= {("robot_model", "models_agree"), ("expert_db", "whole_database")}
-    expected |= {("adapted_robot", "adapted_models_agree")}
+    expected |= {("adapted_robot", "adapted_models_agree"), ("exported_policy", "gives_the_networks_actions")}
+    expected |= {("webots_validation", "project_is_the_robot")}
     assert blocking == expected | {("feasible_motions", "satisfies_its_own_file")}
 
 
