@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
 from pipeline.validation.cells import Cell
@@ -16,10 +18,12 @@ from pipeline.validation.measure import Measured
 
 def question_of(one: Deployed, cell: Cell) -> str:
     """Digest of all that a cell's numbers depend on, but for the code."""
-    gains = [one.task.kp.tolist(), one.task.kd.tolist(), one.task.default_joint_pos.tolist()]
-    network = [digest.of_bytes(part.tobytes()) for layer in one.policy.layers for part in layer]
-    normalizer = [digest.of_bytes(part.tobytes()) for part in (one.policy.mean, one.policy.scale)]
-    return digest.of_json([one.robot.digest, gains, network, normalizer, [repr(trial) for trial in cell.trials]])
+    task, policy, motors = one.task, one.policy, one.envelope
+    arrays = [task.kp, task.kd, task.default_joint_pos, policy.mean, policy.scale]
+    arrays += [part for layer in policy.layers for part in layer]
+    arrays += [motors.limit, motors.knee_speed, motors.no_load_speed, one.armature]
+    parts = ["" if each is None else digest.of_bytes(np.ascontiguousarray(each).tobytes()) for each in arrays]
+    return digest.of_json([one.robot.digest, parts, type(one.reads).__name__, [repr(trial) for trial in cell.trials]])
 
 
 def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:

@@ -13,17 +13,16 @@ from pipeline.validation.measure import Measured
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """A figure that misses its bar, or a cell without a bar."""
+    """A figure that misses its bar."""
 
     cell: str
     figure: str
-    got: float | None
-    """None where every trial fell, so that there is nothing to measure."""
+    got: float
     bar: str
 
     def __str__(self) -> str:
-        got = "nothing, every trial fell" if self.got is None else f"{self.got:.3g} {FIGURES[self.figure].unit}"
-        return f"{self.cell}: {FIGURES[self.figure].name.replace('_', ' ')} {got}, asked is {self.bar}"
+        unit = FIGURES[self.figure].unit
+        return f"{self.cell}: {self.figure.replace('_', ' ')} {self.got:.3g} {unit}, asked is {self.bar}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +99,9 @@ def judge(
 
 
 def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:
+    """Where every trial fell there is one reason, the falls."""
     got = one.figure(name)
-    if got is not None and bar.holds(got):
+    if got is None or bar.holds(got):
         return None
     return Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
 
