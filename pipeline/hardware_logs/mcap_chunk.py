@@ -12,6 +12,9 @@ from jaxtyping import Int
 
 from pipeline.hardware_logs.mcap_records import CHANNEL, CHUNK_HEAD, MESSAGE, MESSAGE_HEAD, RECORD_HEAD, SCHEMA, Cursor
 
+HEADS = np.dtype("u1, <u8, <u2, <u4, <u8, <u8")
+HEADS.names = ("opcode", "length", "channel", "sequence", "time_ns", "publish_ns")
+"""The head of a message as numpy has it."""
 WINDOW_BYTES = 1 << 27
 """Largest window a zstd frame may ask memory for."""
 
@@ -87,19 +90,16 @@ def cut(data: bytes, *, whole: bool) -> Records:
         whole: nothing but whole messages, schemas and channels may be there, else ValueError; if not, cutting ends
             before the first record that is another or not whole
     """
-    channels, times, starts, stops, definitions = [], [], [], [], []
-    unpack, size, at = MESSAGE_HEAD.unpack_from, len(data), 0
-    last, head = size - MESSAGE_HEAD.size, MESSAGE_HEAD.size
+    places, definitions = [], []
+    unpack, size, at = RECORD_HEAD.unpack_from, len(data), 0
+    place, last = places.append, size - MESSAGE_HEAD.size
     while at <= last:
-        opcode, length, channel, _, time_ns, _ = unpack(data, at)
+        opcode, length = unpack(data, at)
         end = at + 9 + length
         if end > size:
             break
         if opcode == MESSAGE and length >= 22:
-            channels.append(channel)
-            times.append(time_ns)
-            starts.append(at + head)
-            stops.append(end)
+            place(at)
         elif opcode in (SCHEMA, CHANNEL):
             definitions.append((opcode, data[at + RECORD_HEAD.size : end]))
         else:
@@ -108,12 +108,14 @@ def cut(data: bytes, *, whole: bool) -> Records:
     at = _short_ones(data, at, definitions)
     if whole and at != size:
         raise ValueError("a chunk whose records do not add up")
+    head_at = np.array(places, dtype=np.int64)
+    heads = np.frombuffer(data, dtype=np.uint8)[head_at[:, None] + np.arange(MESSAGE_HEAD.size)].view(HEADS)[:, 0]
     return Records(
         data=data,
-        channel=np.array(channels, dtype=np.int64),
-        time_ns=np.array(times, dtype=np.uint64).view(np.int64),
-        start=np.array(starts, dtype=np.int64),
-        stop=np.array(stops, dtype=np.int64),
+        channel=heads["channel"].astype(np.int64),
+        time_ns=heads["time_ns"].astype(np.int64),
+        start=head_at + MESSAGE_HEAD.size,
+        stop=head_at + RECORD_HEAD.size + heads["length"].astype(np.int64),
         end=at,
         definitions=tuple(definitions),
     )

@@ -37,7 +37,7 @@ def mcap_bytes(log: RobotLog, storage: Storage = ZSTD_SMALL) -> bytes:
     writer.metadata(METADATA, to_metadata(log.facts, start_ns))
     channels = [writer.channel(topic, schema_name(TOPICS[topic]), schema_text(TOPICS[topic])) for topic in topics]
     times = [time_ns for time_ns, _ in topics.values()]
-    parts = [memoryview(values.view(np.uint8)) for _, values in topics.values()]
+    parts = [values.view(np.uint8).data for _, values in topics.values()]
     sizes = [values.dtype.itemsize for _, values in topics.values()]
     which = np.repeat(np.arange(len(times)), [len(each) for each in times])
     row = np.concatenate([np.arange(len(each)) for each in times])
