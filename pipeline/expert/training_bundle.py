@@ -114,7 +114,7 @@ def expert_arrays(database: Database) -> bytes:
     variants = dict(zip(database.index["clip"], database.index["variant"], strict=True))
     names = [str(name) for name in database.index["clip"]]
     arrays = {
-        "frames": np.concatenate([clip.frames for clip in clips]).astype(np.float32),
+        "frames": np.asfortranarray(np.concatenate([clip.frames for clip in clips]), dtype=np.float32),
         "command": np.concatenate([frame_commands(clip) for clip in clips]).astype(np.float32),
         "clip_start": np.cumsum([0, *(len(clip.frames) for clip in clips)]),
         "clip_weight": np.array([clip.weight for clip in clips]),

@@ -21,6 +21,8 @@ class AmpPpo(PPO):
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
+        self.iteration = 0
+        """Set by the run: how far it is."""
         self._synchronized = False
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -33,8 +35,15 @@ class AmpPpo(PPO):
             kept = valid & (torch.rand(len(valid), device=valid.device) < 0.5)
             self.discriminator.replay.insert(motion[kept])
         self.step_figures += torch.stack([rewards.mean(), style.mean(), score.mean(), torch.ones_like(score[0])])
-        share = self._options.style
+        share = self.style_share()
         super().process_env_step(obs, (1.0 - share) * rewards + share * style, dones, extras)
+
+    def style_share(self) -> float:
+        """Share of the style reward at this iteration."""
+        first, last = self._options.style_iterations
+        return self._options.style * min(
+            1.0, max(0.0, (self.iteration - first) / max(last - first, 1)) if last else 1.0
+        )
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""

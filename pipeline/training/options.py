@@ -52,6 +52,8 @@ class Options:
     """Of the paper's action-rate weight."""
     tracking_product: float = 0.0
     """Share of the three tracking terms' weight that their product has instead of their sum."""
+    product_sigma2: float = 0.5
+    """Width of the product's kernel: wide, so that it also leads from far off."""
     mean_tracking: float = 0.0
     """Weight of tracking by the velocity averaged over .4 s, all axes at once."""
     mean_sigma2: float = 0.05
@@ -108,6 +110,8 @@ class Options:
     # Adversarial motion prior
     style: float = 0.3
     """Share of the style reward in the blend; 0 trains without a discriminator."""
+    style_iterations: tuple[int, int] = (0, 0)
+    """The share grows from 0 to its value between these iterations."""
     alpha: float = 0.25
     beta: float = 0.1
     """Of r = alpha (1 + tanh(beta D))."""

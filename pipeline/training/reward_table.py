@@ -81,9 +81,9 @@ def _tracking(options: Options) -> tuple[Term, ...]:
     )
     product = Term(
         name="tracking_product",
-        equation="the product of the three",
+        equation="exp(-|v_cmd - v|^2 / product_sigma2), all axes at once",
         weight=9.0 * options.tracking_product,
-        value=lambda env: env.tracking_kernels().prod(dim=1),
+        value=lambda env: terms.joint_tracking(env.command, env.readings.velocity, options.product_sigma2),
         added="a robot that stands is paid two of three sums, but little of the product",
     )
     return (*each, product)

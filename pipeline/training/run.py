@@ -86,6 +86,7 @@ class TrainingRun:
                 break
             begun = time.monotonic()
             self.runner.current_learning_iteration = self.iteration
+            self.algorithm.iteration = self.iteration
             self.runner.learn(1)
             self.iteration += 1
             now = time.monotonic()

@@ -18,17 +18,18 @@ def fallen(gravity_b: torch.Tensor, height: torch.Tensor, max_tilt_deg: float, m
 
 
 def stands_though_told(command: torch.Tensor, velocity: torch.Tensor, options: Options) -> torch.Tensor:
-    """Whether (n,) the robot follows less than its share of a command to move, or of one to turn.
+    """Whether (n,) the robot follows nothing of a command to move, to turn, or both.
 
-    Planar: commanded speed above `stall_speed` and velocity along the command below `stall_share` of it. Turning:
-    likewise. A command of both must be followed in both.
+    Moving: commanded speed above `stall_speed`, and velocity along the command below `stall_share` of it. Turning:
+    likewise with the yaw rate. Who follows one half of a command to do both does not stall.
     """
     speed = torch.linalg.norm(command[:, :2], dim=1)
     along = (velocity[:, :2] * command[:, :2]).sum(dim=1) / speed.clamp(min=1e-6)
-    planar = (speed > options.stall_speed) & (along < options.stall_share * speed)
+    told_to_move, moves = speed > options.stall_speed, along >= options.stall_share * speed
     turn = command[:, 2].abs()
     turned = velocity[:, 2] * torch.sign(command[:, 2])
-    return planar | ((turn > options.stall_yaw) & (turned < options.stall_share * turn))
+    told_to_turn, turns = turn > options.stall_yaw, turned >= options.stall_share * turn
+    return (told_to_move | told_to_turn) & ~(told_to_move & moves) & ~(told_to_turn & turns)
 
 
 class Stall:
