@@ -12,6 +12,8 @@ from pipeline.failures.signals import Signals
 
 FALLING = 1
 """`/fall_down` from here on: falling, has fallen, getting up."""
+UPRIGHT_DEG = 20.0
+"""A robot that is tilted less has stood up again."""
 BOTH, ATTITUDE_ALONE, FLAG_ALONE = 0.99, 0.9, 0.5
 """Confidence by who saw the fall."""
 
@@ -20,25 +22,23 @@ def falls(
     signals: Signals, settings: FallSettings, excused: tuple[Excuse, ...], excuse: ExcuseSettings
 ) -> list[Failure]:
     """Each fall once, from its onset."""
-    tipped = [(start, True) for start, _ in time_series.runs((signals.tilt_deg > settings.tilt_deg) & signals.known)]
-    seen: list[tuple[int, bool]] = []
-    for start, by_attitude in sorted(tipped + [(start, False) for start in _flags(signals)]):
-        if seen and signals.time_s[start] - signals.time_s[seen[-1][0]] < settings.flag_s:
-            seen[-1] = (seen[-1][0], seen[-1][1] or by_attitude)
-        else:
-            seen.append((start, by_attitude))
-    return [
-        _fall(signals, start, by_attitude, settings, excused, excuse) for start, by_attitude in _apart(signals, seen)
-    ]
+    tipped = [start for start, _ in time_series.runs((signals.tilt_deg > settings.tilt_deg) & signals.known)]
+    seen = [(start, True) for start in _apart(signals, tipped)]
+    near = settings.flag_s
+    seen += [(flag, False) for flag in _flags(signals) if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
+    return [_fall(signals, *each, settings, excused, excuse) for each in sorted(seen)]
 
 
-def _apart(signals: Signals, seen: list[tuple[int, bool]]) -> list[tuple[int, bool]]:
+def _gap(signals: Signals, one: int, other: int) -> float:
+    return float(signals.time_s[one] - signals.time_s[other])
+
+
+def _apart(signals: Signals, tipped: list[int]) -> list[int]:
     """Falls between which the robot stood up again."""
-    kept: list[tuple[int, bool]] = []
-    for start, by_attitude in seen:
-        if kept and not np.any(signals.tilt_deg[kept[-1][0] : start] < 20.0):
-            continue
-        kept.append((start, by_attitude))
+    kept: list[int] = []
+    for start in tipped:
+        if not kept or np.any(signals.tilt_deg[kept[-1] : start] < UPRIGHT_DEG):
+            kept.append(start)
     return kept
 
 

@@ -1,0 +1,44 @@
+"""Logs of virtual robots as the trials that the reader makes of them, and what they are looked at with."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.actuators import ActuatorSettings, JointActuator, adapt, read_standing_pose
+from pipeline.deployment import deployment_task
+from pipeline.failures.settings import FailureSettings
+from pipeline.files import settings
+from pipeline.hardware_logs import LogFacts, LogSettings, RobotLog, Trial, ingest, layouts, read_trial, write_mcap
+from pipeline.robot import Robot
+from pipeline.virtual_robot.scripted import Script, ScriptedController
+from pipeline.virtual_robot.trial import VirtualTrial, simulate
+
+ROOT = Path(__file__).resolve().parents[2]
+FAILURES = settings.read(ROOT / "data/failures.yaml", FailureSettings)
+LOGS = settings.read(ROOT / "data/hardware_logs.yaml", LogSettings)
+
+
+def trial_of(log: RobotLog, robot: Robot, name: str = "trial") -> Trial:
+    """The one trial in a log, written as MCAP and read back."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.mcap"
+        write_mcap(path, log)
+        (made,) = ingest(path, name, Path(folder), layouts=layouts([robot]), settings=LOGS).trials
+        return read_trial(made.path)
+
+
+def nominal_actuators(robot: Robot) -> tuple[JointActuator, ...]:
+    """The robot's own motor limits."""
+    return adapt(robot, [], settings.read(ROOT / "data/actuators.yaml", ActuatorSettings))
+
+
+def scripted_log(robot: Robot, script: Script, trial: VirtualTrial, seed: int = 0) -> RobotLog:
+    """The log of a script, which stands in the manufacturer's standing pose."""
+    pose = read_standing_pose(ROOT / "robots" / robot.name, robot)
+    assert pose is not None
+    task = deployment_task(robot, kp=pose.kp, kd=pose.kd, default_joint_pos=pose.joint_pos)
+    facts = LogFacts(robot=robot.name, policy_digest=script.digest)
+    return simulate(robot, ScriptedController(task, script), trial, np.random.default_rng(seed), facts)[1]
