@@ -37,11 +37,14 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_settings import CrossEngineSettings
+        from pipeline.validation.cross_engine_trials import write_falls
         from pipeline.viewing.cross_engine_plots import cross_engine_plots
 
         values = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
-        judged = judged_policy(config, exported_policy, plan.robot or DEFAULT_ROBOT)
+        robot = plan.robot or DEFAULT_ROBOT
+        judged = judged_policy(config, exported_policy, robot)
         found = cross_engine(judged.deployed, values, pool=clip_pool.pool())
+        logs = write_falls(judged.deployed, found, values, PROJECT.simulated_failures(robot, "cross_engine"))
         verdict = {"stage": plan.name, "policy": judged.digest, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         check = dg.AssetCheckResult(
@@ -57,6 +60,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
             "required cells": len(found.cells) - len(found.not_required),
             "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),
             "not required": ", ".join(found.not_required) or "none",
+            "falls written": ", ".join(path.name for path in logs) or "none",
             "pictures": picture(cross_engine_plots(found)),
             "cells": table_of(rows, list(rows)),
         }

@@ -63,8 +63,15 @@ def walk_cell(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: 
     return figures_of(walk(deployed, engine, cell, seed, settings), cell.measured_s)
 
 
-def walk(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings) -> Rollout:
-    """The walk itself; it ends with a fall."""
+def walk(
+    deployed: Deployed,
+    engine: str,
+    cell: Cell,
+    seed: int,
+    settings: SimulationSettings,
+    stop_on_fall: bool = True,
+) -> Rollout:
+    """The walk itself."""
     robot = deployed.robot
     start = start_state(robot, deployed.task, seed, settings)
     events = [] if cell.push is None else [_push(cell, start)]
@@ -79,7 +86,7 @@ def walk(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: Simul
         sensors=deployed.reads,
         start=start,
         wrench_every=1000,
-        stop_on_fall=True,
+        stop_on_fall=stop_on_fall,
     )
 
 

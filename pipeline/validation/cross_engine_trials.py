@@ -1,0 +1,51 @@
+"""What a policy failed at in an engine, as the log that a robot would have written of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.deployment import digest
+from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
+from pipeline.hardware_logs.write import write_mcap
+from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult
+from pipeline.validation.cross_engine_settings import CrossEngineSettings
+from pipeline.validation.cross_engine_walk import walk
+from pipeline.validation.deployed import Deployed
+from pipeline.validation.failed_trials import LONGEST_NOTE, file_name
+from pipeline.virtual_robot.record import record
+
+
+def write_falls(
+    deployed: Deployed, found: CrossEngineResult, settings: CrossEngineSettings, folder: Path
+) -> tuple[Path, ...]:
+    """One MCAP file for each required cell and engine in which the robot fell: its first fall; equal results give equal
+    bytes. A cell without a fall leaves no log, for what engines disagree in is no trial of one robot."""
+    written = []
+    for cell in found.cells:
+        for engine, seed in first_falls(cell) if cell.required else ():
+            path = folder / f"{file_name(cell.name)}_{engine}.mcap"
+            write_mcap(path, fall_log(deployed, cell, engine, seed, settings))
+            written.append(path)
+    return tuple(written)
+
+
+def first_falls(cell: CellResult) -> tuple[tuple[str, int], ...]:
+    """Engine and seed of the first fall in each engine that is held to the bars."""
+    falls = []
+    for engine in HELD:
+        fallen = [seed for seed, one in enumerate(cell.figures.get(engine, ())) if one.fell]
+        falls += [(engine, fallen[0])] if fallen else []
+    return tuple(falls)
+
+
+def fall_log(deployed: Deployed, cell: CellResult, engine: str, seed: int, settings: CrossEngineSettings) -> RobotLog:
+    """The walk again, to its end though it falls, as a log."""
+    said = settings.cells[cell.name]
+    rollout = walk(deployed, engine, said, seed, settings.simulation, stop_on_fall=False)
+    pushes = () if said.push is None else (OperatorEvent(time_s=said.push.start_s, kind="pushed"),)
+    reasons = "; ".join(cell.reasons)[:LONGEST_NOTE]
+    notes = {"validation cell": cell.name, "engine": engine, "seed": str(seed), "reasons": reasons}
+    facts = LogFacts(robot=deployed.robot.name, policy_digest=digest(deployed.policy), events=pushes, notes=notes)
+    return record(rollout, deployed.task.kp, deployed.task.kd, facts, np.random.default_rng(seed))

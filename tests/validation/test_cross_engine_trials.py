@@ -1,0 +1,66 @@
+"""A fall in an engine as the log of a robot: read back by the reader of real logs."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.deployment import deployment_task
+from pipeline.files.settings import read
+from pipeline.robot import Robot
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.cross_engine import CrossEngineResult, cross_engine
+from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
+from pipeline.validation.cross_engine_trials import fall_log, first_falls, write_falls
+from pipeline.validation.cross_engine_walk import DART, MUJOCO
+from pipeline.validation.deployed import Deployed
+from tests.factories.policies import still_policy
+
+
+@pytest.fixture(scope="module")
+def limp(robot: Robot) -> Deployed:
+    """Motors without strength: it falls in any engine."""
+    task = deployment_task(robot)
+    return Deployed(
+        robot=robot, task=task, policy=still_policy(task), envelope=TorqueEnvelope(limit=0.01 * robot.torque_limit)
+    )
+
+
+@pytest.fixture(scope="module")
+def settings(root: Path) -> CrossEngineSettings:
+    """Standing for a second and a half, required and not."""
+    whole = read(root / "data" / "cross_engine.yaml", CrossEngineSettings)
+    cell = Cell(segments=(Segment(seconds=1.5, command=(0.0, 0.0, 0.0)),), measured_s=0.5)
+    cells = {"stand": cell, "stand_too": dataclasses.replace(cell, required=False)}
+    return dataclasses.replace(whole, simulation=dataclasses.replace(whole.simulation, seeds=2), cells=cells)
+
+
+@pytest.fixture(scope="module")
+def found(limp: Deployed, settings: CrossEngineSettings) -> CrossEngineResult:
+    return cross_engine(limp, settings, engines=(MUJOCO, DART))
+
+
+def test_each_engine_leaves_its_first_fall_of_a_required_cell(
+    tmp_path: Path, limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult
+):
+    assert first_falls(found.cells[0]) == ((MUJOCO, 0), (DART, 0))
+    logs = write_falls(limp, found, settings, tmp_path)
+    assert [path.name for path in logs] == ["stand_mujoco.mcap", "stand_dart.mcap"]
+    again = write_falls(limp, found, settings, tmp_path / "again")
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in logs]
+
+
+def test_a_log_holds_the_fall_to_its_end(
+    tmp_path: Path, limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult
+):
+    log = fall_log(limp, found.cells[0], DART, 0, settings)
+    assert log.facts.notes["engine"] == DART
+    assert log.facts.notes["validation cell"] == "stand"
+    assert "fell after" in log.facts.notes["reasons"]
+    assert log.facts.simulated
+    assert np.isfinite(log.low_state.joint_pos).all() and np.isfinite(log.low_state.acc_b).all()
+    assert np.ptp(log.low_state.time_ns) * 1e-9 == pytest.approx(1.5, abs=0.1)
+    assert np.abs(log.low_state.rpy[-1, :2]).max() > 0.3  # it lies, or is on its way
