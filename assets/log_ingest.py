@@ -15,7 +15,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.errors import PipelineError
 from pipeline.files import atomic, digest, settings
 from pipeline.hardware_logs import LogError, LogSettings, ingest, layouts
-from pipeline.hardware_logs.log_folder import QUARANTINE, LogFile, complete_logs, without_copies
+from pipeline.hardware_logs.log_folder import QUARANTINE, LogFile, complete_logs, packed_files, without_copies
 
 Answer = dict[str, Any]
 
@@ -52,6 +52,7 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
         answers[file.name] = answer
     _note_refusals(folder / QUARANTINE, answers)
     passed_over = [f"{path.relative_to(folder)} is still being written." for path in waiting] + copies
+    passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
     return IngestedLogs(
         manifest=_manifest(plan, files, answers, values, read), faults=faults, passed_over=tuple(passed_over)
     )

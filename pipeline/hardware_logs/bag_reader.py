@@ -37,6 +37,7 @@ class BagReader:
         try:
             with closing(sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro", uri=True)) as bag:
                 bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, self.bounds.record_bytes)
+                bag.execute("PRAGMA trusted_schema = OFF")
                 self._define(bag)
                 yield from self._messages(bag)
             self.report.ended = True
@@ -47,6 +48,9 @@ class BagReader:
 
     def _define(self, bag: sqlite3.Connection) -> None:
         """Channels of the topics. A bag of the Humble release has no definitions: they are the published ones."""
+        stored = "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
+        if not {("topics",), ("messages",)} <= set(bag.execute(stored)):
+            raise self.report.refuse("not a bag: it has no tables 'topics' and 'messages'")
         texts = self._definitions(bag)
         for number, topic, kind, encoding in bag.execute("SELECT id, name, type, serialization_format FROM topics"):
             text = texts.get(kind)

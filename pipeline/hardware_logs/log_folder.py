@@ -13,6 +13,7 @@ from pipeline.hardware_logs.mcap_records import MAGIC
 
 QUARANTINE = "quarantine"
 """Folder of sentences, one for each log that is refused; nothing is moved there."""
+PACKED = {".zstd", ".zst", ".gz", ".zip", ".tar", ".bag"}
 QUIET_S = 3.0
 """A file that is whole by its format and was not written for so long is complete."""
 STALE_S = 60.0
@@ -40,6 +41,12 @@ def list_logs(folder: Path) -> list[Path]:
     paths = (path for path in folder.rglob("*") if path.suffix in SUFFIXES and path.is_file())
     kept = [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
     return sorted(path for path in kept if path.relative_to(folder).parts[0] != QUARANTINE)
+
+
+def packed_files(folder: Path) -> list[Path]:
+    """Files that look like logs packed by somebody, which are not unpacked here, and logs of ROS 1."""
+    paths = (path for path in folder.rglob("*") if path.suffix in PACKED) if folder.is_dir() else ()
+    return sorted(path for path in paths if path.relative_to(folder).parts[0] != QUARANTINE)
 
 
 def is_whole(path: Path) -> bool:

@@ -34,6 +34,8 @@ class Bounds:
     total_bytes: int = 20_000_000_000
     """Of all chunks after inflation."""
     messages: int = 50_000_000
+    chunks: int = 200_000
+    """A recorder's chunk is a second or so."""
     channels: int = 1_000
     schema_bytes: int = 250_000
 

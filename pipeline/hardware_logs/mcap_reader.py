@@ -132,6 +132,8 @@ class McapReader:
             self.report.checked += 1
         else:
             self.report.unchecked += 1
+        if self.report.checked + self.report.unchecked > self.bounds.chunks:
+            raise self.report.refuse(f"more than {self.bounds.chunks} chunks")
         yield from self._take(records, at)
 
     def _take(self, records: Records, at: int) -> Iterator[Records | Loss]:
