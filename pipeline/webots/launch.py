@@ -13,6 +13,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -59,10 +60,11 @@ def find_webots(environment: Mapping[str, str] = os.environ) -> Path | None:
 
 
 def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
-    """Run the project in Webots, under a virtual display where there is none."""
+    """Run the project in Webots, under a virtual display where there is none, its controller in this Python."""
     program = find_webots()
     if program is None:
         return Outcome(status=NOT_RUN, reason=WEBOTS_NOT_FOUND)
+    atomic.write_text(project.controller / "runtime.ini", f"[python]\nCOMMAND = {sys.executable}\n")
     display = shutil.which("xvfb-run") if not os.environ.get("DISPLAY") else None
     before = [] if display is None else [display, "-a"]
     return launch([*before, str(program)], project, settings)

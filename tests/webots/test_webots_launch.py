@@ -100,6 +100,8 @@ def test_webots_itself_is_started_where_it_is_found(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("DISPLAY", ":0")
     assert verdict(WEBOTS, launch_webots(project, short_walk), short_walk).status == "passed"
+    said = (project.controller / "runtime.ini").read_text()
+    assert said == f"[python]\nCOMMAND = {sys.executable}\n"  # one that has numpy
 
 
 def test_a_program_that_does_not_start_is_not_run(project: Project, short_walk: WebotsSettings):
