@@ -51,7 +51,7 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
                 project.store.remember(key, answer)
         answers[file.name] = answer
     _note_refusals(folder / QUARANTINE, answers)
-    passed_over = [f"{path.relative_to(folder)} is still being written." for path in waiting] + copies
+    passed_over = [f"{path.relative_to(folder)} is still being written or can't be read." for path in waiting] + copies
     passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
     return IngestedLogs(
         manifest=_manifest(plan, files, answers, values, read), faults=faults, passed_over=tuple(passed_over)

@@ -95,7 +95,7 @@ class Digests:
 
 
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
-    """The logs that are complete, by name, and those that are still being written.
+    """The logs that are complete, by name, and those that are still being written or that nobody lets us read.
 
     Args:
         folder: where the logs are
@@ -116,8 +116,8 @@ def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tupl
             content = digests.of(path)
             question = digest.of_json([content, digest.of_file(sidecar) if beside else None])
             found.append(LogFile(name=name, path=path, sidecar=beside, content=content, question=question))
-        except FileNotFoundError:
-            continue  # taken away while we looked
+        except OSError:
+            waiting += [path] if path.exists() else []  # else it was taken away while we looked
     if paths:
         digests.save()
     return found, waiting
