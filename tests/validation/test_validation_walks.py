@@ -1,0 +1,174 @@
+"""Trials as rollouts: what conditions change, that repeats are bit-identical, and the published figures again."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.batch import ClipPool
+from pipeline.deployment import Policy, deployment_task, load_policy
+from pipeline.errors import FileError, UnknownNameError
+from pipeline.robot import Kinematics, Robot
+from pipeline.simulation.terrain import FlatGround, Slope
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.cells import Cell
+from pipeline.validation.condition_cells import TERRAINS, condition_cells, terrain_cells
+from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_kd
+from pipeline.validation.figures import numbers_of
+from pipeline.validation.measure import measure
+from pipeline.validation.numbers_file import question_of, read_numbers, write_numbers
+from pipeline.validation.suites import named
+from pipeline.validation.trial import Conditions, GroundSpec, Profile, Start, Trial, Wanted
+from pipeline.validation.walk import Worlds, drawn_start, ground_of, walk
+from tests.factories.policies import still_policy
+
+STAND = Profile(wanted=(Wanted(),))
+
+
+@pytest.fixture
+def still(robot: Robot) -> Deployed:
+    """A robot held in its default pose."""
+    task = deployment_task(robot)
+    return Deployed(
+        robot=robot, task=task, policy=still_policy(task), envelope=TorqueEnvelope(limit=robot.torque_limit)
+    )
+
+
+@pytest.fixture(scope="module")
+def published(policies: Path) -> Policy:
+    return load_policy(policies / "t1_walk.npz")
+
+
+def _trial(**others) -> Trial:
+    return Trial(**({"seed": 1, "command": STAND, "seconds": 0.4, "measure_s": 0.1} | others))
+
+
+def test_a_drawn_start_stands_with_its_lowest_corner_on_the_ground(still: Deployed):
+    robot = still.robot
+    wide = Start(joint_pos=0.15, joint_vel=1.0, lin_vel=0.3, ang_vel=0.5, tilt=0.1)
+    drawn = [drawn_start(still, wide, FlatGround(), np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(drawn[0].joint_pos, drawn[1].joint_pos)
+    assert not np.array_equal(drawn[0].joint_pos, drawn[2].joint_pos)
+    kinematics = Kinematics(robot)
+    for state in drawn:
+        assert np.abs(state.joint_pos - robot.default_joint_pos).max() <= 0.15
+        assert np.all((robot.joint_lower <= state.joint_pos) & (state.joint_pos <= robot.joint_upper))
+        poses = kinematics.forward(state.root_pos_w[None], state.root_quat_w[None], state.joint_pos[None])
+        corners = kinematics.site_pos_w(poses, [name for foot in robot.sole_corners for name in foot])
+        assert corners[..., 2].min() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_seed_zero_starts_from_the_default_pose_and_others_do_not(still: Deployed):
+    worlds = Worlds(still)
+    plain, drawn = (walk(worlds, _trial(seed=seed)) for seed in (0, 1))
+    np.testing.assert_array_equal(plain.qpos[0, 7:], still.task.default_joint_pos)
+    assert np.abs(drawn.qpos[0, 7:] - still.task.default_joint_pos).max() > 0.005
+
+
+def test_conditions_reach_the_simulation(still: Deployed):
+    worlds = Worlds(still)
+    plant = worlds.plant(Conditions(friction=0.3, root_mass_factor=1.2))
+    assert plant.options.friction == 0.3
+    assert plant.options.root_mass_factor == 1.2
+    assert worlds.plant(Conditions(friction=0.3, root_mass_factor=1.2)) is plant
+    assert worlds.plant(Conditions(gain_factor=0.9)) is worlds.plant(Conditions(delay_s=0.02))
+    nominal, stiff = (walk(worlds, _trial(conditions=Conditions(gain_factor=factor))) for factor in (1.0, 1.1))
+    np.testing.assert_allclose(stiff.torque[0], 1.1 * nominal.torque[0])
+    assert isinstance(worlds.plant(Conditions(ground=GroundSpec(kind="slope", size=5.0))).ground, Slope)
+
+
+def test_a_terrain_that_there_is_not_is_refused():
+    with pytest.raises(UnknownNameError, match="unknown terrain 'lava'"):
+        ground_of(GroundSpec(kind="lava", size=1.0))
+
+
+def test_random_terrain_is_another_for_each_seed_and_the_rest_is_not():
+    seeds = {
+        cell.name: {t.conditions.ground.seed for t in cell.trials if t.conditions.ground}
+        for cell in terrain_cells((1, 2))
+    }
+    assert seeds["terrain gravel 2 cm"] == seeds["terrain rough 2 cm"] == {1, 2}
+    assert seeds["terrain grass slope 10 up"] == {0}
+    assert len(seeds) == len(TERRAINS)
+
+
+def test_conditions_are_those_of_the_protocol():
+    names = {cell.name.rsplit(" ", 2)[0] for cell in condition_cells((1,))}
+    assert {"friction 0.3", "friction 1.2", "delay 40 ms", "sensor noise", "trunk mass x0.8", "gains x1.1"} <= names
+
+
+def test_numbers_are_the_same_bits_however_trials_are_spread(still: Deployed):
+    def cell(name: str, conditions: Conditions) -> Cell:
+        trials = tuple(_trial(seed=seed, seconds=0.2, conditions=conditions) for seed in range(1, 10))
+        return Cell(name=name, group="test", figures=("falls",), trials=trials)
+
+    cells = (cell("a", Conditions(friction=0.6)), cell("b", Conditions()))
+    spread, alone = (measure(still, cells, ClipPool(workers=workers)) for workers in (2, 1))
+    assert [each.trials for each in spread] == [each.trials for each in alone]
+    assert spread[0].trials != spread[1].trials
+    worlds = Worlds(still)
+    first = cells[1].trials[0]
+    assert alone[1].trials[0] == numbers_of(walk(worlds, first), first, still.envelope)
+
+
+def test_kept_numbers_are_of_the_same_question_only(tmp_path: Path, still: Deployed):
+    cell = Cell(name="a", group="test", figures=("falls",), trials=(_trial(seconds=0.2),))
+    kept = measure(still, (cell,), ClipPool(workers=1))
+    write_numbers(tmp_path / "numbers.json", still, kept)
+    assert read_numbers(tmp_path / "numbers.json", still, (cell,))["a"] == kept[0]
+    others = (
+        with_ankle_kd(still, 2.0),
+        dataclasses.replace(still, envelope=TorqueEnvelope(limit=0.6 * still.robot.torque_limit)),
+        dataclasses.replace(still, armature=0.0 * still.robot.armature),
+    )
+    assert len({question_of(one, cell) for one in (still, *others)}) == 4
+    for one in others:
+        assert read_numbers(tmp_path / "numbers.json", one, (cell,)) == {}
+    (tmp_path / "numbers.json").write_text("{")
+    with pytest.raises(FileError, match="is no JSON"):
+        read_numbers(tmp_path / "numbers.json", still, (cell,))
+
+
+def test_the_anchor_has_the_manufacturers_armatures_and_ankles(root: Path, robot: Robot):
+    one = anchor(root / "robots" / "t1", still_policy(deployment_task(robot)))
+    armature = dict(zip(robot.joint_names, np.array(one.armature), strict=True))
+    assert armature["Left_Hip_Pitch"] == armature["Right_Knee_Pitch"] == 0.0
+    assert armature["Left_Ankle_Roll"] == 0.05
+    kd = dict(zip(robot.joint_names, one.task.kd, strict=True))
+    assert kd["Left_Ankle_Pitch"] == 2.0
+    assert kd["Left_Knee_Pitch"] == 5.0
+    np.testing.assert_array_equal(Worlds(one).plant(Conditions()).model.dof_armature[6:], np.array(one.armature))
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(("cell", "axis", "figure", "power"), [("vx +1.0", "forward", 0.96, 178.0)])
+def test_the_published_sweep_comes_out_on_its_model(
+    root: Path, published: Policy, cell: str, axis: str, figure: float, power: float
+):
+    one = anchor(root / "robots" / "t1", published)
+    (found,) = measure(one, named(one.robot, {cell: 1}), ClipPool(workers=1))
+    assert found.spread(axis)["mean"] == pytest.approx(figure, abs=0.03)
+    assert found.spread("power")["mean"] == pytest.approx(power, rel=0.03)
+
+
+@pytest.mark.shared
+def test_pushes_topple_the_published_policy_where_published(root: Path, published: Policy):
+    one = anchor(root / "robots" / "t1", published)
+    wanted = {"push force standing 40 Ns": 1, "push force standing 60 Ns": 1}
+    survived = [each.figure("survival") for each in measure(one, named(one.robot, wanted), ClipPool(workers=1))]
+    assert survived == [1.0, 0.0]
+
+
+@pytest.mark.shared
+def test_gains_that_travel_with_a_policy_are_those_it_walks_with(root: Path, published: Policy, robot: Robot):
+    from pipeline.deployment import PolicyGains
+
+    gains = PolicyGains(
+        joint_names=robot.joint_names,
+        kp=0.5 * robot.kp,
+        kd=robot.kd,
+        default_joint_pos=np.array(robot.default_joint_pos),
+    )
+    one = deployed(root / "robots" / "t1", dataclasses.replace(published, gains=gains))
+    np.testing.assert_allclose(one.motors().kp, 0.5 * robot.kp)
