@@ -123,7 +123,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
         if not (shipped / "card.json").is_file():
             raise NoPolicyError(
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
-                "trained here in full. On a machine with a GPU: dagster job execute -j train"
+                "trained here in full. On a machine with a GPU: dagster asset materialize --select amp_policy"
             )
         return shipped, SHIPPED
     run = project.root / facts["folder"]
@@ -312,7 +312,7 @@ def _export_checks(plan: Plan, card: Any) -> list[dg.AssetCheckResult]:
         check_name=MAY_SHIP,
         passed=card.shippable,
         severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": card.why or "not marked"},
+        metadata={"found": f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"},
     )
     return [exact, ships]
 
