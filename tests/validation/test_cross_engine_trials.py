@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.batch import ClipPool
 from pipeline.deployment import deployment_task
 from pipeline.files.settings import read
 from pipeline.robot import Robot
@@ -41,6 +42,11 @@ def settings(root: Path) -> CrossEngineSettings:
 @pytest.fixture(scope="module")
 def found(limp: Deployed, settings: CrossEngineSettings) -> CrossEngineResult:
     return cross_engine(limp, settings, engines=(MUJOCO, DART))
+
+
+def test_parallel_processes_find_the_same_bits(limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult):
+    spread = cross_engine(limp, settings, engines=(MUJOCO, DART), pool=ClipPool(workers=2))
+    assert spread.to_dict() == found.to_dict()
 
 
 def test_each_engine_leaves_its_first_fall_of_a_required_cell(
