@@ -18,7 +18,7 @@ from pipeline.clips.human_clip import FEET, HumanClip
 
 LEAST_SPREAD = 0.15
 """Between two steps the feet's lead over each other swings by at least this share of the leg's length."""
-AHEAD = 0.9
+AHEAD = 0.75
 """A step goes ahead when this share of its way is along the facing."""
 STRAIGHT = np.deg2rad(20.0)
 """A step is straight when the way turns less from the step before it [rad]."""

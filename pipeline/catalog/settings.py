@@ -32,6 +32,8 @@ class TimeBaseSettings:
     usual_rates_hz: dict[str, tuple[float, ...]]
     """Pattern of a skeleton's name -> rates at which its sources record [Hz]; they decide between several standard
     rates that explain the motion."""
+    usual_ratio: float
+    """A file's rate this far from a usual one gives way to it when gravity or gait are nearer to that one."""
     fewest_steps: int
     """Straight steps ahead that are needed to judge by gait."""
     shortest_step: float
@@ -51,6 +53,7 @@ class TimeBaseSettings:
             gait_tolerance=PART,
             same_rate=SHARE,
             usual_rates_hz=Keys(keys=Pattern(), values=RATE_HZ),
+            usual_ratio=ratio,
             fewest_steps=COUNT,
             shortest_step=NOT_NEGATIVE,
         )

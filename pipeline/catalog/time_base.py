@@ -75,6 +75,10 @@ def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase
     contradicted = size >= limit
     agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.certain_gait_ratio
     certain = contradicted and (size >= settings.certain_gait_ratio if gravity is None else agree)
+    usual = _usual_rates(skeleton, settings)
+    instead = _instead(decisive, fps, usual, settings)
+    if instead is not None:
+        contradicted, certain, limit = True, True, min(limit, settings.usual_ratio)
     candidates = _candidates(decisive, settings) if contradicted else ()
     return TimeBase(
         gravity=gravity,
@@ -83,7 +87,7 @@ def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase
         limit=limit,
         contradicted=contradicted,
         certain=certain,
-        fps=_only(candidates, skeleton, settings),
+        fps=instead or _only(candidates, usual),
         candidates=candidates,
     )
 
@@ -144,9 +148,21 @@ def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _only(candidates: tuple[float, ...], skeleton: str, settings: TimeBaseSettings) -> float | None:
-    """The only candidate, or the only one that is usual for the skeleton."""
+def _usual_rates(skeleton: str, settings: TimeBaseSettings) -> frozenset[float]:
     patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
-    usual = {rate for pattern in patterns for rate in settings.usual_rates_hz[pattern]}
+    return frozenset(rate for pattern in patterns for rate in settings.usual_rates_hz[pattern])
+
+
+def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBaseSettings) -> float | None:
+    """The usual rate that explains what the clock tells, where it does so better than the file's, which is far off."""
+    if not usual:
+        return None
+    best = min(usual, key=lambda rate: _apart(rate, clock.fps))
+    explains = _apart(best, clock.fps) <= 1.0 + clock.tolerance and _apart(best, clock.fps) < _apart(fps, clock.fps)
+    return best if explains and _apart(best, fps) >= settings.usual_ratio else None
+
+
+def _only(candidates: tuple[float, ...], usual: frozenset[float]) -> float | None:
+    """The only candidate, or the only one that is usual for the skeleton."""
     left = candidates if len(candidates) == 1 else tuple(rate for rate in candidates if rate in usual)
     return left[0] if len(left) == 1 else None
