@@ -1,0 +1,61 @@
+"""The checkpoint is chosen by what it does in the sweep: falls first, then error and pushes."""
+
+import dataclasses
+
+import pytest
+
+from pipeline.validation.cells import SURVIVING, Cell, command_cells
+from pipeline.validation.checkpoint_choice import Swept, best, error_of, swept
+from pipeline.validation.measure import Measured
+
+COMMANDS = {cell.name: cell for cell in command_cells((0,))}
+
+
+def row(name, **numbers):
+    return Measured(cell=COMMANDS[name], trials=({"fell": 0.0, **numbers},))
+
+
+def pushes(name, survived, count):
+    trial = COMMANDS["vx +0.6"].trials[0]
+    cell = Cell(name=name, group="pushes force", figures=SURVIVING, trials=(trial,) * count)
+    return Measured(cell=cell, trials=tuple({"fell": float(index >= survived)} for index in range(count)))
+
+
+def test_an_error_is_of_the_axis_that_is_commanded():
+    assert error_of(row("vx +2.0", forward=1.9, lateral=0.5, yaw_rate=1.0)) == pytest.approx(0.1)
+    assert error_of(row("vx -0.6", forward=-0.5)) == pytest.approx(0.1)
+    assert error_of(row("vy +0.6", forward=9.0, lateral=0.4)) == pytest.approx(0.2)
+    assert error_of(row("yaw -1.5", yaw_rate=-1.2)) == pytest.approx(0.3)
+
+
+def test_a_fall_counts_the_whole_command():
+    fallen = Measured(cell=COMMANDS["vx +1.5"], trials=({"fell": 1.0},))
+    assert error_of(fallen) == pytest.approx(1.5)
+
+
+def test_figures_of_a_checkpoint_are_those_of_its_cells():
+    fallen = Measured(cell=COMMANDS["yaw +1.0"], trials=({"fell": 1.0},))
+    step = dataclasses.replace(COMMANDS["vx +2.0"], name="step 0 to 2.0", group="steps")
+    steps = Measured(cell=step, trials=({"fell": 1.0},))
+    rows = [row("vx +2.0", forward=1.9), fallen, steps, pushes("40", 6, 8), pushes("50", 2, 8)]
+    found = swept(700, rows)
+    assert (found.iteration, found.falls) == (700, 2)
+    assert found.command_error == pytest.approx((0.1 + 1.0) / 2)
+    assert found.survival == pytest.approx(0.5)
+    assert found.score == pytest.approx(10.0 * 2 + 0.55 / 0.05 + 2.0 * 0.5)
+
+
+@pytest.mark.parametrize(
+    ("other", "wins"),
+    [
+        ({"falls": 1, "command_error": 0.01, "survival": 1.0}, 100),
+        ({"falls": 0, "command_error": 0.04, "survival": 0.5}, 200),
+        ({"falls": 0, "command_error": 0.05, "survival": 0.6}, 200),
+        ({"falls": 0, "command_error": 0.05, "survival": 0.5}, 200),
+        ({"falls": 0, "command_error": 0.06, "survival": 0.5}, 100),
+    ],
+)
+def test_the_best_falls_least_then_errs_least_and_the_later_wins_a_tie(other, wins):
+    first = Swept(iteration=100, falls=0, command_error=0.05, survival=0.5)
+    assert best([first, Swept(iteration=200, **other)]).iteration == wins
+    assert best([Swept(iteration=200, **other), first]).iteration == wins
