@@ -21,6 +21,7 @@ from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures, command_of, start_state, walk
 from pipeline.validation.deployed import Deployed, with_ankle_kd
+from pipeline.viewing.cross_engine_plots import cross_engine_plots
 from tests.factories.policies import random_policy, still_policy
 
 
@@ -188,6 +189,15 @@ def test_what_is_not_required_is_listed_and_fails_nothing(
     result = judged(monkeypatch, still, settings, cell, mujoco=walked(), bridge=walked(), dart=fell(0.2))
     assert result.passed
     assert result.to_dict()["not_required"] == {"walk": ["cell 'walk' seed 0 in DART: fell after 0.20 s"]}
+
+
+def test_the_picture_shows_falls(monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings):
+    """A PNG, and another one where a robot fell."""
+    stood = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked())
+    fallen = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=fell(0.2))
+    pictures = [cross_engine_plots(each) for each in (stood, fallen)]
+    assert all(each.startswith(b"\x89PNG") for each in pictures)
+    assert pictures[0] != pictures[1]
 
 
 def test_a_gyro_in_the_world_frame_is_right_only_when_facing_x(still: Deployed):
