@@ -28,7 +28,7 @@ from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.validation.limit_cycles import PLANES, Comparison, JointSeries, NoCycleError, compare, limit_cycle
 
-TIMESTEP_S = 0.005
+TIMESTEP_S = 0.002
 LONGEST_S = 14.0
 """Of a twin's walk [s]."""
 SIDES = ("Left", "Right")

@@ -52,6 +52,16 @@ class Deviations:
         return tuple(said)
 
 
+NO_LOAD_RATIO = 1.25
+"""No-load speed over knee speed, as in the shipped torque-speed sweeps."""
+
+
+def motor_envelope(robot: Robot) -> TorqueEnvelope:
+    """The robot's torque limits, falling to 0 beyond the motors' speed limits: joints can't race."""
+    speed = np.array(robot.motor_speed_limit)
+    return TorqueEnvelope(limit=np.array(robot.torque_limit), knee_speed=speed, no_load_speed=NO_LOAD_RATIO * speed)
+
+
 def envelope_of(robot: Robot, deviations: Deviations, nominal: TorqueEnvelope) -> TorqueEnvelope:
     """The motors' limits with the weak ones weakened. Raises UnknownNameError for a joint that the robot lacks."""
     scale = by_joint(robot, deviations.torque_scale, 1.0)

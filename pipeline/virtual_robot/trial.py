@@ -17,7 +17,8 @@ from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.virtual_robot.deviations import Deviations, by_joint, envelope_of
+from pipeline.virtual_robot.deviations import Deviations, by_joint, envelope_of, motor_envelope
+from pipeline.virtual_robot.fall_guard import FallGuard
 from pipeline.virtual_robot.holding_hand import HeldPlant, Hold
 from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
 from pipeline.virtual_robot.record import record
@@ -60,19 +61,19 @@ def simulate(
 ) -> tuple[Rollout, RobotLog]:
     """The walk, and the log of it.
 
-    `envelope` is that of the nominal motors; the robot's torque limits if not given. `every`: see `record`.
+    `envelope` is that of the nominal motors; `motor_envelope` if not given. `every`: see `record`.
     """
     differs = trial.deviations
     task, wanted = controller.task, command_of(trial.command)
     motors = PdControl(
         kp=differs.gain_scale * task.kp,
         kd=differs.gain_scale * task.kd,
-        envelope=envelope_of(robot, differs, envelope or TorqueEnvelope(limit=robot.torque_limit)),
+        envelope=envelope_of(robot, differs, envelope or motor_envelope(robot)),
     )
     rollout = run(
         robot,
         _plant(robot, trial),
-        controller,
+        FallGuard(controller),
         motors if trial.stop_s is None else StoppedMotors(**vars(motors), stop_s=trial.stop_s),
         lambda time_s: differs.command_scale * wanted(time_s),
         trial.seconds,

@@ -48,9 +48,7 @@ def walk(one: Deployed, planted: Planted, robot: Robot | None = None) -> tuple[R
     """The rollout and the log of a planted trial."""
     facts = LogFacts(robot=one.robot.name, policy_digest=digest(one.policy), notes={"trial": planted.name})
     rng = np.random.default_rng([8, planted.seed])
-    return simulate(
-        robot or one.robot, PolicyController(one.task, one.policy), planted.trial, rng, facts, envelope=one.envelope
-    )
+    return simulate(robot or one.robot, PolicyController(one.task, one.policy), planted.trial, rng, facts)
 
 
 def _trial(command: tuple[float, float, float], seconds: float = SECONDS, **more) -> VirtualTrial:
@@ -92,6 +90,14 @@ def weak_knee(seed: int, rng: np.random.Generator) -> Planted:
     joint, share = KNEES[seed % 2], float(rng.uniform(0.35, 0.55))
     trial = _trial((float(rng.uniform(1.2, 1.8)), 0.0, 0.0), deviations=Deviations(torque_scale={joint: share}))
     return Planted(name="knee saturation", trial=trial, kind="torque_saturation", seed=seed, joint=joint, value=share)
+
+
+def fallen_knee(forward: float) -> Planted:
+    """A left knee so weak that the walk ends on the ground."""
+    share = 0.32
+    trial = _trial((forward, 0.0, 0.0), seconds=6.0, deviations=Deviations(torque_scale={KNEES[0]: share}))
+    seed = round(10.0 * forward)
+    return Planted(name="fall by a weak knee", trial=trial, kind="fall", seed=seed, joint=KNEES[0], value=share)
 
 
 def hot_motor(seed: int, rng: np.random.Generator) -> Planted:

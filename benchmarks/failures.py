@@ -1,0 +1,126 @@
+"""Planted failures found, sound trials left alone, a weak knee brought into the model: the closed loop above the logs.
+
+    python benchmarks/failures.py [--json] [--of-each 8] [--sound 100] [POLICIES]
+
+A virtual T1 walks by a published policy (POLICIES holds `t1_walk.npz`; by default `../shared/policies` beside the
+checkout). Each trial is written as MCAP and read back as a robot's log is. One process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.report import Bar, machine, report  # noqa: E402
+from pipeline.failures.find import find_failures  # noqa: E402
+from pipeline.failures.trial_report import TrialReport  # noqa: E402
+from pipeline.feedback.motor_limits import lowered  # noqa: E402
+from pipeline.feedback.propose import propose  # noqa: E402
+from pipeline.feedback.sim_to_real import simulated  # noqa: E402
+from tests.factories.log_trials import FAILURES, nominal_actuators, trial_of  # noqa: E402
+from tests.factories.trial_reports import CURATION, FEASIBILITY, RULES  # noqa: E402
+from tests.factories.virtual_trials import Planted, fallen_knee, planted_trials, walk, walker  # noqa: E402
+
+FOUND, FALSE = 95.0, 2.0
+"""Per cent of planted failures to be found with the right kind, and of sound trials that may get any."""
+KNEE_WITHIN = 5.0
+"""Per cent of the planted limit."""
+
+
+def main() -> int:
+    arguments = _arguments()
+    if not (arguments.policies / "t1_walk.npz").is_file():
+        print(
+            f"{arguments.policies}: holds no 't1_walk.npz'. Logs are made by a virtual robot with a published walking "
+            "policy, which is not part of the project. Name its folder: python benchmarks/failures.py FOLDER",
+            file=sys.stderr,
+        )
+        return 2
+    one = walker(arguments.policies)
+    actuators = nominal_actuators(one.robot)
+    right: dict[str, list[bool]] = defaultdict(list)
+    knees: list[float] = []
+    for planted in planted_trials(arguments.of_each, arguments.sound):
+        trial = trial_of(walk(one, planted)[1], one.robot, f"{planted.name} {planted.seed}".replace(" ", "_"))
+        found = find_failures(trial, one.robot, actuators, FAILURES)
+        right[planted.name].append(judged(planted, found))
+        knees += knee_errors(planted, found, one.robot.torque_limit[one.robot.joint(planted.joint or "Waist")])
+        if not right[planted.name][-1] and not arguments.json:
+            said = "; ".join(each.text() for each in found.failures) or "nothing"
+            print(f"{planted.name} {planted.seed}, {planted.trial.command[0][1:]}: {said}", file=sys.stderr)
+    sound = right.pop("sound")
+    every = [each for values in right.values() for each in values]
+    bars = [Bar(name=f"found: {name}", value=_percent(values), unit="%") for name, values in right.items()]
+    bars.append(Bar(name="found with the right kind, all", value=_percent(every), unit="%", sense=">=", bound=FOUND))
+    false = 100.0 - _percent(sound)
+    bars.append(Bar(name=f"false alarms, {len(sound)} sound", value=false, unit="%", sense="<=", bound=FALSE))
+    bars.append(Bar(name="knee limit, worst error", value=max(knees), unit="%", sense="<=", bound=KNEE_WITHIN))
+    return 0 if report([*bars, *model_bars(one, actuators)], machine=machine(), json=arguments.json) else 1
+
+
+def judged(planted: Planted, found: TrialReport) -> bool:
+    """Whether what was planted was found, as the policy's; of a sound trial, that nothing was."""
+    if planted.kind == "sound":
+        return not found.failures
+    alike = [
+        each
+        for each in found.failures
+        if each.kind == planted.kind and planted.joint in ("", each.joint) and planted.direction in ("", each.direction)
+    ]
+    if planted.kind == "held":
+        return bool(alike) and not any(each.kind == "fall" and each.of_policy for each in found.failures)
+    return any(each.of_policy for each in alike)
+
+
+def knee_errors(planted: Planted, found: TrialReport, limit: float) -> list[float]:
+    """Per cent by which the limit of a weak knee was missed."""
+    given = [
+        float(each.evidence["given_n_m"])
+        for each in found.failures
+        if planted.kind == each.kind == "torque_saturation" and each.joint == planted.joint
+    ]
+    return [100.0 * abs(value / (planted.value * limit) - 1.0) for value in given]
+
+
+def model_bars(one, actuators) -> list[Bar]:
+    """A knee so weak that the robot falls: found in two logs, proposed, and in the adapted model it falls too."""
+    plants = [fallen_knee(forward) for forward in (1.5, 1.9)]
+    trials = [trial_of(walk(one, each)[1], one.robot, f"knee_{each.seed}") for each in plants]
+    reports = [find_failures(trial, one.robot, actuators, FAILURES) for trial in trials]
+    changes = propose(reports, RULES, FEASIBILITY.balance.commands, CURATION.windows.bounds).changes
+    motors = [change for change in changes if change.section == "motors"]
+    planted = plants[0].value * one.robot.torque_limit[one.robot.joint(plants[0].joint)]
+    proposed = [change.value for change in motors if change.what == plants[0].joint]
+    error = 100.0 * abs(proposed[0] / planted - 1.0) if proposed else float("nan")
+    adapted = lowered(actuators, motors)
+    fell = [simulated(trial, one.robot, adapted, one.policy, trial.seconds).fell for trial in trials]
+    stood = [not simulated(trial, one.robot, actuators, one.policy, trial.seconds).fell for trial in trials]
+    return [
+        Bar(name="weak knee proposed, error", value=error, unit="%", sense="<=", bound=KNEE_WITHIN),
+        Bar(name="adapted model falls as the robot did", value=_percent(fell), unit="%", sense=">=", bound=100.0),
+        Bar(name="nominal model does not", value=_percent(stood), unit="%", sense=">=", bound=100.0),
+    ]
+
+
+def _percent(values: list[bool]) -> float:
+    return 100.0 * float(np.mean(values)) if values else float("nan")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("policies", nargs="?", type=Path, default=ROOT.parent / "shared" / "policies")
+    parser.add_argument("--of-each", type=int, default=8, help="trials of each planted kind")
+    parser.add_argument("--sound", type=int, default=100, help="sound trials")
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
