@@ -20,6 +20,8 @@ from pipeline.validation.report import as_text, table
 from pipeline.validation.suites import QUICK, SUITES, cells_of
 from pipeline.validation.verdict import judge
 
+EXPORTED = "policy.npz"
+"""The network in the folder of an exported policy (`pipeline.export.folder`)."""
 FAILED = 3
 """Exit code of a policy that fails; 1 is of a validation that could not be done."""
 
@@ -69,10 +71,10 @@ def robot_folder(project: Project, name: str) -> Path:
 def policy_of(path: Path, robot: Path) -> Policy:
     """The policy of an npz or of an exported policy's folder. Raises FileError."""
     if path.is_dir():
-        from pipeline.export.folder import POLICY, read_export  # brings PyTorch
+        if not (path / EXPORTED).is_file():
+            raise FileError(path, f"it has no {EXPORTED}.", "Name an npz, or the folder of an exported policy.")
+        from pipeline.export.folder import read_export  # brings PyTorch
 
-        if not (path / POLICY).is_file():
-            raise FileError(path, f"it has no {POLICY}.", "Name an npz, or the folder of an exported policy.")
         return read_export(path, load_robot(robot)).policy
     if path.suffix != ".npz":
         raise FileError(path, "it is no npz.", "Name an npz, or the folder of an exported policy.")

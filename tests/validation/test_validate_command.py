@@ -1,0 +1,103 @@
+"""`booster-lab validate`: exit code as the verdict, reasons in words, wrong files in one sentence."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.cli import validate_command
+from pipeline.cli.main import main
+from pipeline.deployment import deployment_task, save_policy
+from pipeline.files import atomic, settings
+from pipeline.robot import Robot
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.suites import named
+from tests.factories.policies import linear_policy, still_policy
+
+CELL = "push force standing 60 Ns"
+
+
+@pytest.fixture
+def still(robot: Robot, tmp_path: Path) -> Path:
+    """The npz of a policy that holds the default pose."""
+    save_policy(tmp_path / "still.npz", still_policy(deployment_task(robot)))
+    return tmp_path / "still.npz"
+
+
+@pytest.fixture
+def one_push(robot: Robot, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A suite of a single push."""
+    monkeypatch.chdir(root)
+    monkeypatch.setattr(validate_command, "cells_of", lambda suite, of: named(of, {CELL: 1}))
+
+
+def _bars(monkeypatch: pytest.MonkeyPatch, at_least: float) -> None:
+    bars = CellBars(required=True, why="", bars={"survival": Bar(unit="share", source="test", at_least=at_least)})
+
+    def read(project, name: str, kind: type) -> ValidationSettings:
+        return dataclasses.replace(settings.read(project.root / "data" / name, kind), cells={CELL: bars})
+
+    monkeypatch.setattr("pipeline.cli.project.Project.settings", read)
+
+
+@pytest.mark.usefixtures("one_push")
+def test_a_policy_that_fails_ends_with_three_and_every_reason(
+    still: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    _bars(monkeypatch, 0.5)
+    assert main(["validate", str(still), "--json", str(tmp_path / "said.json"), "--table"]) == 3
+    said = capsys.readouterr().out
+    assert f"failed  {CELL}: survival 0 share, asked is at least 0.5 share" in said
+    assert said.rstrip().endswith("1 of 1 required cells failed")
+    found = json.loads((tmp_path / "said.json").read_text())
+    assert found["passed"] is False
+    assert found["suite"] == "quick"
+    assert found["cells"][0]["fell"] == [0]
+
+
+@pytest.mark.usefixtures("one_push")
+def test_a_policy_that_passes_ends_with_zero(
+    still: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    _bars(monkeypatch, 0.0)
+    assert main(["validate", str(still)]) == 0
+    assert capsys.readouterr().out.rstrip().endswith("passed")
+
+
+@pytest.mark.parametrize(
+    ("name", "match"),
+    [
+        ("none.npz", "there is no such file"),
+        ("policy.pt", "it is no npz"),
+        ("text.npz", "is no npz of numbers"),
+        ("small.npz", "the policy has 4 observations and 21 actions; robot 't1' takes 720 and 21"),
+        ("folder", "it has no policy.npz"),
+    ],
+)
+def test_what_is_no_policy_of_the_robot_is_one_sentence(
+    root: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    match: str,
+):
+    monkeypatch.chdir(root)
+    atomic.write_text(tmp_path / "policy.pt", "weights")
+    atomic.write_text(tmp_path / "text.npz", "no numbers")
+    save_policy(tmp_path / "small.npz", linear_policy(np.zeros((21, 4))))
+    (tmp_path / "folder").mkdir()
+    assert main(["validate", str(tmp_path / name), "--workers", "1"]) == 1
+    said = capsys.readouterr().err
+    assert match in said
+    assert said.count("\n") == 1
+
+
+def test_an_unknown_robot_is_told(
+    root: Path, still: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(root)
+    assert main(["validate", str(still), "--robot", "k9"]) == 1
+    assert "unknown robot 'k9'" in capsys.readouterr().err
