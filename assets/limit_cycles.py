@@ -7,9 +7,10 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
+from assets.judged_policy import JudgedPolicyConfig, judged_policy
 from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of, served, served_policy
+from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, table_of
 from pipeline.batch import Manifest
@@ -29,22 +30,21 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
     )
     @plainly
-    def limit_cycles(context: dg.AssetExecutionContext, exported_policy: Manifest):
+    def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
-        from pipeline.validation.deployed import deployed
         from pipeline.validation.limit_cycle_walks import LimitCycleSettings
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
         from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
-        walker = deployed(PROJECT.adapted_robot(robot), served_policy(exported_policy))
-        found = find(walker, trials_of(trials, robot, served(exported_policy)["digest"]), values)
+        judged = judged_policy(config, exported_policy, robot)
+        found = find(judged.deployed, trials_of(trials, robot, judged.digest), values)
         reasons = [reason for each in found if each.required for reason in each.reasons]
         shown = [reason for each in found if not each.required for reason in each.reasons]
         verdict = {
             "stage": plan.name,
-            "policy": served(exported_policy)["digest"],
+            "policy": judged.digest,
             "passed": not reasons,
             "reasons": reasons,
             "not required": shown,

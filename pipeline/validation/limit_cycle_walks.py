@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -191,7 +191,7 @@ def walk_series(
     """Left and right leg of a steady walk in an engine. Raises FellError."""
     walked = run(
         deployed.robot,
-        _PLANTS[engine](deployed.robot, settings),
+        _PLANTS[engine](_engine_robot(deployed), settings),
         deployed.controller(),
         deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
@@ -252,8 +252,14 @@ def _series(
     )
 
 
+def _engine_robot(deployed: Deployed) -> Robot:
+    """The robot with the armature of the deployment, where that is another one."""
+    return deployed.robot if deployed.armature is None else replace(deployed.robot, armature=deployed.armature)
+
+
 def _mujoco(robot: Robot, settings: LimitCycleSettings) -> Plant:
-    return MujocoPlant(robot, MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction))
+    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction, armature=robot.armature)
+    return MujocoPlant(robot, options)
 
 
 def _dart(robot: Robot, settings: LimitCycleSettings) -> Plant:
