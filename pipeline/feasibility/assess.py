@@ -58,7 +58,7 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
     joints, feet, root = settings.joints, settings.feet, settings.root
     verdicts = (
         joint_criteria.joint_limits(motion, joints),
-        joint_criteria.joint_speeds(motion, joints),
+        *joint_criteria.joint_speeds(motion, joints),
         joint_criteria.joint_acceleration(motion, joints, settings.torque.cutoff_hz),
         *dynamics.verdicts,
         *foot_criteria.foot_slip(motion, feet),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.over_limit import over_limit
 from pipeline.feasibility.settings import JointSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.quality.smoothness import acceleration_p99
@@ -26,21 +27,46 @@ def joint_limits(motion: Motion, settings: JointSettings) -> Verdict:
     )
 
 
-def joint_speeds(motion: Motion, settings: JointSettings) -> Verdict:
-    """Speed of any joint over its motor's limit."""
-    robot = motion.robot
+def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verdict, Verdict]:
+    """Speed over the motors' limits: the largest, and how often and how long a joint is well above.
+
+    A limb swings past its motor's speed for a moment, driven by the others; no motor keeps it there.
+    """
+    robot, names = motion.robot, motion.robot.joint_names
     speed = np.abs(motion.clip.joint_vel())
     ratio = speed / robot.motor_speed_limit
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     limit = robot.motor_speed_limit[joint]
-    return Verdict(
-        code="joint_speed_ratio",
-        value=float(ratio[frame, joint]),
-        limit=settings.speed_ratio,
-        unit="of the motor's limit",
-        text=f"frame {frame}: {robot.joint_names[joint]} moves at {speed[frame, joint]:.1f} rad/s, its motor's limit "
-        f"is {limit:.1f}",
-        bad=np.any(ratio > settings.speed_ratio, axis=1),
+    found = over_limit(ratio > settings.speed_over, motion)
+    most = found.worst
+    return (
+        Verdict(
+            code="joint_speed_ratio",
+            value=float(ratio[frame, joint]),
+            limit=settings.speed_ratio,
+            unit="of the motor's limit",
+            text=f"frame {frame}: {names[joint]} moves at {speed[frame, joint]:.1f} rad/s, its motor's limit "
+            f"is {limit:.1f}",
+            bad=np.any(ratio > settings.speed_ratio, axis=1),
+        ),
+        Verdict(
+            code="joint_speed_over_share",
+            value=float(found.share[most]),
+            limit=settings.speed_over_share,
+            unit="of frames",
+            text=f"{names[most]} is faster than {settings.speed_over:g} times its motor's limit in "
+            f"{100 * found.share[most]:.1f} % of the frames",
+            bad=found.frames_of_joints_over(settings.speed_over_share),
+        ),
+        Verdict(
+            code="joint_speed_over_run_s",
+            value=found.longest_s,
+            limit=settings.speed_over_run_s,
+            unit="s",
+            text=f"from {found.start_s:.2f} s on {names[found.joint]} is faster than {settings.speed_over:g} times its "
+            f"motor's limit for {found.longest_s:.2f} s in a row",
+            bad=found.frames_of_runs_over(settings.speed_over_run_s),
+        ),
     )
 
 

@@ -49,6 +49,12 @@ class JointSettings:
     """Allowed beyond the robot's position limits [rad]."""
     speed_ratio: float
     """Largest speed over the motor's limit."""
+    speed_over: float
+    """A joint is well over its motor's speed where its speed over the limit is above this."""
+    speed_over_share: float
+    """Largest share of a joint's frames in which it is."""
+    speed_over_run_s: float
+    """Longest time it may be without a break [s]."""
     acceleration_p99: float
     """99th percentile over all frames and joints, low-passed [rad/s^2]."""
 

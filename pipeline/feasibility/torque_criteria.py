@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.over_limit import over_limit
 from pipeline.feasibility.settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
@@ -94,36 +95,28 @@ def _residual(motion: Motion, solution: ContactSolution) -> Float[np.ndarray, "t
 
 
 def _over_limit(motion: Motion, solution: ContactSolution, settings: TorqueSettings) -> tuple[Verdict, Verdict]:
-    names, fps = motion.robot.joint_names, motion.clip.fps
+    names = motion.robot.joint_names
     ratio = np.abs(solution.joint_torque) / motion.robot.torque_limit
-    over = ratio > settings.ratio
-    share = motion.share(over)
-    most = int(np.argmax(share))
-    bad = np.zeros(len(over), dtype=bool)
-    longest, where, which = 0.0, 0.0, most
-    for joint in np.flatnonzero(over.any(axis=0)):
-        for start, stop in time_series.runs(over[:, joint]):
-            seconds = (stop - start) / fps
-            bad[start:stop] |= seconds > settings.over_run_s
-            if seconds > longest:
-                longest, where, which = seconds, start / fps, int(joint)
+    found = over_limit(ratio > settings.ratio, motion)
+    most = found.worst
     return (
         Verdict(
             code="torque_over_share",
-            value=float(share[most]),
+            value=float(found.share[most]),
             limit=settings.over_share,
             unit="of frames",
-            text=f"{names[most]} needs more than its torque limit in {100 * share[most]:.1f} % of the frames, at most "
-            f"{ratio[:, most].max():.2f} times as much",
-            bad=np.any(over[:, share > settings.over_share], axis=1, keepdims=True)[:, 0],
+            text=f"{names[most]} needs more than its torque limit in {100 * found.share[most]:.1f} % of the frames, at "
+            f"most {ratio[:, most].max():.2f} times as much",
+            bad=found.frames_of_joints_over(settings.over_share),
         ),
         Verdict(
             code="torque_over_run_s",
-            value=longest,
+            value=found.longest_s,
             limit=settings.over_run_s,
             unit="s",
-            text=f"from {where:.2f} s on {names[which]} needs more than its torque limit for {longest:.2f} s in a row",
-            bad=bad,
+            text=f"from {found.start_s:.2f} s on {names[found.joint]} needs more than its torque limit for "
+            f"{found.longest_s:.2f} s in a row",
+            bad=found.frames_of_runs_over(settings.over_run_s),
         ),
     )
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -78,8 +79,8 @@ def read_deepmimic(path: Path) -> RawMotion:
 def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
     text = "\n".join(read_lines(path))
     try:
-        value = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
+        value = json.loads(text, object_pairs_hook=_without_doubles, parse_int=float)
+    except (ValueError, RecursionError) as error:
         line = getattr(error, "lineno", None)
         raise FileError(path, f"it is not DeepMimic JSON: {getattr(error, 'msg', error)}.", line=line) from error
     frames = value.get("Frames") if isinstance(value, dict) else None
@@ -97,12 +98,20 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
     return np.where(np.isfinite(rows), rows, np.nan)
 
 
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object whose keys are all different. Raises ValueError."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("a key is there twice")
+    return found
+
+
 def _rate(path: Path, durations_s: Float[np.ndarray, " t"]) -> float:
     """Frames per second [Hz]; every frame lasts the same but the last, whose duration is not used."""
     used = durations_s[:-1] if len(durations_s) > 1 else durations_s
-    typical = float(np.nanmedian(used)) if np.isfinite(used).any() else 0.0
+    typical = float(np.median(used))
     if not 1e-4 <= typical <= 1.0:
         raise FileError(path, f"a frame lasts {typical:g} s, wanted 0.0001 to 1.", "State `fps:` for it.")
-    if np.nanmax(np.abs(used - typical)) > 0.02 * typical:
-        raise FileError(path, f"frames last from {np.nanmin(used):g} to {np.nanmax(used):g} s; one rate is wanted.")
+    if np.max(np.abs(used - typical)) > 0.02 * typical:
+        raise FileError(path, f"frames last from {np.min(used):g} to {np.max(used):g} s; one rate is wanted.")
     return 1.0 / typical

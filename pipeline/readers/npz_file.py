@@ -100,7 +100,7 @@ def open_npz(path: Path) -> NpzHeader:
 
 def _short(error: Exception) -> str:
     """An error's first words; zipfile prints whole members."""
-    return str(error)[:120].encode("ascii", "replace").decode()
+    return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
 
 
 def _check_sizes(path: Path, members: list[zipfile.ZipInfo]) -> None:

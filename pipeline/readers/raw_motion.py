@@ -70,7 +70,9 @@ def forward_kinematics(
 
     A parent comes before its children; a parent of -1 is the world.
     """
-    pos, quat = (list(np.moveaxis(local, 1, 0).copy()) for local in (local_pos, local_quat))  # a joint's frames together
+    pos, quat = (
+        list(np.moveaxis(local, 1, 0).copy()) for local in (local_pos, local_quat)
+    )  # a joint's frames together
     for joint, parent in enumerate(parents):
         if parent >= 0:
             pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.readers.robot_motion import RobotMotion
-from pipeline.readers.text_file import MAX_FRAMES, read_lines
+from pipeline.readers.text_file import MAX_FRAMES, read_lines, to_float
 
 ROOT = 7
 
@@ -56,7 +56,7 @@ def _cells(line: str) -> list[str]:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        to_float(cell)
     except ValueError:
         return False
     return True
@@ -66,7 +66,7 @@ def _numbers(path: Path, line: int, cells: list[str], width: int) -> list[float]
     if len(cells) != width:
         raise FileError(path, f"the row has {len(cells)} numbers, wanted {width}.", line=line)
     try:
-        values = [float(cell) for cell in cells]
+        values = [to_float(cell) for cell in cells]
     except ValueError as error:
         problem = f"{error}.".replace("could not convert string to float", "not a number")
         raise FileError(path, problem, line=line) from error

@@ -37,10 +37,17 @@ def read_lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
+def to_float(token: str) -> float:
+    """`float` without what only Python takes for a number: `1_0`, digits of other scripts. Raises ValueError."""
+    if "_" in token or not token.isascii():
+        raise ValueError(f"could not convert string to float: {token!r}")
+    return float(token)
+
+
 def read_number(path: Path, token: str, line: int, what: str) -> float:
     """A finite number. Raises FileError with the line."""
     try:
-        number = float(token)
+        number = to_float(token)
     except ValueError:
         number = float("nan")
     if not np.isfinite(number):
@@ -61,7 +68,7 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
     def rows() -> Iterator[list[str]]:
         for line in lines:
             tokens = line.split()
-            if len(tokens) == columns:
+            if len(tokens) == columns and line.isascii() and "_" not in line:
                 yield tokens
             elif tokens:
                 raise ValueError
@@ -84,7 +91,7 @@ def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int)
             raise FileError(path, f"the row has {len(tokens)} numbers, wanted {columns}.{last}", line=number)
         try:
             for token in tokens:
-                float(token)
+                to_float(token)
         except ValueError as error:
             hint = "Write decimals with a point, not a comma." if "," in line else ""
             problem = f"{error}.".replace("could not convert string to float", "not a number")

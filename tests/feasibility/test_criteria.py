@@ -40,7 +40,7 @@ def test_a_robot_that_stands_satisfies_every_criterion(robot: Robot, limits: Fea
     found = _assess(standing(robot), robot, limits)
     assert found.holds, [verdict.text for verdict in found.broken]
     assert found.dynamic
-    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) == 23
+    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) == 25
 
 
 def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: FeasibilitySettings):
@@ -50,9 +50,12 @@ def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: Feas
         "forward_m_s",
         "lateral_m_s",
         "yaw_rate_rad_s",
-        "command_seconds",
+        *TEXTS,
     }
-    assert all(np.isfinite(value) for code, value in found.numbers().items() if code != "command_seconds")
+    assert all(np.isfinite(value) for code, value in found.numbers().items() if code not in TEXTS)
+
+
+TEXTS = {"command_seconds", "gait_signature"}
 
 
 def _past_limit(clip: RobotClip, robot: Robot) -> RobotClip:
@@ -105,6 +108,8 @@ def _leaning(clip: RobotClip, robot: Robot) -> RobotClip:
     [
         (_past_limit, "joint_limit_excess", 0.1, 1e-9),
         (_fast, "joint_speed_ratio", 10.0 / 7.33, 1e-6),
+        (_fast, "joint_speed_over_share", 1.0, 1e-9),
+        (_fast, "joint_speed_over_run_s", 2.0, 1e-9),
         (_sunk, "penetration_max", 0.05, 2e-3),
         (_sunk, "penetration_p95", 0.05, 2e-3),
         (_hovering, "floating_contact", 0.05, 2e-3),
@@ -167,5 +172,22 @@ def test_verdicts_do_not_change_under_heading_and_place(robot: Robot, limits: Fe
         root_quat_w=rotation.multiply(turn, clip.root_quat_w),
     )
     here, there = _assess(clip, robot, limits).numbers(), _assess(moved, robot, limits).numbers()
-    for code in here.keys() - {"command_seconds"}:  # a text; boxes have edges at 0, where rounding decides
+    assert here["gait_signature"] == there["gait_signature"]
+    for code in here.keys() - TEXTS:  # boxes of command_seconds have edges at 0, where rounding decides
         assert there[code] == pytest.approx(here[code], rel=1e-3, abs=1e-6), code
+
+
+def _swings(clip: RobotClip, robot: Robot, frames: int) -> RobotClip:
+    """An arm that turns at 1.15 times its motor's speed for so many frames, there and back, once."""
+    speed = np.zeros(100)
+    speed[20 : 20 + frames], speed[60 : 60 + frames] = 1.15 * 7.33, -1.15 * 7.33
+    rest = robot.default_joint_pos[robot.joint("Left_Shoulder_Pitch")]
+    return _joint(clip, robot, "Left_Shoulder_Pitch", rest + np.cumsum(speed) / 50.0 - 0.4)
+
+
+@pytest.mark.parametrize(("frames", "broken"), [(3, set()), (8, {"joint_speed_over_run_s", "joint_speed_over_share"})])
+def test_a_limb_may_pass_its_motors_speed_for_a_moment_and_not_longer(
+    robot: Robot, limits: FeasibilitySettings, frames: int, broken: set[str]
+):
+    found = _assess(_swings(standing(robot), robot, frames), robot, limits)
+    assert {verdict.code for verdict in found.broken if verdict.code.startswith("joint_speed")} == broken
