@@ -3,6 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+
+RATIO = Range(0.5, 5.0)
+"""Of a robot's limit."""
+SPEED = Range(0.0, 5.0)
+LENGTH = Range(0.0, 1.0)
+"""Of depths and ways at a foot [m]."""
+ANGLE_DEG = Range(0.0, 180.0)
+SECONDS = Range(0.0, 10.0)
+CUTOFF_HZ = Range(1.0, 25.0)
+"""Of low passes at the database's 50 Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +28,9 @@ class CutSettings:
     """Cut away with a bad frame on both sides [s]."""
     share_s: float
     """Shares of frames and percentiles over a shorter clip are taken as if the rest of this time had no fault [s]."""
+
+    def __post_init__(self) -> None:
+        check(self, min_seconds=Range(0.04, 60.0), margin_s=Range(0.0, 5.0), share_s=Range(0.0, 60.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +56,20 @@ class LikenessSettings:
     heading_error_deg: float
     """Mean angle of the pelvis heading [deg]."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            slip_m_s=SPEED,
+            drift_m=LENGTH,
+            penetration_m=LENGTH,
+            height_shift_m=LENGTH,
+            limb_error_deg=ANGLE_DEG,
+            thigh_error_deg=ANGLE_DEG,
+            shank_error_deg=ANGLE_DEG,
+            trunk_error_deg=ANGLE_DEG,
+            heading_error_deg=ANGLE_DEG,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointSettings:
@@ -58,6 +88,17 @@ class JointSettings:
     acceleration_p99: float
     """99th percentile over all frames and joints, low-passed [rad/s^2]."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            limit_excess=Range(0.0, 1.0),
+            speed_ratio=RATIO,
+            speed_over=RATIO,
+            speed_over_share=SHARE,
+            speed_over_run_s=SECONDS,
+            acceleration_p99=POSITIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Residual:
@@ -67,6 +108,9 @@ class Residual:
     """Force over the weight."""
     lever: float
     """Horizontal moment over the weight [m]: how far outside the soles the centre of pressure would have to lie."""
+
+    def __post_init__(self) -> None:
+        check(self, force=POSITIVE, lever=Range(0.0, 2.0, open_low=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +141,20 @@ class TorqueSettings:
     residual_window_s: float
     """Length of the window [s]."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            cutoff_hz=CUTOFF_HZ,
+            friction=Range(0.05, 3.0),
+            touch_height=Range(0.0, 0.2),
+            ratio=RATIO,
+            over_share=SHARE,
+            over_run_s=SECONDS,
+            reference_force=NOT_NEGATIVE,
+            reference_lever=NOT_NEGATIVE,
+            residual_window_s=Range(0.02, 10.0),
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class FootSettings:
@@ -119,6 +177,19 @@ class FootSettings:
     disagreement: float
     """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            slip_mean=SPEED,
+            slip_p95=SPEED,
+            penetration_p95=LENGTH,
+            penetration_max=LENGTH,
+            floating=LENGTH,
+            flight_height=LENGTH,
+            flight_s=SECONDS,
+            disagreement=SHARE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class CollisionSettings:
@@ -130,6 +201,9 @@ class CollisionSettings:
     """An overlap deeper than this [m] counts for the share."""
     share: float
     """Largest share of frames with such an overlap."""
+
+    def __post_init__(self) -> None:
+        check(self, depth=LENGTH, contact_depth=LENGTH, share=SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,6 +225,19 @@ class RootSettings:
     jerk: float
     """Largest mean jerk of the root [m/s^3]."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            _two_grow(self, "height"),
+            cutoff_hz=CUTOFF_HZ,
+            height=Range(0.0, 3.0),
+            tilt_deg=ANGLE_DEG,
+            speed=Range(0.0, 15.0, open_low=True),
+            turn_speed=POSITIVE,
+            acceleration=POSITIVE,
+            jerk=POSITIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class CommandSettings:
@@ -166,6 +253,9 @@ class CommandSettings:
     """Slower than this over ground [m/s] ..."""
     standing_rad_s: float
     """... and turning slower than this [rad/s] is standing."""
+
+    def __post_init__(self) -> None:
+        check(self, _axes(self, "forward", "lateral", "yaw_rate"), standing_m_s=SPEED, standing_rad_s=NOT_NEGATIVE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +274,16 @@ class BalanceSettings:
     missing_seconds: float
     """A cell with less than this [s] is missing."""
 
+    def __post_init__(self) -> None:
+        check(
+            self,
+            cell_power=SHARE,
+            max_ratio=Range(1.0),
+            same_gait=Range(0.0, 1.0),
+            smooth_jerk=POSITIVE,
+            missing_seconds=POSITIVE,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class FeasibilitySettings:
@@ -197,3 +297,25 @@ class FeasibilitySettings:
     collision: CollisionSettings
     root: RootSettings
     balance: BalanceSettings
+
+
+def _two_grow(settings: Any, name: str) -> list[tuple[str, str]]:
+    """A fault of a pair whose second number is not the larger one."""
+    pair = getattr(settings, name, None)
+    if not pair or len(pair) != 2 or None in pair or pair[0] < pair[1]:
+        return []
+    return [(f"{name}[1]", f"is {pair[1]:g}, allowed is more than the first ({pair[0]:g})")]
+
+
+def _axes(settings: Any, *names: str) -> list[tuple[str, str]]:
+    """Faults of axes (lowest, highest, width of a cell) that are not made of one or more whole cells."""
+    faults = []
+    for name in names:
+        axis = getattr(settings, name, None)
+        if not axis or len(axis) != 3 or None in axis:
+            continue
+        low, high, width = axis
+        cells = (high - low) / width if width > 0.0 else 0.0
+        if not 0.5 < cells < 1_000.5 or abs(cells - round(cells)) > 1e-6:
+            faults.append((name, f"is {low:g} to {high:g} in cells of {width:g}, allowed are 1 to 1000 whole cells"))
+    return faults
