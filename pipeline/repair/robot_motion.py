@@ -13,6 +13,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
 from pipeline.repair.placement import mean_heading
+from pipeline.repair.robot_contacts import label_robot_contacts
 from pipeline.repair.settings import RepairSettings, RobotSettings
 from pipeline.robot import Robot
 
@@ -39,9 +40,16 @@ def process_robot(
     ]
     for number, (low, high) in enumerate(kept, start=1):
         name = f"{clip.name}+{number}" if len(kept) > 1 else clip.name
-        pieces.append(_placed(clamped.cut(low, high, name), low, settings))
+        pieces.append(_placed(_labelled(clamped.cut(low, high, name), robot), low, settings))
     cut = stop - start - sum(piece.clip.frame_count for piece in pieces)
     return Outcome(pieces=tuple(pieces), reasons=tuple(told), numbers={"filled_frames": 0, "cut_frames": cut})
+
+
+def _labelled(clip: RobotClip, robot: Robot | None) -> RobotClip:
+    """The clip with contacts, where the recording does not know them and the robot is given."""
+    if robot is None or clip.contacts is not None:
+        return clip
+    return dataclasses.replace(clip, contacts=label_robot_contacts(clip, robot))
 
 
 def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> Float[np.ndarray, " j"]:

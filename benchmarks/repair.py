@@ -1,0 +1,128 @@
+"""Both error rates of repair (KP2): planted defects found where they are, sound motion left alone.
+
+    python benchmarks/repair.py [--count 200] [--kinds spike,noise] [--jobs 2] [--picture FILE] [--json] [MOCAP]
+
+Sound clips are the generator's and, where MOCAP (by default `../shared/mocap` beside the checkout) has them, real
+recordings. Each kind of defect is planted at random places and strengths until `--count` that matter are counted;
+of those below, a third as many, only the detection is plotted. Gaps, labels of contacts and what sound clips lose
+are measured with `--kinds` left out, and labels against forces where POLICIES (`../shared/policies`) is there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.repair_files import FILE_KINDS, HARMLESS  # noqa: E402
+from benchmarks.repair_judge import Verdict, judge_plant  # noqa: E402
+from benchmarks.repair_picture import draw  # noqa: E402
+from benchmarks.repair_quality import contact_bars, gap_bars, sound_bars  # noqa: E402
+from benchmarks.report import Bar, machine, report  # noqa: E402
+from pipeline.catalog import CatalogSettings  # noqa: E402
+from pipeline.files import settings as settings_file  # noqa: E402
+from pipeline.repair import RepairSettings  # noqa: E402
+from tests.factories.planted_defects import KINDS  # noqa: E402
+
+SEED = 1
+LEAST = 98.0
+"""Per cent of the counted defects that have to be found, and found where they are."""
+CHUNK = 50
+"""Plants that a process works on at a time."""
+MOST_DRAWN = 4
+"""At most so many times as many plants as are wanted are drawn."""
+
+
+def main() -> int:
+    arguments = _arguments()
+    kinds = arguments.kinds.split(",") if arguments.kinds else [*KINDS, *FILE_KINDS, *HARMLESS]
+    unknown = [kind for kind in kinds if kind not in {*KINDS, *FILE_KINDS, *HARMLESS}]
+    if unknown:
+        print(f"unknown kinds: {', '.join(unknown)}; known are {', '.join([*KINDS, *FILE_KINDS, *HARMLESS])}")
+        return 2
+    workers = joblib.Parallel(n_jobs=arguments.jobs)
+    chunks = [(kind, first) for first in range(0, MOST_DRAWN * arguments.count, CHUNK) for kind in kinds]
+    verdicts: dict[str, list[Verdict]] = {kind: [] for kind in kinds}
+    for start in range(0, len(chunks), len(kinds)):
+        wanted = [one for one in chunks[start : start + len(kinds)] if _counted(verdicts[one[0]]) < arguments.count]
+        if wanted:
+            jobs = [joblib.delayed(judge_chunk)(kind, first, arguments.mocap) for kind, first in wanted]
+            for (kind, _), found in zip(wanted, workers(jobs), strict=True):
+                verdicts[kind] += found or []
+    bars = [bar for kind in kinds for bar in kind_bars(kind, verdicts[kind])]
+    if arguments.missed:
+        _print_missed(verdicts)
+    if arguments.picture:
+        draw(verdicts, arguments.picture)
+    if not arguments.kinds:
+        limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
+        bars += sound_bars(arguments.mocap, limits)
+        bars += gap_bars(arguments.mocap, limits, arguments.count)
+        bars += contact_bars(arguments.policies, limits)
+    return 0 if report(bars, machine=machine(), json=arguments.json) else 1
+
+
+def judge_chunk(kind: str, first: int, mocap: Path) -> list[Verdict]:
+    """The plants of a kind numbered from `first` on."""
+    numbers = range(first, first + CHUNK)
+    if kind in KINDS:
+        limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
+        return [judge_plant(kind, number, SEED, mocap, limits) for number in numbers]
+    harmless: Callable[..., Verdict] | None = HARMLESS.get(kind)
+    if harmless is not None:
+        limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
+        return [harmless(number, SEED, mocap, limits) for number in numbers]
+    catalog = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings)
+    return [FILE_KINDS[kind](number, SEED, mocap, catalog) for number in numbers]
+
+
+def kind_bars(kind: str, verdicts: list[Verdict]) -> list[Bar]:
+    """How many of a kind that matter were found, and located or right in their parameter."""
+    counted = [one for one in verdicts if one.strength >= 1.0]
+    if kind in HARMLESS:
+        return [_percent(f"{kind} ({len(counted)}): the same comes out", [one.detected for one in counted])]
+    second = "right" if kind in FILE_KINDS or kind.startswith("floor_") else "located"
+    return [
+        _percent(f"{kind} ({len(counted)} of {len(verdicts)}): found", [one.detected for one in counted]),
+        _percent(f"{kind}: {second}", [one.located for one in counted]),
+    ]
+
+
+def _counted(verdicts: list[Verdict]) -> int:
+    return sum(one.strength >= 1.0 for one in verdicts)
+
+
+def _percent(name: str, values: list[bool]) -> Bar:
+    value = 100.0 * float(np.mean(values)) if values else float("nan")
+    return Bar(name=name, value=value, unit="%", sense=">=", bound=LEAST)
+
+
+def _print_missed(verdicts: dict[str, list[Verdict]]) -> None:
+    for kind, each in verdicts.items():
+        for one in each:
+            if one.strength >= 1.0 and not (one.detected and one.located):
+                print(f"{kind} {'MISSED' if not one.detected else 'ELSEWHERE'}: {one.text[:300]}")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("mocap", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
+    parser.add_argument("--policies", type=Path, default=ROOT.parent / "shared" / "policies")
+    parser.add_argument("--count", type=int, default=200, help="defects of each kind that matter")
+    parser.add_argument("--kinds", default="", help="only these, by name, with commas between")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--missed", action="store_true", help="tell each defect that was not found or is elsewhere")
+    parser.add_argument("--picture", type=Path, help="draw how detection grows with the strength of a defect, as PNG")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
