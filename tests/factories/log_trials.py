@@ -26,8 +26,15 @@ def trial_of(log: RobotLog, robot: Robot, name: str = "trial") -> Trial:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.mcap"
         write_mcap(path, log)
-        (made,) = ingest(path, name, Path(folder), layouts=layouts([robot]), settings=LOGS).trials
-        return read_trial(made.path)
+        (trial,) = trials_in(path, robot)
+        return trial
+
+
+def trials_in(path: Path, robot: Robot) -> list[Trial]:
+    """The trials of a log file."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = ingest(path, path.stem, Path(folder), layouts=layouts([robot]), settings=LOGS).trials
+        return [read_trial(each.path) for each in made]
 
 
 def nominal_actuators(robot: Robot) -> tuple[JointActuator, ...]:
