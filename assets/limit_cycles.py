@@ -10,7 +10,7 @@ from assets.actuators import declared
 from assets.judged_policy import JudgedPolicyConfig, judged_policy
 from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of
+from assets.policy import result_of, served
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, table_of
 from pipeline.batch import Manifest
@@ -39,7 +39,8 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
         judged = judged_policy(config, exported_policy, robot)
-        found = find(judged.deployed, trials_of(trials, robot, judged.digest), values)
+        names = {judged.digest, *_file_of(exported_policy, judged.digest)}
+        found = find(judged.deployed, trials_of(trials, robot, names), values)
         reasons = [reason for each in found if each.required for reason in each.reasons]
         shown = [reason for each in found if not each.required for reason in each.reasons]
         verdict = {
@@ -74,16 +75,22 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     return limit_cycles
 
 
-def trials_of(trials: dg.AssetKey | None, robot: str, policy: str) -> Iterator[Any]:
-    """The trials of a robot that this policy walked; none where the graph has no logs or none was read."""
+def trials_of(trials: dg.AssetKey | None, robot: str, policies: set[str]) -> Iterator[Any]:
+    """The trials of a robot that a policy of these digests walked; none where no log was read."""
     from assets.hardware import trials_of as files_of
     from pipeline.hardware_logs.trial import read_trial
 
     if trials is None or not PROJECT.store.manifest_path(trials.to_user_string()).is_file():
         return
     for _, path, numbers in files_of(PROJECT.store.load(trials.to_user_string())):
-        if numbers.get("robot") == robot and numbers.get("policy_digest") == policy:
+        if numbers.get("robot") == robot and numbers.get("policy_digest") in policies:
             yield read_trial(path)
+
+
+def _file_of(exported: Manifest, policy: str) -> list[str]:
+    """Digest of the policy's file, which a log may name in place of the network's."""
+    facts = served(exported)
+    return [facts["files"]["policy.npz"]] if facts["digest"] == policy else []
 
 
 def _row(speed: float, one: Any) -> dict[str, Any]:

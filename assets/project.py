@@ -108,7 +108,8 @@ class Project:
         folders = [self.shipped_policies(robot), self.exported_policy(robot)]
         if os.environ.get(POLICIES_VARIABLE):
             folders.append(Path(os.environ[POLICIES_VARIABLE]).expanduser())
-        return tuple(path for folder in folders for path in sorted(folder.rglob("*.npz")))
+        found = (path for folder in folders for path in sorted(folder.rglob("*.npz")))
+        return tuple(path for path in found if path.name != "golden.npz")
 
     def sources(self) -> tuple[Source, ...]:
         """The source folders: those of `data/sources.yaml` and of the environment."""

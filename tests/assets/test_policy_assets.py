@@ -116,6 +116,11 @@ def test_the_policy_that_ships_is_served_with_the_run_that_made_it(project, robo
     assert said["may ship"] is True
 
 
+def test_golden_vectors_are_not_taken_for_a_policy(project, robot):
+    ship(project, robot)
+    assert [path.name for path in project.policy_files("t1")] == ["policy.npz"]
+
+
 def test_a_full_training_here_takes_its_place(project, robot):
     card = ship(project, robot)
     trained(project, robot, trial=False)

@@ -8,17 +8,21 @@ import pytest
 
 from pipeline.deployment import deployment_task, load_policy
 from pipeline.files import settings as settings_files
+from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial, write_mcap
+from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.deployed import Deployed
+from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.limit_cycle_walks import (
     LimitCycleSettings,
     limit_cycles,
     steady_span,
     trial_series,
+    walk_series,
 )
-from pipeline.validation.limit_cycles import PLANES, limit_cycle
+from pipeline.validation.limit_cycles import PLANES, compare, limit_cycle
 from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
+from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network
 
 RATE_HZ = 100.0
@@ -110,14 +114,14 @@ def test_a_turn_a_fall_and_a_gap_end_a_span(robot, settings):
 
 
 def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
-    deployed = Deployed(
+    one = Deployed(
         robot=robot,
         task=deployment_task(robot),
         policy=network(robot, np.random.default_rng(0)),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
     short = dataclasses.replace(settings, shown_m_s=())
-    (found,) = limit_cycles(deployed, [walking_log(robot)], short)
+    (found,) = limit_cycles(one, [walking_log(robot)], short)
     assert found.required
     assert [text.split(":")[0] for text in found.reasons] == ["MuJoCo at 0.6 m/s", "DART at 0.6 m/s"]
     assert set(found.cycles) == {"log walk left", "log walk right"}
@@ -128,13 +132,13 @@ def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
 @pytest.mark.shared
 def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings):
     """At .6 m/s; the log of other legs is far from it."""
-    deployed = Deployed(
+    one = Deployed(
         robot=robot,
         task=deployment_task(robot),
         policy=load_policy(policies / "t1_walk.npz"),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
-    (found,) = limit_cycles(deployed, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
+    (found,) = limit_cycles(one, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
     assert found.reasons == ()
     by_name = {each.name: each for each in found.comparisons}
     assert set(by_name) == {"DART left", "DART right", "log walk left", "log walk right"}
@@ -151,7 +155,6 @@ def test_the_published_policy_walks_alike_in_both_engines(robot, policies, setti
 def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
     """The bars bite: the same legs at another cadence and stroke."""
     from pipeline.validation.limit_cycle_walks import _reasons
-    from pipeline.validation.limit_cycles import compare
 
     def cycle(name, period_s):
         trial = walking_log(robot, period_s=period_s)
@@ -161,3 +164,25 @@ def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
 
     reasons = _reasons(compare(cycle("MuJoCo left", 0.8), cycle("DART left", 0.4)), settings)
     assert reasons == ["DART left against MuJoCo left: period 0.500 times, allowed is 1 ± 0.06"]
+
+
+@pytest.mark.shared
+def test_the_log_of_a_virtual_robot_has_the_cycle_of_its_simulation(robot, policies, settings, root, tmp_path):
+    """Written as a recorder writes it, read as any log: noise, loss and clock do not change the stride."""
+    policy = load_policy(policies / "t1_walk.npz")
+    one = with_ankle_kd(deployed(root / "robots" / "t1", policy), 2.0)
+    asked = VirtualTrial(command=((0.5, 0.6, 0.0, 0.0),), seconds=12.0)
+    facts = LogFacts(robot=robot.name, policy_digest="p" * 64)
+    _, log = simulate(robot, one.controller(), asked, np.random.default_rng(0), facts)
+    write_mcap(tmp_path / "walk.mcap", log)
+    values = settings_files.read(root / "data" / "hardware_logs.yaml", LogSettings)
+    made = ingest(tmp_path / "walk.mcap", "walk", tmp_path / "out", layouts=layouts([robot]), settings=values)
+    trial = read_trial(made.trials[0].path)
+    span = steady_span(trial, 0.6, settings)
+    assert span is not None
+    for side, simulated in zip(("left", "right"), walk_series(one, "MuJoCo", 0.6, settings), strict=True):
+        found = compare(limit_cycle(simulated), limit_cycle(trial_series(trial, span, side, f"log {side}", settings)))
+        assert max(found.shape_distance.values()) < 0.12
+        assert found.period_ratio == pytest.approx(1.0, abs=0.03)
+        assert found.hip_amplitude_ratio == pytest.approx(1.0, abs=0.06)
+        assert found.knee_amplitude_ratio == pytest.approx(1.0, abs=0.06)
