@@ -14,7 +14,7 @@ from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.robot import load_robot
 from pipeline.validation.bars import ValidationSettings
-from pipeline.validation.deployed import deployed
+from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.measure import measure
 from pipeline.validation.report import as_text, table
 from pipeline.validation.suites import QUICK, SUITES, cells_of
@@ -36,6 +36,12 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
     parser.add_argument("--robot", metavar="NAME", default="t1", help="robot it is for, adapted where it was")
+    parser.add_argument(
+        "--ankle-kd",
+        metavar="KD",
+        type=float,
+        help="damping of the ankles [N m s/rad], for a policy whose file doesn't say with which it is deployed",
+    )
     parser.add_argument("--suite", choices=SUITES, default=QUICK, help="how much is tried")
     parser.add_argument("--json", metavar="OUT", type=Path, help="write verdict and all numbers here")
     parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes; 0 for one each core")
@@ -49,6 +55,8 @@ def run(parsed: argparse.Namespace) -> int:
     bars = project.settings("validation.yaml", ValidationSettings)
     folder = robot_folder(project, parsed.robot)
     one = deployed(folder, policy_of(parsed.policy, folder))
+    if parsed.ankle_kd is not None:
+        one = with_ankle_kd(one, parsed.ankle_kd)
     measured = measure(one, cells_of(parsed.suite, one.robot), ClipPool(workers=parsed.workers))
     verdict = judge(measured, bars, suite=parsed.suite, policy=digest(one.policy), robot=one.robot.digest)
     if parsed.table:

@@ -85,9 +85,10 @@ def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> byte
         place.set_title(names[joint], fontsize=8)
         place.tick_params(labelsize=7)
         place.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize=6, markerscale=6)
     figure.supxlabel("joint speed [rad/s]", fontsize=8)
     figure.supylabel("torque [N m]", fontsize=8)
-    figure.suptitle(", ".join(walks) + "; line: torque-speed envelope", fontsize=8)
+    figure.suptitle("line: torque-speed envelope", fontsize=8)
     return png(figure)
 
 
