@@ -36,6 +36,8 @@ class _StrictLoader(yaml.SafeLoader):
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
+            if isinstance(key, (list, dict)):
+                raise yaml.constructor.ConstructorError(None, None, "a key is not a text", key_node.start_mark)
             if key in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"duplicate key '{key}'", key_node.start_mark)
             seen.add(key)
@@ -53,7 +55,7 @@ def read_yaml(path: Path) -> Any:
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error)
-        raise SettingsError(path, f"{problem}.", line=mark.line + 1 if mark else None) from error
+        raise SettingsError(path, f"{' '.join(problem.split())}.", line=mark.line + 1 if mark else None) from error
 
 
 def read(path: Path, kind: type[T]) -> T:

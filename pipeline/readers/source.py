@@ -105,11 +105,11 @@ def read_sources(path: Path) -> tuple[Source, ...]:
     """The sources in a `sources.yaml`; folders and own files are relative to it. Raises SettingsError."""
     sources = []
     for entry in settings.read(path, _Sources).sources:
-        folder = (path.parent / Path(entry.folder).expanduser()).resolve()
-        if not folder.is_dir():
-            raise SettingsError(path, f"the folder '{entry.folder}' of source '{entry.name}' does not exist.")
-        if not entry.name or set(entry.name) & set("/\\@+~:"):
-            raise SettingsError(path, f"the source name '{entry.name}' is empty or holds one of / \\ @ + ~ :.")
+        folder = _folder_of(path, entry)
+        if not entry.name.strip(". ") or set(entry.name) & set("/\\@+~:"):
+            raise SettingsError(
+                path, f"the source name '{entry.name}' is empty, dots alone or holds one of / \\ @ + ~ :."
+            )
         if any(source.name == entry.name for source in sources):
             raise SettingsError(path, f"two sources are named '{entry.name}'.")
         source = Source(
@@ -122,6 +122,18 @@ def read_sources(path: Path) -> tuple[Source, ...]:
         )
         sources.append(source)
     return tuple(sources)
+
+
+def _folder_of(path: Path, entry: _Entry) -> Path:
+    """The folder of an entry. Raises SettingsError where there is none."""
+    try:
+        folder = (path.parent / Path(entry.folder).expanduser()).resolve()
+        there = folder.is_dir()
+    except (OSError, ValueError, RuntimeError):  # too long, with zero bytes, links in a circle, no such user
+        there = False
+    if not there:
+        raise SettingsError(path, f"the folder {entry.folder[:200]!r} of source '{entry.name}' does not exist.")
+    return folder
 
 
 def _with_paths(statement: Stated, folder: Path) -> Stated:
