@@ -121,7 +121,10 @@ def serve(world: Path, engine: str) -> int:
         [sys.executable, str(program)], cwd=program.parent, env=environment, pass_fds=[theirs.fileno()]
     )
     theirs.close()
-    status = _talk(simulation, ours)
+    try:
+        status = _talk(simulation, ours)
+    except (BrokenPipeError, ConnectionResetError):
+        status = 0  # what the controller ended with tells more
     try:
         return process.wait(GRACE_S) or status
     except subprocess.TimeoutExpired:
