@@ -173,12 +173,14 @@ def served_policy(manifest: Manifest) -> Any:
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
-    """The options of a preset that approved changes widen: each change is a new end of a range."""
+    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one."""
     from pipeline.training.presets import preset
 
     ends = {change.what: list(getattr(preset(preset_name), change.what)) for change in changes}
     for change in changes:
-        ends[change.what][0 if change.value < change.before else 1] = change.value
+        low, high = ends[change.what]
+        lower = change.value < change.before
+        ends[change.what] = [min(low, change.value), high] if lower else [low, max(high, change.value)]
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
 
 

@@ -6,10 +6,8 @@ import pytest
 
 from pipeline.actuators import ActuatorSettings, adapt
 from pipeline.augment import AugmentSettings
-from pipeline.errors import UnknownNameError
 from pipeline.feedback.change import Change, Witness
 from pipeline.feedback.motor_limits import lowered
-from pipeline.feedback.randomization import widened
 from pipeline.feedback.wanted import further_speeds, wanted_seconds
 from pipeline.files import settings
 from tests.factories.trial_reports import CURATION, DATA
@@ -51,18 +49,3 @@ def test_a_limit_is_lowered_with_its_motor_line_and_never_raised(robot):
     assert found[:knee] + found[knee + 1 :] == actuators[:knee] + actuators[knee + 1 :]
     raised = lowered(actuators, [_change("motors", "Left_Knee_Pitch", 70.0, 80.0)])
     assert raised[knee].box_effort_limit == 60.0
-
-
-@dataclasses.dataclass(frozen=True)
-class _Options:
-    friction: tuple[float, float] = (0.4, 1.2)
-    push_speed: tuple[float, float] = (0.3, 1.5)
-
-
-def test_a_range_is_widened_at_the_end_that_the_rule_moves_and_never_narrowed():
-    friction = _change("randomization", "friction", 0.3, 0.4)
-    assert widened(_Options(), [friction]) == _Options(friction=(0.3, 1.2))
-    assert widened(_Options(friction=(0.2, 1.2)), [friction]).friction == (0.2, 1.2)
-    assert widened(_Options(), [_change("randomization", "push_speed", 1.6, 1.5)]).push_speed == (0.3, 1.6)
-    with pytest.raises(UnknownNameError, match="unknown range of training 'gravity'"):
-        widened(_Options(), [_change("randomization", "gravity", 9.0, 9.81)])
