@@ -163,9 +163,11 @@ def walk(
 ) -> float:
     """Until the plan's end, a fall, or the simulation's end; the time [s] it got to.
 
-    Webots has no joint speed sensor: speeds are differences of positions over a timestep.
+    Webots has no joint speed sensor: speeds are differences of positions over a timestep. Its motors hold positions
+    until they are given a torque, so they are given none before the first step.
     """
     node = robot.getSelf()
+    devices.set_torque(np.zeros(len(task.joint_names)))
     decimation = max(round(1.0 / (task.control_hz * timestep_s)), 1)
     targets, before = task.default_joint_pos.copy(), None
     tick = 0

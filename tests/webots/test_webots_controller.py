@@ -121,7 +121,8 @@ def test_speeds_are_differences_of_positions(task: DeploymentTask):
     robot = PaperRobot(3)
     robot.joint_speed = 2.0
     _, _, devices = walked(robot, task, a_plan(1.0))
-    first, second, _ = np.array([motor.torques for motor in devices.motors]).T  # pyright: ignore
+    before, first, second, _ = np.array([motor.torques for motor in devices.motors]).T  # pyright: ignore
+    assert not before.any()  # motors that were given no torque hold positions
     position = np.array([1.0, 2.0])[:, None] * TIMESTEP_S * 2.0
     spring = task.kp * (task.default_joint_pos - position)
     np.testing.assert_allclose(first, spring[0], atol=1e-9)
