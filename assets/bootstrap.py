@@ -28,7 +28,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     Raises dg.Failure when that run fails.
     """
     graph_parents = _parents()
-    selected = set(run.asset_selection or plans(project))
+    selected = assets_of(run)
     wanted = _upstream(selected, _made_for_children(graph_parents, project), set(plans(project))) - selected
     stale = {key: why for key, why in stale_now(instance, project).items() if key in wanted}
     if not stale:
@@ -52,6 +52,15 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
             f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
         )
+
+
+def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
+    """The assets that a run makes: those selected for it, or all of its job, as a sensor or a schedule asks for it."""
+    from assets.definitions import defs
+
+    if run.asset_selection:
+        return set(run.asset_selection)
+    return set(defs.resolve_job_def(run.job_name).asset_layer.executable_asset_keys)
 
 
 def _cause(event: dg.DagsterEvent) -> str:

@@ -14,6 +14,7 @@ import assets.external
 import assets.hardware
 import assets.log_sensor
 import assets.resources
+from assets.bootstrap import assets_of
 from assets.hardware import hardware_logs, hardware_trials, logs_version, trials_of
 from assets.log_ingest import IngestedLogs, ingest_folder
 from assets.log_sensor import hardware_log_sensor, ingest_logs
@@ -208,6 +209,14 @@ def test_a_refused_log_warns_and_does_not_fail_the_run(project):
         (check,) = [each for each in result.get_asset_check_evaluations() if not each.passed]
         assert check.check_name == "every_log_readable"
         assert check.severity == dg.AssetCheckSeverity.WARN
+
+
+def test_a_run_of_the_whole_job_knows_its_assets_so_that_what_lies_upstream_is_made_first():
+    whole = assets_of(dg.DagsterRun(job_name="ingest_logs"))
+    assert TRIALS.key in whole
+    assert dg.AssetKey(["expert_db"]) not in whole
+    one = {dg.AssetKey(["expert_db"])}
+    assert assets_of(dg.DagsterRun(job_name="ingest_logs", asset_selection=frozenset(one))) == one
 
 
 def test_the_sensor_runs_by_itself_every_half_minute():
