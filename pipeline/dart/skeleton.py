@@ -7,8 +7,8 @@ from xml.etree import ElementTree as Xml
 import dartpy as dart
 import numpy as np
 
-from pipeline.simulation.armature_on_links import added_moments
 from pipeline.robot import Robot
+from pipeline.simulation.armature_on_links import added_moments
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
