@@ -97,13 +97,15 @@ def _check_files(folder: Path, head: dict[str, Any], faults: list[str]) -> None:
     faults += [f"{name}: is missing" for name in sorted(set(stated) - there)]
     faults += [f"{name}: is not in the manifest" for name in sorted(there - set(stated))]
     for name in sorted(there & set(stated)):
-        if digest.of_file(folder / name) != stated[name]:
+        if (folder / name).is_symlink() or not (folder / name).is_file():
+            faults.append(f"{name}: is a link or a folder, not a file")
+        elif digest.of_file(folder / name) != stated[name]:
             faults.append(f"{name}: its content is not the one the manifest states")
 
 
 def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
     path = folder / index.FILE
-    if not path.is_file():
+    if path.is_symlink() or not path.is_file():
         return None
     try:
         table = pd.read_parquet(path)
@@ -117,7 +119,7 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
 
 def _read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: list[str]) -> DatabaseClip | None:
     path = folder / name
-    if Path(name).name != name or not path.is_file():
+    if Path(name).name != name or path.is_symlink() or not path.is_file():
         faults.append(f"{index.FILE}: names the file {name!r}, which is not in the folder")
         return None
     content = _read_json(path, faults)
