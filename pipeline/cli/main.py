@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from pipeline.cli import (
+    cross_engine_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -32,6 +33,7 @@ COMMANDS = (
     retarget_command,
     score_command,
     validate_command,
+    cross_engine_command,
     simulate_robot_command,
     view_command,
     webots_command,

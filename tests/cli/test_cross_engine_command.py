@@ -1,0 +1,43 @@
+"""`booster-lab cross-engine`: a still policy stands, and does not walk."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.actuators import read_standing_pose
+from pipeline.cli.main import main
+from pipeline.deployment import PolicyGains, deployment_task, save_policy
+from pipeline.robot import Robot
+from tests.factories.policies import still_policy
+
+
+@pytest.fixture
+def still(tmp_path: Path, root: Path, robot: Robot) -> Path:
+    """A policy that holds the default pose with the manufacturer's standing gains."""
+    pose = read_standing_pose(root / "robots" / "t1", robot)
+    assert pose is not None
+    gains = PolicyGains(
+        joint_names=robot.joint_names, kp=pose.kp, kd=pose.kd, default_joint_pos=robot.default_joint_pos
+    )
+    path = tmp_path / "still.npz"
+    save_policy(path, still_policy(deployment_task(robot), gains=gains))
+    return path
+
+
+def test_the_verdict_is_told_with_every_reason(still: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    told = tmp_path / "told.json"
+    arguments = ["--cells", "stand", "walk_0.6", "--seeds", "1", "--workers", "1", "--json", str(told)]
+    assert main(["cross-engine", str(still), *arguments]) == 3
+    said = capsys.readouterr().out
+    assert "still.npz on" in said and ": failed" in said
+    reasons = json.loads(told.read_text())["reasons"]
+    assert reasons and all("'walk_0.6' seed 0" in reason and "for 0.6, 0, off by 0.6" in reason for reason in reasons)
+    assert {reason.split(": ")[0].split(" in ")[1] for reason in reasons} == {"MuJoCo", "DART"}
+
+
+def test_an_unknown_cell_is_one_sentence(still: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["cross-engine", str(still), "--cells", "walk_9"]) == 1
+    assert capsys.readouterr().err.startswith("booster-lab: unknown cell 'walk_9'; there are: arc_left, arc_right")
