@@ -42,6 +42,13 @@ class PolicyController:
         self.observation: Float[np.ndarray, " n"] = np.zeros(self.task.observation_size)
         """What the policy saw last."""
 
+    def fork(self) -> PolicyController:
+        """Another controller in the same state."""
+        twin = PolicyController(self.task, self.policy)
+        twin._history = self._history.copy()
+        twin.last_action, twin.observation = self.last_action, self.observation
+        return twin
+
     def targets(
         self,
         gyro_b: Float[np.ndarray, " 3"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -112,6 +113,15 @@ class MujocoPlant:
         force, moment = wrench[:, 3:], wrench[:, :3]
         arm = data.subtree_com[model.body_rootid[self._feet]] - data.xpos[self._feet]
         return np.concatenate([force, moment + rotation.cross(arm, force)], axis=1)
+
+    def saved(self) -> mujoco.MjData:
+        """A copy of all that the next step depends on."""
+        return copy.copy(self.data)
+
+    def restore(self, saved: mujoco.MjData) -> None:
+        """Back to what was saved; steps from there have the same bits."""
+        mujoco.mj_copyData(self.data, self.model, saved)
+        self._pushed = True  # what pushed it then is in the copy
 
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
         self.data.qvel[:3] += delta_v_w

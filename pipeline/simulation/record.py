@@ -37,6 +37,8 @@ class Rollout:
     """What the network gave, in its order."""
     fell_s: float | None
     """Time of the first fall [s]."""
+    start_s: float = 0.0
+    """Time of the first step; not 0 where only the end of a run was recorded."""
     qacc: Float[np.ndarray, "n v"] | None = None
     """Accelerations as `qvel`, where the engine tells them."""
 
@@ -72,9 +74,11 @@ class Rollout:
 class Record:
     """The arrays of a rollout while it runs."""
 
-    def __init__(self, ticks: int, decimation: int, joints: int):
+    def __init__(self, first: int, last: int, decimation: int, joints: int):
+        """From control step `first` to before `last`."""
+        ticks = max(last - first, 0)
         count = ticks * decimation
-        self.decimation = decimation
+        self.first, self.decimation = first, decimation
         self.qpos, self.qvel = np.empty((count, 7 + joints)), np.empty((count, 6 + joints))
         self.torque, self.foot_wrench_w = np.empty((count, joints)), np.empty((count, 2, 6))
         self.qacc: np.ndarray | None = None
@@ -88,12 +92,13 @@ class Record:
         return self.fall_tick is not None
 
     def control(self, tick: int, command: np.ndarray, target: np.ndarray, action: np.ndarray) -> None:
-        self.command[tick], self.target[tick] = command, target
+        self.command[tick - self.first], self.target[tick - self.first] = command, target
         self.action.append(action)
 
     def step(
         self, step: int, state: PlantState, torque: np.ndarray, wrench: np.ndarray, acceleration: np.ndarray | None
     ) -> None:
+        step -= self.first * self.decimation
         qpos, qvel = self.qpos[step], self.qvel[step]
         qpos[:3], qpos[3:7], qpos[7:] = state.root_pos_w, state.root_quat_w, state.joint_pos
         qvel[:3], qvel[3:6], qvel[6:] = state.root_lin_vel_w, state.root_ang_vel_b, state.joint_vel
@@ -119,5 +124,6 @@ class Record:
             target=self.target[:k],
             action=np.array(self.action),
             fell_s=fell_s,
+            start_s=self.first * self.decimation * timestep_s,
             qacc=None if self.qacc is None else self.qacc[:n],
         )

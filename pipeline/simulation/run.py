@@ -73,8 +73,9 @@ def run(
     wrench_every: int = 1,
     ground_height: GroundHeight | None = None,
     stop_on_fall: bool = False,
+    resume_s: float | None = None,
 ) -> Rollout:
-    """Start `plant` anew and control it for `seconds`.
+    """Start `plant` anew and control it until `seconds`.
 
     Args:
         robot: whose joints controller and plant have
@@ -82,7 +83,7 @@ def run(
         controller: asked for targets `task.control_hz` times a second
         motors: turn targets into torque at each timestep
         command: what the controller is told to do
-        seconds: length
+        seconds: time of the end
         events: what happens on the way
         sensors: what the controller is told of the state; the truth where not given
         start: state to start from; the plant's own where not given
@@ -90,20 +91,23 @@ def run(
         wrench_every: the ground's forces are read at every so manieth timestep, and kept in between
         ground_height: falls are counted from there; 0 where not given
         stop_on_fall: end with the control step in which the robot fell
+        resume_s: go on from this time with plant and controller as they are, instead of starting anew; without delay
 
     Raises RateError, and NoBallError for a Throw that the plant can't do.
     """
     decimation = steps_of(controller.task.control_hz, plant.timestep_s)
     sensors = sensors or PerfectSensors()
-    plant.reset(start)
-    controller.reset()
+    if resume_s is None:
+        plant.reset(start)
+        controller.reset()
     lead = round(delay_s / plant.timestep_s)
     pending = deque([controller.task.default_joint_pos.copy()] * lead)
     ticks = round(seconds * controller.task.control_hz)
-    record = Record(ticks, decimation, len(robot.joint_names))
+    first = round((resume_s or 0.0) * controller.task.control_hz)
+    record = Record(first, ticks, decimation, len(robot.joint_names))
     tells = plant if isinstance(plant, TellsAcceleration) else None
     wrench = np.zeros((2, 6))
-    for tick in range(ticks):
+    for tick in range(first, ticks):
         state = plant.state()
         wanted = command(tick * decimation * plant.timestep_s)
         reading = sensors.read(state)

@@ -15,7 +15,6 @@ from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy
 from pipeline.errors import FileError
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.run import Controller
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 
@@ -36,7 +35,7 @@ class Deployed:
     armature: Float[np.ndarray, " j"] | None = None
     """In MuJoCo, where it isn't the robot's [kg m^2]."""
 
-    def controller(self) -> Controller:
+    def controller(self) -> PolicyController:
         return PolicyController(self.task, self.policy)
 
     def motors(self) -> PdControl:

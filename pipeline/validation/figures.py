@@ -52,7 +52,8 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
     """Figures of a rollout from `measure_s` to its end; of one that fell, when, and nothing else."""
     if rollout.fell_s is not None:
         return {"fell": 1.0, "fell_s": round(rollout.fell_s, 6)}
-    clip = rollout.clip("trial", CLIP_HZ, trial.measure_s)
+    measure_s = max(trial.measure_s - rollout.start_s, 0.0)
+    clip = rollout.clip("trial", CLIP_HZ, measure_s)
     velocity = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)
     wanted = trial.command.last
     contacts = clip.contacts
@@ -68,7 +69,7 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
         "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
         "drift": float(np.hypot(*moved)),
         "steps": float((contacts[1:] & ~contacts[:-1]).sum()),
-        **_effort(rollout, trial.measure_s, envelope),
+        **_effort(rollout, measure_s, envelope),
     }
     return {name: float(value) for name, value in numbers.items()}
 

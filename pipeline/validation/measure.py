@@ -12,9 +12,9 @@ from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.figures import FIGURES, Numbers, numbers_of
 from pipeline.validation.trial import Trial
-from pipeline.validation.walk import Worlds, walk
+from pipeline.validation.walk import Branches, Worlds, way_of
 
-CHUNK = 16
+CHUNK = 32
 """Trials that go to a process at once."""
 
 
@@ -61,8 +61,8 @@ class Measured:
 def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:
     """All trials of all cells. The numbers do not depend on how the trials are spread."""
     jobs = [(number, trial) for number, cell in enumerate(cells) for trial in cell.trials]
-    # the same conditions one after the other: a process compiles each world once
-    jobs.sort(key=lambda job: repr(job[1].conditions))
+    # what trials share comes one after the other: worlds are compiled and ways to a push walked once in a process
+    jobs.sort(key=lambda job: way_of(job[1]))
     chunks = [jobs[first : first + CHUNK] for first in range(0, len(jobs), CHUNK)]
     found: dict[tuple[int, int], Numbers] = {}
     calls = [(one, tuple(trial for _, trial in chunk)) for chunk in chunks]
@@ -77,5 +77,5 @@ def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) 
 
 def measure_trials(one: Deployed, trials: Sequence[Trial]) -> list[Numbers]:
     """Numbers of each trial, in this process."""
-    worlds = Worlds(one)
-    return [numbers_of(walk(worlds, trial), trial, one.envelope) for trial in trials]
+    branches = Branches(Worlds(one))
+    return [numbers_of(branches.walk(trial), trial, one.envelope) for trial in trials]

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
+import mujoco
 import numpy as np
 
 from pipeline import rotation
+from pipeline.deployment import PolicyController
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
@@ -59,6 +63,52 @@ class Worlds:
 
 def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
     """The rollout of a trial; equal trials give equal bits."""
+    return _run(worlds, trial, worlds.one.controller(), stop_on_fall=stop_on_fall)
+
+
+class Branches:
+    """Trials that differ only in what happens to the robot: the way up to there is walked once.
+
+    The rollout of such a trial begins when it happens; its bits are those of the whole walk. Trials with the same way
+    have to come one after the other.
+    """
+
+    def __init__(self, worlds: Worlds):
+        self.worlds = worlds
+        self._key = ""
+        self._saved: tuple[mujoco.MjData, PolicyController] | None = None
+
+    def walk(self, trial: Trial) -> Rollout:
+        """As `walk`, up to a fall, where the way can be shared; else `walk`."""
+        if not shares_way(trial):
+            return walk(self.worlds, trial)
+        plant, until_s = self.worlds.plant(trial.conditions), trial.events[0].start_s
+        if way_of(trial) != self._key:
+            controller = self.worlds.one.controller()
+            way = dataclasses.replace(trial, events=(), seconds=until_s)
+            fell = _run(self.worlds, way, controller, stop_on_fall=True).fell
+            self._key, self._saved = way_of(trial), None if fell else (plant.saved(), controller)
+        if self._saved is None:
+            return walk(self.worlds, trial)
+        plant.restore(self._saved[0])
+        return _run(self.worlds, trial, self._saved[1].fork(), stop_on_fall=True, resume_s=until_s)
+
+
+def shares_way(trial: Trial) -> bool:
+    """Whether others may walk the same way: from the default pose, without delay and noise, to one event."""
+    conditions = trial.conditions
+    return trial.seed == 0 and conditions.noise is None and conditions.delay_s == 0.0 and len(trial.events) == 1
+
+
+def way_of(trial: Trial) -> str:
+    """What the way to the event of a trial is like; equal for trials that share it."""
+    start_s = trial.events[0].start_s if trial.events else 0.0
+    return repr((trial.conditions, trial.command, start_s, trial.seed))
+
+
+def _run(
+    worlds: Worlds, trial: Trial, controller: PolicyController, *, stop_on_fall: bool, resume_s: float | None = None
+) -> Rollout:
     one, conditions = worlds.one, trial.conditions
     plant = worlds.plant(conditions)
     rng = np.random.default_rng(trial.seed)
@@ -73,7 +123,7 @@ def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
     return run(
         one.robot,
         plant,
-        one.controller(),
+        controller,
         motors,
         lambda time_s: commands[round(time_s * rate_hz)],
         trial.seconds,
@@ -84,6 +134,7 @@ def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
         wrench_every=WRENCH_EVERY,
         ground_height=None if flat else plant.ground.height,
         stop_on_fall=stop_on_fall,
+        resume_s=resume_s,
     )
 
 

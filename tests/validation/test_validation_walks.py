@@ -18,10 +18,11 @@ from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_
 from pipeline.validation.figures import numbers_of
 from pipeline.validation.measure import measure
 from pipeline.validation.numbers_file import question_of, read_numbers, write_numbers
+from pipeline.validation.push_cells import push_cells
 from pipeline.validation.suites import named
 from pipeline.validation.trial import Conditions, GroundSpec, Profile, Start, Trial, Wanted
-from pipeline.validation.walk import Worlds, drawn_start, ground_of, walk
-from tests.factories.policies import still_policy
+from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
+from tests.factories.policies import random_policy, still_policy
 
 STAND = Profile(wanted=(Wanted(),))
 
@@ -110,6 +111,26 @@ def test_numbers_are_the_same_bits_however_trials_are_spread(still: Deployed):
     worlds = Worlds(still)
     first = cells[1].trials[0]
     assert alone[1].trials[0] == numbers_of(walk(worlds, first), first, still.envelope)
+
+
+@pytest.mark.parametrize("model", ["force", "kick", "ball"])
+def test_pushes_that_share_the_way_there_have_the_bits_of_whole_walks(still: Deployed, model: str):
+    moved = dataclasses.replace(still, policy=random_policy(still.task, np.random.default_rng(1), hidden=2))
+    moved = dataclasses.replace(moved, task=dataclasses.replace(still.task, action_scale=1e-5))
+    worlds = Worlds(moved)
+    branches = Branches(worlds)
+    cell = next(each for each in push_cells(still.robot, (model,)) if "standing" in each.name)
+    for trial in (cell.trials[0], cell.trials[2], cell.trials[9]):
+        event = dataclasses.replace(trial.events[0], start_s=trial.events[0].start_s - 0.8)
+        short = dataclasses.replace(trial, events=(event,), seconds=event.start_s + 0.3, measure_s=event.start_s)
+        part, whole = branches.walk(short), walk(worlds, short)
+        assert part.start_s == pytest.approx(event.start_s)
+        assert np.abs(part.action[0]).max() > 0.0
+        np.testing.assert_array_equal(part.qpos, whole.qpos[-len(part.qpos) :])
+        np.testing.assert_array_equal(part.foot_wrench_w[5:], whole.foot_wrench_w[-len(part.qpos) + 5 :])
+        np.testing.assert_array_equal(part.action, whole.action[-len(part.action) :])
+        assert part.fell_s == whole.fell_s
+        assert numbers_of(part, short, moved.envelope) == numbers_of(whole, short, moved.envelope)
 
 
 def test_kept_numbers_are_of_the_same_question_only(tmp_path: Path, still: Deployed):
