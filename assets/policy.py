@@ -261,7 +261,12 @@ def curves_of(folder: Path) -> dict[str, Any]:
     last = table.iloc[-1]
     shown = ("task_reward", "style_reward", "d_expert", "d_policy", "episode_s", "steps_per_s")
     numbers = {name: float(last[name]) for name in shown if name in table and last[name] == last[name]}
-    return {**numbers, "curves": picture(training_curves({"": table}))}
+    bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
+    speeds = pd.DataFrame(
+        [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in ("commanded", "achieved")}} for name in bins]
+    )
+    achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
+    return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
 
 
 def _told(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:

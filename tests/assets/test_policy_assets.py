@@ -233,6 +233,8 @@ def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypa
     assert said["expert database"] == "d1"
     assert str(project.root) not in said["command"]
     assert "data:image/png;base64" in said["curves"]
+    (row,) = said["achieved against commanded velocity"].records
+    assert row.data == {"command": "top", "commanded": "1.9", "achieved": "1.7"}
     (facts,) = project.store.load("amp_policy").settings.values()
     assert facts["trial"] is True
 

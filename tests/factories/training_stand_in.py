@@ -32,8 +32,9 @@ for iteration in range(first, int(given.iterations) + 1):
     if given.seed == "99":
         time.sleep(60)
 numbers = range(1, int(given.iterations) + 1)
-rows = [f"{i},{float(i)},100.0,{0.1 * i},0.2,{-1.0 * i},0.5,-0.5,{5.0 + i}" for i in numbers]
+rows = [f"{i},{float(i)},100.0,{0.1 * i},0.2,{-1.0 * i},0.5,-0.5,{5.0 + i},1.9,1.7" for i in numbers]
 head = "iteration,seconds,steps_per_s,task_reward,style_reward,d_rollout,d_expert,d_policy,episode_s"
+head += ",top_commanded,top_achieved"
 (out / "curves.csv").write_text("\\n".join([head, *rows]) + "\\n")
 shutil.copy(Path(given.bundle) / "network.npz", out / "policy.npz")
 done = {"reason": "iterations", "iterations": int(given.iterations), "seconds": 1.5}
