@@ -120,6 +120,19 @@ def test_two_controllers_share_nothing(task: DeploymentTask):
     assert one.targets(**_readings(task)) is not task.default_joint_pos
 
 
+def test_a_fork_goes_on_alike_and_apart(task: DeploymentTask):
+    weight = np.zeros((21, 720))
+    weight[:, -21:] = np.eye(21)
+    controller = PolicyController(task, linear_policy(weight, np.ones(21)))
+    controller.targets(**_readings(task))
+    fork = controller.fork()
+    np.testing.assert_array_equal(fork.targets(**_readings(task)), controller.targets(**_readings(task)))
+    np.testing.assert_array_equal(fork.observation, controller.observation)
+    fork.targets(**_readings(task))
+    np.testing.assert_array_equal(controller.last_action, 2.0)
+    np.testing.assert_array_equal(fork.last_action, 3.0)
+
+
 def test_a_policy_of_other_sizes_is_refused(task: DeploymentTask):
     with pytest.raises(PolicyMisfitError, match=r"700 observations and 21 actions; robot 't1' takes 720 and 21"):
         PolicyController(task, linear_policy(np.zeros((21, 700))))
