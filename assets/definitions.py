@@ -4,7 +4,8 @@ import dagster as dg
 
 from assets.approved import approved_specs
 from assets.engine_assets import engine_assets
-from assets.feedback import curation_feedback, failure_modes, sim_to_real_report
+from assets.failure_modes import failure_modes
+from assets.feedback import curation_feedback, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
 from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions

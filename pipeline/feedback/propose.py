@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 import pandas as pd
 
 from pipeline.failures.failure import Failure
-from pipeline.failures.trial_report import VERIFIED, TrialReport
+from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import VELOCITIES
 from pipeline.feasibility.settings import CommandSettings
 from pipeline.feedback.change import Change, Witness, allowed_range, check_bounds
 from pipeline.feedback.rules import FeedbackRules, MotorRule
+from pipeline.feedback.trust import doubt_of, trusted
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
 Pair = tuple[TrialReport, Failure]
@@ -43,10 +43,12 @@ def propose(
     `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
     """
     unlike = sorted({each.sha256: each for each in sorted(reports, key=lambda one: one.trial)}.values(), key=_by_name)
-    heard, silent = _trusted(unlike, rules)
+    heard, silent = trusted(unlike, rules)
     pairs = [(report, failure) for report in heard for failure in report.failures if failure.of_policy]
-    counted = [pair for pair in pairs if not _doubt(pair[1], rules)]
-    silent += [f"{report.trial}: {each.text()}: {_doubt(each, rules)}" for report, each in pairs if _doubt(each, rules)]
+    counted = [pair for pair in pairs if not doubt_of(pair[1], rules)]
+    silent += [
+        f"{report.trial}: {each.text()}: {doubt_of(each, rules)}" for report, each in pairs if doubt_of(each, rules)
+    ]
     changes: list[Change] = []
     for robot in sorted({report.robot for report, _ in counted}):
         own = [pair for pair in counted if pair[0].robot == robot]
@@ -64,38 +66,6 @@ def propose(
 
 def _by_name(report: TrialReport) -> str:
     return report.trial
-
-
-def _trusted(reports: Sequence[TrialReport], rules: FeedbackRules) -> tuple[list[TrialReport], list[str]]:
-    """The reports that count, and why the others do not."""
-    trust, kept, silent = rules.trust, [], []
-    real = {report.robot for report in reports if not report.simulated}
-    for report in reports:
-        why = ""
-        if not report.policy:
-            why = "it does not say which policy walked"
-        elif not any(fnmatchcase(report.policy, pattern) for pattern in trust.policies):
-            why = f"policy {report.policy[:12]} is not among those whose logs count"
-        elif report.integrity != VERIFIED and not trust.unverified:
-            why = "no checksum covers its bytes"
-        elif report.simulated and trust.simulated == "never":
-            why = "it is simulated"
-        elif report.simulated and trust.simulated == "until_real" and report.robot in real:
-            why = f"it is simulated, and there are logs of a real {report.robot}"
-        if why:
-            silent.append(f"{report.trial} ({report.file}) does not count: {why}")
-        else:
-            kept.append(report)
-    return kept, silent
-
-
-def _doubt(failure: Failure, rules: FeedbackRules) -> str:
-    """Why a failure of a policy does not count; empty if it does."""
-    if failure.confidence < rules.trust.least_confidence:
-        return f"the confidence {failure.confidence:.2f} is below {rules.trust.least_confidence:g}"
-    if failure.kind == "fall" and rules.trust.attitude_confirms and not failure.evidence.get("attitude"):
-        return "the attitude does not show a fall"
-    return ""
 
 
 def _cell_namer(commands: CommandSettings) -> NamedBy:
