@@ -1,6 +1,6 @@
 """Planted failures found, sound trials left alone, a weak knee brought into the model: the closed loop above the logs.
 
-    python benchmarks/failures.py [--json] [--of-each 8] [--sound 100] [POLICIES]
+    python benchmarks/failures.py [--json] [--of-each 8] [--sound 100] [--draw 0] [POLICIES]
 
 A virtual T1 walks by a published policy (POLICIES holds `t1_walk.npz`; by default `../shared/policies` beside the
 checkout). Each trial is written as MCAP and read back as a robot's log is. One process.
@@ -47,7 +47,7 @@ def main() -> int:
     actuators = nominal_actuators(one.robot)
     right: dict[str, list[bool]] = defaultdict(list)
     knees: list[float] = []
-    for planted in planted_trials(arguments.of_each, arguments.sound):
+    for planted in planted_trials(arguments.of_each, arguments.sound, arguments.draw):
         trial = trial_of(walk(one, planted)[1], one.robot, f"{planted.name} {planted.seed}".replace(" ", "_"))
         found = find_failures(trial, one.robot, actuators, FAILURES)
         right[planted.name].append(judged(planted, found))
@@ -118,6 +118,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("policies", nargs="?", type=Path, default=ROOT.parent / "shared" / "policies")
     parser.add_argument("--of-each", type=int, default=8, help="trials of each planted kind")
     parser.add_argument("--sound", type=int, default=100, help="sound trials")
+    parser.add_argument("--draw", type=int, default=0, help="another number draws other trials")
     parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 

@@ -153,13 +153,14 @@ KINDS: tuple[Callable[[int, np.random.Generator], Planted], ...] = (
 )
 
 
-def planted_trials(of_each: int, sound_ones: int) -> list[Planted]:
-    """`of_each` trials of each kind, then the sound ones; the same for the same numbers."""
+def planted_trials(of_each: int, sound_ones: int, draw: int = 0) -> list[Planted]:
+    """`of_each` trials of each kind, then the sound ones; the same for the same numbers, others for another draw."""
     makers = [maker for maker in KINDS for _ in range(of_each)] + [sound] * sound_ones
     counts: dict[str, int] = {}
     trials = []
     for maker in makers:
         seed = counts.get(maker.__name__, 0)
         counts[maker.__name__] = seed + 1
-        trials.append(maker(seed, np.random.default_rng([17, len(maker.__name__), seed])))
+        rng = np.random.default_rng([17, len(maker.__name__), seed, *([draw] if draw else [])])
+        trials.append(maker(seed + 1000 * draw, rng))
     return trials
