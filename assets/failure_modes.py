@@ -146,7 +146,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         "trials looked at anew": manifest.recomputed,
         "failures": len(rows),
         "failures of the policy": sum(each.of_policy for report in reports for each in report.failures),
-        **{f"{kind} ": count for kind, count in sorted(kinds.items())},
+        **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
         "what went wrong": table_of(table, list(table)),
     }
