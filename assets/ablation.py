@@ -8,9 +8,10 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
+from assets.amp_policy import bundle_of, commit_of, run_facts
 from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import NoPolicyError, bundle_of, commit_of, result_of, run_facts
+from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource

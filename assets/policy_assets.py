@@ -5,9 +5,10 @@ from typing import Any
 import dagster as dg
 
 from assets.ablation import augmentation_ablation
+from assets.amp_policy import amp_policy
 from assets.limit_cycles import limit_cycles
 from assets.plan import policy_plans, robot_plans
-from assets.policy import amp_policy, exported_policy
+from assets.policy import exported_policy
 from assets.project import DEFAULT_ROBOT
 from assets.release import release_report, released
 

@@ -8,7 +8,7 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import policy, resources, training_process
+from assets import amp_policy, policy, resources, training_process
 from assets.plan import policy_plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -46,7 +46,7 @@ def project(tmp_path, root, robot, monkeypatch):
     ]
     write_database(project.expert_db("t1"), entries, robot, stages={})
     write_adapted_robot(project.adapted_robot("t1"), root / "robots" / "t1", adapt(robot, [], SETTINGS))
-    for module in (policy, resources):
+    for module in (amp_policy, policy, resources):
         monkeypatch.setattr(module, "PROJECT", project)
     monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
@@ -54,7 +54,7 @@ def project(tmp_path, root, robot, monkeypatch):
 
 def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
     result = dg.materialize(
-        [policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
     )
     (event,) = result.asset_materializations_for_node("amp_policy")

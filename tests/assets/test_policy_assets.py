@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from assets import ablation, policy, resources, training_process
+from assets import ablation, amp_policy, policy, resources, training_process
 from assets.bootstrap import _made_for_children, _parents, _upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
@@ -37,7 +37,7 @@ def project(tmp_path, root, monkeypatch):
     project = Project(tmp_path)
     shutil.copytree(root / "robots" / "t1", tmp_path / "robots" / "t1", ignore=shutil.ignore_patterns("policies"))
     write_training_stand_in(tmp_path)
-    for module in (policy, ablation, resources):
+    for module in (policy, amp_policy, ablation, resources):
         monkeypatch.setattr(module, "PROJECT", project)
     monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
@@ -220,9 +220,9 @@ def test_nothing_starts_a_training():
 
 
 def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypatch):
-    monkeypatch.setattr(policy, "bundle_of", lambda *_: bundle(project, robot))
+    monkeypatch.setattr(amp_policy, "bundle_of", lambda *_: bundle(project, robot))
     result = dg.materialize(
-        [policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
         raise_on_error=False,
     )
@@ -246,9 +246,9 @@ def test_approved_ranges_widen_one_end_each():
         value: float
         before: float
 
-    found = policy.widened("paper", [Change("friction", 0.3, 0.4), Change("push_speed", 1.7, 1.5)])
+    found = amp_policy.widened("paper", [Change("friction", 0.3, 0.4), Change("push_speed", 1.7, 1.5)])
     assert found == ("friction=0.3,1.2", "push_speed=0.3,1.7")
-    assert policy.widened("paper", []) == ()
+    assert amp_policy.widened("paper", []) == ()
 
 
 def bundle(project, robot):

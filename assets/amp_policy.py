@@ -1,0 +1,147 @@
+"""`amp_policy`: a policy trained on the expert database in a process of its own, its checkpoint chosen by a sweep."""
+
+import dataclasses
+import json
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.actuators import declared
+from assets.approved import approved_key, approved_part
+from assets.plainly import plainly
+from assets.plan import Plan
+from assets.policy import result_of
+from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import table_of
+from assets.resources import ClipPoolResource
+from assets.training_process import Run, TrainingConfig, policy_of_checkpoint, run_of, train
+from assets.training_report import curves_of
+from pipeline.batch import Manifest
+from pipeline.files import digest
+
+
+class AmpConfig(TrainingConfig):
+    """What is trained, and how its checkpoint is chosen."""
+
+    choose_from: int = 5
+    """The last checkpoints that are swept in plain MuJoCo; the best is the policy. 0: the newest, unswept."""
+
+
+def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
+    """The asset `amp_policy` of a robot."""
+
+    deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
+
+    @dg.asset(**declared(plan, "pytorch", deps=deps))
+    @plainly
+    def amp_policy(context: dg.AssetExecutionContext, config: AmpConfig, clip_pool: ClipPoolResource):
+        """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
+        robot = plan.robot or DEFAULT_ROBOT
+        bundle, about = bundle_of(PROJECT, robot)
+        wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
+        run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
+        commit = commit_of(PROJECT)
+        train(run, PROJECT.root, PROJECT.training_lock, context.log)
+        chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
+        facts = run_facts(run, robot, commit) | {
+            "stage": plan.name,
+            "policy": chosen.relative_to(run.folder).as_posix(),
+        }
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
+        metadata = {**curves_of(run.folder), **sweep, **_told(run, facts, about)}
+        return result_of(plan, manifest, metadata, [])
+
+    return amp_policy
+
+
+def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
+    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one."""
+    from pipeline.training.presets import preset
+
+    ends = {change.what: list(getattr(preset(preset_name), change.what)) for change in changes}
+    for change in changes:
+        low, high = ends[change.what]
+        lower = change.value < change.before
+        ends[change.what] = [min(low, change.value), high] if lower else [low, max(high, change.value)]
+    return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
+
+
+def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
+    """The files that training takes, written from the database and the adapted robot; where, and what they are."""
+    from pipeline.expert.training_bundle import write_training_bundle
+
+    folder = project.policies(robot) / "bundle"
+    return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot))
+
+
+def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) -> tuple[Path, dict[str, Any]]:
+    """The npz of the best of the last `count` checkpoints in a sweep, and what is told of it; of a trial the newest."""
+    newest = run.folder / "policy.npz"
+    if run.trial or count == 0:
+        why = "a trial" if run.trial else "asked for"
+        return newest, {"checkpoint": f"the newest, not swept: {why}"}
+    from pipeline.deployment import load_policy
+    from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
+    from pipeline.validation.deployed import deployed
+
+    states = sorted((run.folder / "checkpoints").glob("model_*.pt"))[-count:]
+    files = {int(path.stem.split("_")[1]): policy_of_checkpoint(run, path, PROJECT.root) for path in states}
+    robots = {number: deployed(PROJECT.adapted_robot(robot), load_policy(path)) for number, path in files.items()}
+    found = sweep_checkpoints(robots, pool.pool())
+    chosen = best(found)
+    rows = pd.DataFrame([each.to_dict() for each in found])
+    said = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
+    return files[chosen.iteration], {"checkpoint": said, "sweep of checkpoints": table_of(rows, list(rows))}
+
+
+def run_facts(run: Run, robot: str, commit: str) -> dict[str, Any]:
+    """What is noted of a run that is done."""
+    return {
+        "robot": robot,
+        "run": run.folder.name,
+        "folder": run.folder.relative_to(PROJECT.root).as_posix(),
+        "trial": run.trial,
+        "commit": commit,
+        "command": _portable(run),
+        "network": digest.of_file(run.folder / "policy.npz"),
+        "done": json.loads((run.folder / "done.json").read_text()),
+    }
+
+
+def _portable(run: Run) -> str:
+    """The command that makes the run again, with paths from the project's root."""
+    near = dataclasses.replace(
+        run, folder=run.folder.relative_to(PROJECT.root), bundle=run.bundle.relative_to(PROJECT.root)
+    )
+    return f"python {' '.join(near.command)}"
+
+
+def commit_of(project: Project) -> str:
+    """The commit that the code is at, with `+` where files differ from it; empty outside a repository."""
+    try:
+        head = subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=project.root, capture_output=True, text=True, check=True
+        )
+        state = ["git", "status", "--porcelain", "--untracked-files=no"]
+        changed = subprocess.run(state, cwd=project.root, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
+
+
+def _told(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "run": facts["run"],
+        "what it is": "a trial: a few iterations without a GPU, no policy" if run.trial else "a full training",
+        "iterations": facts["done"].get("iterations", 0),
+        "seconds": float(facts["done"].get("seconds", 0.0)),
+        "command": facts["command"],
+        "commit": facts["commit"],
+        "expert database": about["database_digest"],
+        "strictest licence": about["licence"]["strictest"],
+        "dagster/uri": dg.MetadataValue.path(str(run.folder)),
+    }
