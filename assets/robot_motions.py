@@ -199,6 +199,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         made = balanced[["clip", "weight", "family"]].itertuples(index=False)
         manifest = manifest.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
         feedback = approved_part(PROJECT, "weights", plan.robot)
+        manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
         manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
         metadata |= told(feedback) | reweighted
