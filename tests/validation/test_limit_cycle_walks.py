@@ -13,8 +13,8 @@ from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
+from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import (
-    LimitCycleSettings,
     limit_cycles,
     steady_span,
     trial_series,
