@@ -5,11 +5,15 @@ import dagster as dg
 from assets.external import note_external
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import TRIALS
+from assets.plan import FINGERPRINT_DIGITS, TRIALS
 from assets.project import PROJECT
 from pipeline.errors import PipelineError
 
 EVERY_S = 30
+MAX_RUNS = 3
+"""Runs that are started for the same logs."""
+LOGS_TAG = "booster_lab/logs"
+"""Tag of a run: the content of the folder that it was started for."""
 
 ingest_logs = dg.define_asset_job(
     "ingest_logs",
@@ -24,8 +28,8 @@ ingest_logs = dg.define_asset_job(
     default_status=dg.DefaultSensorStatus.RUNNING,
     description="Ingests new logs of data/hardware_logs, once each; what is still being copied waits.",
 )
-def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.SensorResult | dg.SkipReason:
-    """The cursor is the content that a run was last started for: a log that comes a second time starts none."""
+def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """One run for each new content of the folder; one that failed, as its machine may have, is tried again."""
     try:
         version, facts = logs_version(PROJECT)
     except (PipelineError, OSError) as error:
@@ -34,7 +38,11 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.SensorResult 
     tags = last_tags(context.instance, TRIALS.key)
     if (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags):
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
-    if version == context.cursor:
+    mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
+    runs = context.instance.get_runs(filters=dg.RunsFilter(job_name=ingest_logs.name, tags=mark))
+    if any(not run.is_finished for run in runs):
         return dg.SkipReason(f"a run was started for these {count} logs")
+    if len(runs) >= MAX_RUNS:
+        return dg.SkipReason(f"{len(runs)} runs for these {count} logs failed; look at the last, or start one by hand")
     note_external(context.instance, PROJECT)
-    return dg.SensorResult(run_requests=[dg.RunRequest()], cursor=version)
+    return dg.RunRequest(tags=mark)

@@ -162,30 +162,45 @@ def materialize(instance: dg.DagsterInstance) -> dg.ExecuteInProcessResult:
     return dg.materialize([hardware_logs, hardware_trials], instance=instance, resources=resources)
 
 
-def tick(instance: dg.DagsterInstance, cursor: str | None) -> tuple[int, str | None, str]:
-    """Runs that the sensor asks for, its cursor, why it asks for none."""
+def tick(instance: dg.DagsterInstance) -> dict[str, str] | str:
+    """Tags of the run that the sensor asks for, or why it asks for none."""
     definitions = dg.Definitions(assets=[hardware_logs, hardware_trials], jobs=[ingest_logs])
-    with dg.build_sensor_context(instance=instance, cursor=cursor, definitions=definitions) as context:
+    with dg.build_sensor_context(instance=instance, definitions=definitions) as context:
         found = hardware_log_sensor(context)
     if isinstance(found, dg.SkipReason):
-        return 0, cursor, found.skip_message or ""
-    assert isinstance(found, dg.SensorResult)
-    return len(found.run_requests or []), found.cursor, ""
+        return found.skip_message or ""
+    assert isinstance(found, dg.RunRequest)
+    return dict(found.tags)
 
 
-def test_the_sensor_starts_one_run_for_a_new_log_and_none_for_half_of_one(project, log_bytes):
+def test_the_sensor_waits_for_a_whole_log(project, log_bytes):
     with dg.instance_for_test() as instance:
-        assert tick(instance, None)[0] == 0
+        assert tick(instance) == "no new log: 0 are ingested, 0 still being written"
         drop(project, "a.mcap", log_bytes[: len(log_bytes) // 2], age_s=10.0)
-        runs, cursor, why = tick(instance, None)
-        assert (runs, cursor) == (0, None)
-        assert "1 still being written" in why
+        assert tick(instance) == "no new log: 0 are ingested, 1 still being written"
         drop(project, "a.mcap", log_bytes, age_s=10.0)
-        runs, cursor, _ = tick(instance, cursor)
-        assert runs == 1
-        assert tick(instance, cursor)[0] == 0
-        drop(project, "again.mcap", log_bytes)
-        assert tick(instance, cursor)[0] == 0
+        assert isinstance(tick(instance), dict)
+
+
+def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        for _ in range(3):
+            tags = tick(instance)
+            assert isinstance(tags, dict)
+            run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+            assert "a run was started for these" in tick(instance)
+            drop(project, "again.mcap", log_bytes)
+            assert "a run was started for these" in tick(instance)
+            instance.report_run_failed(run)
+        assert "3 runs for these" in tick(instance)
+        drop(project, "b.mcap", log_bytes[:-1])
+        assert isinstance(tick(instance), dict)
+
+
+def ingest_job() -> dg.JobDefinition:
+    definitions = dg.Definitions(assets=[hardware_logs, hardware_trials], jobs=[ingest_logs])
+    return definitions.resolve_job_def("ingest_logs")
 
 
 def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
@@ -194,9 +209,7 @@ def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
         assets.external.note_external(instance, project)
         result = materialize(instance)
         assert result.success
-        runs, _, why = tick(instance, None)
-        assert runs == 0
-        assert "1 are ingested" in why
+        assert tick(instance) == "no new log: 1 are ingested, 0 still being written"
         checks = {check.check_name: check.passed for check in result.get_asset_check_evaluations()}
         assert checks == {"every_log_readable": True, "every_log_verified": True}
 
