@@ -107,6 +107,8 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
 def _robot(facts: dict[str, Any], mjcf: str) -> RobotFacts:
     numbers = ("default_joint_pos", "kp", "kd", "effort_limit", "saturation_effort", "no_load_speed", "mirror_sign")
     names = ("joint_names", "controlled", "policy_joints", "hands", "feet", "foot_links")
+    taken: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
+    taken |= {name: tuple(facts[name]) for name in names}
     return RobotFacts(
         name=facts["robot"],
         mjcf=mjcf,
@@ -114,8 +116,7 @@ def _robot(facts: dict[str, Any], mjcf: str) -> RobotFacts:
         default_root_height=facts["default_root_height"],
         mirror_index=np.array(facts["mirror_index"]),
         shapes=facts["shapes"],
-        **{name: np.array(facts[name], dtype=float) for name in numbers},
-        **{name: tuple(facts[name]) for name in names},
+        **taken,
     )
 
 

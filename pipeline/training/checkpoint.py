@@ -26,7 +26,7 @@ def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environ
 
 
 def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
-    """The state of a file. Raises TrainingError for one that is no checkpoint, or holds more than tensors and numbers."""
+    """The state of a file. Raises TrainingError where it is no checkpoint, or holds more than tensors and numbers."""
     try:
         state = torch.load(path, map_location=device, weights_only=True)
     except (OSError, RuntimeError, EOFError, KeyError, pickle.UnpicklingError) as error:

@@ -1,9 +1,9 @@
 """What is kept of a run's progress: figures of the environment, and `curves.csv`, a row an iteration.
 
-Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert, d_policy
-(at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length of ended
-episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the achieved
-value on its axis, two seconds after the command at the earliest; learning_rate, action_std and rsl-rl's losses.
+Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert,
+d_policy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length
+of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the
+achieved value on its axis, two seconds after the command at the earliest; learning_rate, action_std and rsl-rl's losses.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Record:
 
     def _add_velocity(self, env) -> None:
         command, velocity = env.command, env.readings.velocity
-        settled = env.command_manager.get_term("velocity").age > SETTLED_S
+        settled = env.velocity_command.age > SETTLED_S
         rows = []
         for axis, member in BINS.values():
             inside = (settled & member(command)).float()

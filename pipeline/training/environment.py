@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import torch
+import warp as wp
 from mjlab.envs import ManagerBasedRlEnv, ManagerBasedRlEnvCfg
 from mjlab.envs.mdp import dr
 from mjlab.managers.event_manager import EventTermCfg
@@ -15,7 +17,7 @@ from mjlab.sim import MujocoCfg, SimulationCfg
 
 from pipeline.training.action import PolicyActionCfg
 from pipeline.training.bundle import Bundle, RobotFacts
-from pipeline.training.commands import VelocityCommandCfg
+from pipeline.training.commands import VelocityCommand, VelocityCommandCfg
 from pipeline.training.curves import Record
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import begin_episodes
@@ -61,6 +63,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Length of each environment's last episode."""
         self._kernels: torch.Tensor | None = None
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
+        if device == "cpu":
+            wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
 
     def load_managers(self) -> None:
@@ -77,7 +81,12 @@ class AmpEnvironment(ManagerBasedRlEnv):
     @property
     def command(self) -> torch.Tensor:
         """The velocity command (n, 3)."""
-        return self.command_manager.get_command("velocity")
+        return self.velocity_command.command
+
+    @property
+    def velocity_command(self) -> VelocityCommand:
+        """The term that keeps it."""
+        return cast(VelocityCommand, self.command_manager.get_term("velocity"))
 
     def iteration(self) -> float:
         """How many iterations of training the environment has lived through."""
@@ -130,7 +139,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         super()._reset_idx(env_ids)
         own = self.own_command[env_ids]
         kept = ~own.isnan().any(dim=1)
-        self.command_manager.get_term("velocity").give(env_ids[kept], own[kept], age=OLD_S)
+        self.velocity_command.give(env_ids[kept], own[kept], age=OLD_S)
 
 
 def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:

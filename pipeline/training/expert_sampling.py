@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import torch
 
@@ -19,7 +21,7 @@ CELL_SAMPLES = 20_000
 def window_starts(expert: ExpertFrames, span: int) -> np.ndarray:
     """Frames at which a window of `span` frames begins and stays within its clip."""
     start = expert.clip_start
-    return np.concatenate([np.arange(a, b - span + 1) for a, b in zip(start[:-1], start[1:], strict=True)])
+    return np.concatenate([np.arange(a, b - span + 1) for a, b in itertools.pairwise(start)])
 
 
 def frame_weights(expert: ExpertFrames, starts: np.ndarray) -> np.ndarray:

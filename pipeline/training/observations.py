@@ -12,7 +12,7 @@ from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationT
 
 HISTORY = 10
 LARGEST = 100.0
-"""Observations are cut here: beyond it only a simulation that has come apart gets, and it must not reach the network."""
+"""Observations are cut here: only a simulation that has come apart gets beyond, which must not reach the network."""
 
 
 def frame(

@@ -43,7 +43,7 @@ class Options:
     penalty_iterations: int = 0
     """… grows to 1 over this many iterations."""
     joint_limit: str = "indicator"
-    """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .97 of their range [rad]."""
+    """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .97 of the range [rad]."""
     energy_factor: float = 1.0
     """Of the paper's energy weight."""
     slide_factor: float = 1.0
@@ -78,6 +78,8 @@ class Options:
     """… and yaw rate [rad/s]."""
     stall_share: float = 0.3
     """Less than this share of the command is standing."""
+    stall_either: bool = False
+    """Of a command to move and to turn, whether following one half is not enough."""
     stall_s: float = 0.8
     """For this long [s], and not within this time of a new command."""
 
@@ -103,7 +105,7 @@ class Options:
     push_speed: tuple[float, float] = (0.3, 1.5)
     """Largest change of the base's horizontal velocity [m/s], at the start and at the end of the ramp."""
     push_impulse: tuple[float, float] = (0.0, 0.0)
-    """Largest impulse of a .1 s force on the trunk [N s], at the start and at the end of the ramp; 0: no such pushes."""
+    """Largest impulse of a .1 s force on the trunk [N s], at the start and the end of the ramp; 0: no such pushes."""
     push_iterations: int = 1000
     """Length of the ramp."""
 

@@ -30,6 +30,16 @@ def policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndar
     return {**arrays, **gains, "joint_names": np.array(robot.joint_names)}
 
 
+def mean_arrays(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """The mean of policies of one form: normalizer and layers; gains are the first one's."""
+    kept = ("eps", "kp", "kd", "default_joint_pos", "joint_names")
+    first = each[0]
+    return {
+        name: value if name in kept or len(each) == 1 else np.mean([one[name] for one in each], axis=0)
+        for name, value in first.items()
+    }
+
+
 def act(arrays: dict[str, np.ndarray], observation: torch.Tensor) -> torch.Tensor:
     """The action of a policy file for observations (n, o), in torch."""
     tensors = {name: torch.from_numpy(np.asarray(arrays[name])).float() for name in arrays if name != "joint_names"}

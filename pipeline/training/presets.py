@@ -63,10 +63,22 @@ TRACKING_AMP = Options(
     desired_kl=0.02,
 )
 
+STRONG_STYLE = TRACKING_AMP.changed(style=0.5, window_stride=3, style_iterations=(200, 600))
+
+STRICT_STALL = TRACKING_AMP.changed(stall_either=True, tracking_product=0.7, product_sigma2=0.25)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
-    "tracking_amp": ("what trains the policy that ships", TRACKING_AMP),
+    "tracking_amp": ("tracking first, style grows in, forces on the trunk", TRACKING_AMP),
+    "strong_style": (
+        "the same with half of the reward for style, over longer windows; trained what ships",
+        STRONG_STYLE,
+    ),
+    "strict_stall": (
+        "stalls told more strictly and a sharper product; left standing earlier, not trained out",
+        STRICT_STALL,
+    ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }
 """Name of a preset: what it is, and its options."""

@@ -21,7 +21,7 @@ def stands_though_told(command: torch.Tensor, velocity: torch.Tensor, options: O
     """Whether (n,) the robot follows nothing of a command to move, to turn, or both.
 
     Moving: commanded speed above `stall_speed`, and velocity along the command below `stall_share` of it. Turning:
-    likewise with the yaw rate. Who follows one half of a command to do both does not stall.
+    likewise with the yaw rate. Who follows one half of a command to do both stalls only with `stall_either`.
     """
     speed = torch.linalg.norm(command[:, :2], dim=1)
     along = (velocity[:, :2] * command[:, :2]).sum(dim=1) / speed.clamp(min=1e-6)
@@ -29,6 +29,8 @@ def stands_though_told(command: torch.Tensor, velocity: torch.Tensor, options: O
     turn = command[:, 2].abs()
     turned = velocity[:, 2] * torch.sign(command[:, 2])
     told_to_turn, turns = turn > options.stall_yaw, turned >= options.stall_share * turn
+    if options.stall_either:
+        return (told_to_move & ~moves) | (told_to_turn & ~turns)
     return (told_to_move | told_to_turn) & ~(told_to_move & moves) & ~(told_to_turn & turns)
 
 
@@ -41,7 +43,7 @@ class Stall:
     def __call__(self, env) -> torch.Tensor:
         options = env.context.options
         stalls = stands_though_told(env.command, env.readings.mean_velocity, options)
-        stalls &= env.command_manager.get_term("velocity").age > options.stall_s
+        stalls &= env.velocity_command.age > options.stall_s
         self._seconds = torch.where(stalls, self._seconds + env.step_dt, 0.0)
         return self._seconds > options.stall_s
 

@@ -1,0 +1,36 @@
+"""A small training bundle: the nominal T1 as its own adapted robot, and two clips."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.expert.training_bundle import write_training_bundle
+from pipeline.expert.write import ExpertEntry, write_database
+from pipeline.files import settings
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing, wandering
+
+
+def small_bundle(folder: Path, root: Path, robot: Robot) -> Path:
+    """A bundle of a standing clip and of a wandering one that counts as augmented."""
+    actuators = adapt(robot, [], settings.read(root / "data" / "actuators.yaml", ActuatorSettings))
+    write_adapted_robot(folder / "robot", root / "robots" / robot.name, actuators)
+    entries = [
+        ExpertEntry(clip=clip, weight=weight, skill="stand", licence="CC0-1.0", numbers={"variant": variant}, stages={})
+        for clip, weight, variant in (
+            (standing(robot), 1.0, "original"),
+            (wandering(robot, seconds=3.0), 3.0, "mirror"),
+        )
+    ]
+    write_database(folder / "database", entries, robot, stages={})
+    write_training_bundle(folder / "bundle", folder / "database", folder / "robot")
+    return folder / "bundle"
+
+
+def identity_frames(count: int, columns: int) -> np.ndarray:
+    """Frames whose every number tells its frame and column, so that a shuffled one shows."""
+    return np.arange(count)[:, None] * 100.0 + np.arange(columns)[None]
