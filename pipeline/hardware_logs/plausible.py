@@ -11,6 +11,9 @@ from pipeline.hardware_logs.columns import LINEAR, Columns
 from pipeline.hardware_logs.layout import Layout
 from pipeline.hardware_logs.settings import PlausibleSettings
 
+LEAST_REST = 50
+"""Messages at rest below which gravity is no reason to refuse a log: joints that turn back are slow for a moment."""
+
 
 @dataclass
 class Plausible:
@@ -86,7 +89,7 @@ class Plausible:
                 f"of {worst}: is it of another robot or unit"
             )
         low, high = self.settings.rest_gravity_m_s2
-        if self.rest and not low <= self._rest_force / self.rest <= high:
+        if self.rest >= LEAST_REST and not low <= self._rest_force / self.rest <= high:
             return f"at rest the specific force is {self._rest_force / self.rest:.2f} m/s^2: is it of another unit"
         return ""
 
