@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -126,7 +126,7 @@ def _wrong_values() -> dict[str, object]:
     return {"of a text": "1.0", "null": None, "true": True, "of a list": [1.0], "of an object": {}}
 
 
-def _wrong_frames() -> dict[str, Callable[[list], object]]:
+def _wrong_frames() -> Mapping[str, Callable[[list], object]]:
     def long(frames):
         frames[7] = [*frames[7], 0.0]
 
