@@ -1,0 +1,65 @@
+"""Environment steps a second of training, with PPO and the discriminator in the loop.
+
+    python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets …] [--iterations N] [--json]
+
+The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset trains in a process of its own;
+the first iterations, in which kernels load and buffers fill, are left out of the median. On a CPU take 8 environments.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from benchmarks.report import Bar, machine, report  # noqa: E402
+
+WARM_UP = 5
+"""Iterations that don't count."""
+SMALL_CPU = ("expert_windows=2000", "replay_windows=2000", "discriminator_batch=64")
+BARS = {"tracking_amp": 150_000.0, "paper": 100_000.0}
+"""Wished on one H200 at 4096 environments [steps/s]."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bundle", type=Path, default=ROOT / "data" / "policies" / "t1" / "bundle")
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--num-envs", type=int, default=4096)
+    parser.add_argument("--presets", nargs="+", default=["tracking_amp", "paper"])
+    parser.add_argument("--iterations", type=int, default=40)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    bars = []
+    for name in given.presets:
+        speed = median_speed(given, name)
+        bar = BARS.get(name) if given.device != "cpu" else None
+        label = f"{name}, {given.num_envs} environments, {given.device}"
+        bars.append(Bar(name=label, value=speed, unit="steps/s", sense=">=" if bar else "", bound=bar))
+    return 0 if report(bars, machine=machine(), json=given.json) else 1
+
+
+def median_speed(given: argparse.Namespace, preset: str) -> float:
+    """Median over the iterations after the warm-up of a short run."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "pipeline.training", "--bundle", str(given.bundle), "--out", folder]
+        command += ["--preset", preset, "--device", given.device, "--num-envs", str(given.num_envs)]
+        command += ["--iterations", str(given.iterations)]
+        if given.device == "cpu":
+            command += [text for option in SMALL_CPU for text in ("--set", option)]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        rows = list(csv.DictReader((Path(folder) / "curves.csv").read_text().splitlines()))
+    counted = rows[WARM_UP:] or rows
+    return float(np.median([float(row["steps_per_s"]) for row in counted]))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
