@@ -59,6 +59,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
             "passed": found.passed,
             "required cells": len(found.cells) - len(found.not_required),
             "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),
+            "explained by the armature": "; ".join(verdict["explained"]) or "none",
             "not required": ", ".join(found.not_required) or "none",
             "falls written": ", ".join(path.name for path in logs) or "none",
             "pictures": picture(cross_engine_plots(found)),

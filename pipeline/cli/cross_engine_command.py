@@ -59,6 +59,8 @@ def run(parsed: argparse.Namespace) -> int:
     print(f"{parsed.policy} on {folder}: {'passed' if found.passed else 'failed'}")
     for reason in found.reasons:
         print(f"  {reason}")
+    for text in (text for cell in found.cells if cell.required for text in cell.explained):
+        print(f"  explained by the armature on the links: {text}")
     if parsed.json:
         said = {"policy": digest(one.policy), **found.to_dict()}
         atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")

@@ -144,6 +144,20 @@ def test_a_disagreement_names_both_figures_and_where_it_comes_from(
     )
 
 
+def test_a_difference_that_the_bridge_has_too_is_the_armatures_and_is_listed(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    """.09 m/s from the armature on the links, .01 from contact: the policy is not to blame."""
+    engines = {"mujoco": walked(), "bridge": walked(forward_m_s=0.41), "dart": walked(forward_m_s=0.40)}
+    result = judged(monkeypatch, still, settings, a_cell(), **engines)
+    assert result.passed
+    (said,) = result.to_dict()["explained"]
+    assert said.startswith("cell 'walk': forward velocity 0.500 m/s in MuJoCo and 0.400 in DART")
+    simulation = dataclasses.replace(settings.simulation, seeds=1)
+    alone = dataclasses.replace(settings, simulation=simulation, cells={"walk": a_cell()})
+    assert not cross_engine(still, alone, engines=(MUJOCO, DART)).passed  # without a bridge nothing is explained
+
+
 def test_fast_walks_may_differ_by_their_share(
     monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
 ):
