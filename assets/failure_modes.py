@@ -12,10 +12,13 @@ from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_
 from assets.project import PROJECT
 from assets.report import table_of
 from pipeline.batch import Manifest
+from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
 
 FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
+KEPT = ("report", "twin", "unread")
+"""What the manifest holds of each trial."""
 
 
 def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
@@ -46,13 +49,13 @@ def _calibrations() -> dict[str, Plan]:
 @plainly
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
     """What went wrong in each trial: kind, time, command, evidence, confidence, and whether the policy is to blame."""
-    found = {name: _looked_at(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
+    found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
     unread = [f"{name}: {each['unread']}" for name, each in found.items() if "unread" in each]
     manifest = Manifest(
         stage=FAILURES.name,
         entries=(),
         judged=(),
-        settings={name: {key: value for key, value in each.items() if key != "new"} for name, each in found.items()},
+        settings={name: {key: each[key] for key in KEPT if key in each} for name, each in found.items()},
         recomputed=sum(each.get("new", False) for each in found.values()),
     )
     context.log.info(f"{len(found)} trials, {manifest.recomputed} looked at anew")
@@ -63,7 +66,18 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
         severity=dg.AssetCheckSeverity.WARN,
         metadata={"found": "; ".join(unread) or f"{len(found)} trials"},
     )
-    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check])
+    faults = sum(each.get("fault", False) for each in found.values())
+    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults)
+
+
+def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
+    """What is said of a trial. What goes wrong with one must not stop the others."""
+    try:
+        return _looked_at(name, path, numbers)
+    except PipelineError as error:
+        return {"unread": str(error)}
+    except Exception as error:  # a fault of ours: it is tried again in the next run
+        return {"unread": f"looking at it failed with {type(error).__name__}: {error}", "fault": True}
 
 
 def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
@@ -160,7 +174,7 @@ def reports_of(manifest: Manifest) -> list[Any]:
 
 
 def result_of(
-    plan: Plan, manifest: Manifest, metadata: dict, checks: list[dg.AssetCheckResult]
+    plan: Plan, manifest: Manifest, metadata: dict[str, Any], checks: list[dg.AssetCheckResult], faults: int = 0
 ) -> dg.MaterializeResult:
     """The result that Dagster notes."""
     return dg.MaterializeResult(
@@ -169,5 +183,5 @@ def result_of(
         metadata=metadata,
         check_results=checks,
         data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
+        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults)},
     )

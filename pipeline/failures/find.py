@@ -35,6 +35,7 @@ def find_failures(
     down = falls(signals, settings.fall, excused, settings.excuse)
     ends = [float(trial.time_s[-1]) + 1.0, *(each.time_s for each in down)]
     until_s = min(ends + [each.start_s - settings.excuse.before_s for each in excused])
+    known = bool(np.isfinite(np.asarray(trial.command, dtype=float)).any())
     found = [
         *down,
         *excuse_failures(signals, excused),
@@ -42,7 +43,7 @@ def find_failures(
         *slips(signals, settings.slip, until_s),
         *torque_saturations(signals, actuators, settings.torque, until_s),
         *speed_saturations(signals, actuators, settings.speed, until_s),
-        *tracking_divergences(signals, settings.tracking, until_s),
+        *(tracking_divergences(signals, settings.tracking, until_s) if known else ()),
         *hot_motors(signals, settings.heat),
         *lost_packets(signals, settings.packets),
     ]
@@ -56,9 +57,10 @@ def find_failures(
         simulated=trial.simulated,
         integrity=UNVERIFIED if trial.integrity == "unverified" else VERIFIED,
         seconds=trial.seconds,
-        commands=_commands(signals, settings, until_s),
+        commands=_commands(signals, settings, until_s) if known else (),
+        command_known=known,
         failures=tuple(sorted(found, key=lambda each: (each.time_s, each.kind, each.joint))),
-        notes=_notes(signals),
+        notes=_notes(signals, known),
     )
 
 
@@ -100,12 +102,12 @@ def _commands(
     return tuple(found)
 
 
-def _notes(signals: Signals) -> tuple[str, ...]:
+def _notes(signals: Signals, command_known: bool) -> tuple[str, ...]:
     trial = signals.trial
     notes = list(trial.notes)
     if not np.isfinite(np.asarray(trial.kp)).any():
         notes.append("no /joint_ctrl: what the motors were asked for is not known, saturation is not looked for")
-    if trial.command_source == "unknown":
+    if not command_known:
         notes.append("the command is not known: tracking is not looked at, and failures belong to no command cell")
     unknown = sum(stop - start for start, stop in time_series.runs(~signals.known)) / signals.fps
     if unknown > 0.0:

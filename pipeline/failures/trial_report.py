@@ -29,6 +29,8 @@ class TrialReport:
     commands: tuple[tuple[float, float, float, float], ...]
     """Steady commands: forward, lateral [m/s], yaw rate [rad/s], and how long each was asked for [s]."""
     failures: tuple[Failure, ...]
+    command_known: bool = True
+    """Whether the log says what was asked for; if not, commands of failures are zeros and mean nothing."""
     notes: tuple[str, ...] = ()
     """What could not be looked at, and why."""
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.failures.failure import Failure
+from pipeline.failures.find import find_failures
 from pipeline.failures.gait import slips, stumbles, windows_over
 from pipeline.failures.signals import RobotMismatchError, signals_of
 from pipeline.failures.tracking import delay_and_gain, tracking_divergences
@@ -66,6 +67,21 @@ def test_a_delay_of_the_targets_is_found_to_the_sample(standing, robot, late):
     delay, gain = delay_and_gain(signals, FAILURES.tracking, signals.at(1.0), signals.at(5.0))
     assert delay == pytest.approx(late / trial.rate_hz, abs=1e-9)
     assert gain == pytest.approx(0.8, rel=1e-3)
+
+
+def test_a_log_that_does_not_say_what_was_asked_is_not_held_against_it(standing, robot, actuators):
+    silent = dataclasses.replace(
+        standing,
+        command=np.full_like(standing.command, np.nan),
+        command_source="unknown",
+        kp=np.full_like(standing.kp, np.nan),
+        kd=np.full_like(standing.kd, np.nan),
+        target_pos=np.full_like(standing.target_pos, np.nan),
+    )
+    report = find_failures(silent, robot, actuators, FAILURES)
+    assert report.failures == () and report.commands == () and not report.command_known
+    assert any("the command is not known" in note for note in report.notes)
+    assert any("no /joint_ctrl" in note for note in report.notes)
 
 
 def test_a_trial_of_other_joints_is_refused(standing, robot):
