@@ -3,7 +3,7 @@
 Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert,
 d_policy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length
 of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the
-achieved value on its axis, two seconds after the command at the earliest; learning_rate, action_std and rsl-rl's losses.
+achieved value on its axis, two seconds after the command at the earliest; learning_rate, action_std.
 """
 
 from __future__ import annotations

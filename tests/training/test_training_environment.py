@@ -1,0 +1,199 @@
+"""The environment on the CPU: observation, features and mirror against the rest of the project, one run with resume."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+
+from pipeline.deployment import deployment_task, load_policy
+from pipeline.deployment.observation import History, frame
+from pipeline.expert.frames import expert_frames
+from pipeline.training.bundle import read_bundle
+from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.training.command import main
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.export_policy import main as export
+from pipeline.training.initial_state import _of_frames
+from pipeline.training.mirror import Mirror
+from pipeline.training.motion_features import frame_features
+from pipeline.training.policy_file import act, policy_arrays
+from pipeline.training.presets import preset
+from tests.factories.robot_clips import wandering
+from tests.factories.training_bundle import small_bundle
+
+ENVS = 4
+QUIET = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "gain_range": (1.0, 1.0), "action_lag_steps": 0}
+SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=2"]
+
+
+@pytest.fixture(scope="module")
+def bundle_folder(tmp_path_factory, root, robot):
+    return small_bundle(tmp_path_factory.mktemp("training"), root, robot)
+
+
+@pytest.fixture(scope="module")
+def env(bundle_folder):
+    options = preset("tracking_amp").changed(**QUIET)
+    env = AmpEnvironment(read_bundle(bundle_folder), options, ENVS, "cpu", seed=1)
+    env.reset()
+    return env
+
+
+def put(env, frames: torch.Tensor) -> None:
+    """Write expert frames as the environments' states."""
+    pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
+    ids, robot = torch.arange(ENVS), env.scene["robot"]
+    robot.write_root_link_pose_to_sim(torch.cat([pos, quat], dim=1), env_ids=ids)
+    robot.write_root_link_velocity_to_sim(torch.cat([lin_vel_w, ang_vel_w], dim=1), env_ids=ids)
+    robot.write_joint_state_to_sim(joints, joint_vel, env_ids=ids)
+    env.sim.forward()
+    env.readings.fresh()
+
+
+def test_features_of_a_state_are_those_of_the_expert_frame_it_was_set_to(env, robot):
+    taken = torch.from_numpy(expert_frames(wandering(robot), robot)[[5, 30, 60, 90]]).float()
+    put(env, taken)
+    assert env.motion_features().numpy() == pytest.approx(frame_features(taken).numpy(), abs=2e-6)
+
+
+def test_the_observation_is_the_deployments(env, robot):
+    task = deployment_task(robot)
+    env.reset()
+    history = History(task)
+    history.push(_frame(env, task, np.zeros(len(task.policy_joints))))
+    for step in range(3):
+        action = 0.1 * torch.randn(ENVS, len(task.policy_joints), generator=torch.Generator().manual_seed(step))
+        observation, _, terminated, timed_out, _ = env.step(action)
+        assert not (terminated | timed_out)[0]
+        wanted = history.push(_frame(env, task, action[0].numpy()))
+        assert observation["actor"][0].numpy() == pytest.approx(wanted, abs=1e-5)
+
+
+def _frame(env, task, last):
+    read = env.readings
+    return frame(
+        task,
+        gyro_b=read.ang_vel_b[0].double().numpy(),
+        gravity_b=read.gravity_b[0].double().numpy(),
+        command=env.command[0].double().numpy(),
+        joint_pos=read.joint_pos[0].double().numpy(),
+        joint_vel=read.joint_vel[0].double().numpy(),
+        last_action=last.astype(float),
+    )
+
+
+def test_actions_are_targets_of_a_quarter_radian_in_the_networks_order(env, robot):
+    task = deployment_task(robot)
+    env.reset()
+    action = torch.arange(len(task.policy_joints)).float().repeat(ENVS, 1) / 100.0
+    env.step(action)
+    target = env.scene["robot"].data.joint_pos_target[0].numpy()
+    wanted = np.array(task.default_joint_pos)
+    wanted[task.policy_index] += 0.25 * action[0].numpy()
+    assert target == pytest.approx(wanted, abs=1e-6)
+
+
+def test_motors_are_held_by_their_limits(env):
+    env.reset()
+    for _ in range(3):
+        env.step(torch.full((ENVS, 21), 40.0))
+        torque = env.scene["robot"].data.qfrc_actuator
+        assert (torque.abs() <= env.effort_limit + 1e-3).all()
+    assert (torque.abs() > 0.9 * env.effort_limit).any()
+
+
+def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
+    env.reset()
+    span = env._motion.shape[1]
+    for step in range(1, span + 2):
+        *_, extras = env.step(torch.zeros(ENVS, 21))
+        kept = env.episode_length_buf == step
+        assert torch.equal(extras["motion_valid"][kept], torch.full_like(kept[kept], step >= span))
+    env._reset_idx(torch.tensor([0]))
+    *_, extras = env.step(torch.zeros(ENVS, 21))
+    assert not extras["motion_valid"][0]
+
+
+def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
+    mirror, task = Mirror(env.context.bundle.robot, "cpu"), deployment_task(robot)
+    obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 77)}, batch_size=[3])
+    twice = mirror.observations(mirror.observations(obs))
+    assert torch.equal(twice["actor"], obs["actor"])
+    assert torch.equal(twice["critic"], obs["critic"])
+    joints = np.random.default_rng(0).normal(size=len(robot.joint_names))
+    joints[~np.isin(robot.joint_names, robot.controlled)] = 0.0
+    mirrored = robot.mirror_sign * joints[robot.mirror_index]
+    once = mirror.actions(torch.from_numpy(joints[task.policy_index])[None])
+    assert once[0].numpy() == pytest.approx(mirrored[task.policy_index])
+
+
+def test_a_reward_is_the_sum_of_the_tables_rows(env):
+    env.reset()
+    (*_,) = env.step(torch.zeros(ENVS, 21))
+    reward = env.reward_manager.get_term_cfg("task").func
+    values = reward.values(env)
+    assert values.shape == (ENVS, len(reward.rows))
+    assert torch.isfinite(values).all()
+
+
+def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, capsys):
+    out = tmp_path / "run"
+    given = ["--bundle", str(bundle_folder), "--out", str(out), "--device", "cpu", "--num-envs", "4", "--seed", "3"]
+    given += [text for option in [*SMALL, "steps=6"] for text in ("--set", option)]
+    assert main([*given, "--iterations", "1"]) == 0
+    assert main([*given, "--iterations", "2", "--resume"]) == 0
+    assert "iteration 2 of 2" in capsys.readouterr().out
+    rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
+    assert [row["iteration"] for row in rows] == ["1", "2"]
+    assert json.loads((out / "done.json").read_text())["iterations"] == 2
+    config = json.loads((out / "config.json").read_text())
+    assert config["options"]["style"] == preset("tracking_amp").style
+    newest = newest_checkpoint(out / "checkpoints")
+    assert newest is not None
+    assert newest.name == "model_000002.pt"
+    _check_policy(out, newest, bundle_folder)
+
+
+def _check_policy(out, newest, bundle_folder):
+    policy = load_policy(out / "policy.npz")
+    assert policy.gains is not None
+    state = load_checkpoint(newest, "cpu")
+    arrays = policy_arrays(state, read_bundle(bundle_folder).robot)
+    observation = torch.randn(5, 720)
+    assert policy.act(observation.double().numpy()) == pytest.approx(act(arrays, observation).numpy(), abs=1e-4)
+    mean = out / "mean.npz"
+    first = str(out / "checkpoints" / "model_000001.pt")
+    assert (
+        export(["--checkpoint", str(newest), "--checkpoint", first, "--bundle", str(bundle_folder), "--out", str(mean)])
+        == 0
+    )
+    assert not np.allclose(load_policy(mean).layers[0][0], policy.layers[0][0])
+
+
+@pytest.mark.shared
+def test_a_known_good_policy_walks_in_the_environment(env, policies):
+    """Observation, order, gains and physics are right where a policy trained elsewhere walks as it should."""
+    with np.load(policies / "t1_walk.npz") as arrays:
+        published = dict(arrays)
+    options = env.context.options
+    env.context = dataclasses.replace(
+        env.context, options=options.changed(reference_share=0.0, resample_s=(100.0, 100.0), stall_s=100.0)
+    )
+    observation, _ = env.reset()
+    wanted = torch.tensor([[0.6, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    speeds = []
+    for step in range(200):
+        env.velocity_command.give(torch.arange(ENVS), wanted)
+        observation, _, terminated, _, _ = env.step(act(published, observation["actor"]))
+        assert not terminated.any(), f"fell at step {step}"
+        if step >= 100:
+            speeds.append(env.readings.velocity)
+    mean = torch.stack(speeds).mean(dim=0)
+    assert mean[[0, 1, 3], 0].numpy() == pytest.approx([0.52, 0.95, 0.0], abs=0.1)
+    assert mean[2, 2].item() == pytest.approx(0.98, abs=0.1)
