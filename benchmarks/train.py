@@ -2,7 +2,7 @@
 
     python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets …] [--iterations N] [--json]
 
-The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset trains in a process of its own;
+The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset trains in its own process;
 the first iterations, in which kernels load and buffers fill, are left out of the median. On a CPU take 8 environments.
 """
 
