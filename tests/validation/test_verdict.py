@@ -14,7 +14,7 @@ from pipeline.validation.derive import text_of
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import Measured
 from pipeline.validation.report import as_text
-from pipeline.validation.suites import full
+from pipeline.validation.suites import full, quick
 from pipeline.validation.verdict import Verdict, judge
 from tests.factories.validation_walks import cell, measured
 
@@ -148,6 +148,14 @@ def test_the_shipped_bars_are_of_the_cells_that_there_are(root: Path, robot: Rob
             assert bar.unit == FIGURES[figure].unit
             assert bar.source
     assert sum(bars.required for bars in shipped.cells.values()) > 60
+
+
+def test_pushes_of_the_quick_suite_are_such_as_the_reference_survives_all_of(root: Path, robot: Robot):
+    shipped = settings.read(root / "data" / "validation.yaml", ValidationSettings)
+    for each in quick(robot):
+        if "survival" in each.figures:
+            bar = shipped.cells[each.name].bars["survival"].at_least
+            assert bar == pytest.approx(1.0 - shipped.margins["survival"].absolute)
 
 
 def test_a_bar_holds_at_its_value():
