@@ -67,7 +67,7 @@ def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: R
     if kind in ("floor_offset", "floor_drift"):
         detected, located = _floor(kind, planted, outcome, clean, new)
     elif kind == "foot_skate":
-        detected, located = _skate(planted, new, fps)
+        detected, located = _skate(planted, new, fps, _standing(sound, clean))
     else:
         detected, located = _frames(planted, new, fps)
     strength = planted.strength
@@ -108,7 +108,8 @@ def _floor(kind: str, planted: Planted, outcome: Outcome, clean: Outcome, new: l
     return said, abs(found - (planted.size or 0.0)) <= FLOOR_M
 
 
-def _skate(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool]:
+def _skate(planted: Planted, new: list[Reason], fps: float, standing: np.ndarray) -> tuple[bool, bool]:
+    """Found and located; in flight nothing slides, so an edge there may be told at the stance before or after."""
     spans = [
         (one.start_s * fps, one.stop_s * fps)
         for one in new
@@ -117,6 +118,24 @@ def _skate(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool]
     hit = [(start, stop) for start, stop in spans if start < planted.stop and stop > planted.start]
     if not hit:
         return False, False
-    off = edge_frames(fps)
-    starts = abs(min(start for start, _ in hit) - planted.start) <= off
-    return True, starts and abs(max(stop for _, stop in hit) - planted.stop) <= off
+    edges = (planted.start, min(start for start, _ in hit)), (planted.stop, max(stop for _, stop in hit))
+    stands = np.flatnonzero(standing)
+    for true, found in edges:
+        before, after = stands[stands < true], stands[stands >= true]
+        low = int(before[-1]) + 1 if len(before) else 0
+        high = int(after[0]) if len(after) else len(standing)
+        if not min(low, true) - edge_frames(fps) <= found <= max(high, true) + edge_frames(fps):
+            return True, False
+    return True, True
+
+
+def _standing(sound: Sound, clean: Outcome) -> np.ndarray:
+    """Frames (t,) of a sound clip in which a foot stands: the generator's truth, else as labelled."""
+    if sound.clip.contacts is not None:
+        return np.asarray(sound.clip.contacts.any(axis=1))
+    standing = np.ones(sound.clip.frame_count, dtype=bool)
+    for piece in clean.pieces:
+        if piece.clip.contacts is not None:
+            first = int(piece.numbers["start_frame"] or 0)
+            standing[first : first + piece.clip.frame_count] = piece.clip.contacts.any(axis=1)
+    return standing

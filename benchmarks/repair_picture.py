@@ -48,6 +48,7 @@ def draw(verdicts: dict[str, list[Verdict]], path: Path) -> None:
     axes.axvline(1.0, color="0.6", linewidth=1.0, linestyle="--")
     axes.set_xscale("log")
     axes.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
+    axes.minorticks_off()
     axes.set_xlabel("strength of the defect (1: the least that matters)")
     axes.set_ylabel("found [%]")
     axes.set_ylim(-3, 103)

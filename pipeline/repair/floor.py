@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,11 +90,14 @@ def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: F
     """Median slope of the ground between stances [m/s], each weighed by its time apart; 0 where too few are told."""
     time_s, height = [], []
     for frames, heights in stances:
-        for group in np.split(np.arange(len(frames)), np.flatnonzero(np.diff(frames) > 1) + 1):
-            for part in np.array_split(group, max(1, round(len(group) / (fps * LONGEST_STANCE_S)))):
-                if len(part) >= SHORTEST_STANCE_S * fps:
-                    time_s.append(float(np.median(frames[part])) / fps)
-                    height.append(float(np.median(heights[part])))
+        bounds = [0, *(np.flatnonzero(np.diff(frames) > 1) + 1).tolist(), len(frames)]
+        for low, high in itertools.pairwise(bounds):
+            parts = max(1, round((high - low) / (fps * LONGEST_STANCE_S)))
+            for part in range(parts):
+                start, stop = (low + (high - low) * edge // parts for edge in (part, part + 1))
+                if stop - start >= SHORTEST_STANCE_S * fps:
+                    time_s.append((frames[start] + frames[stop - 1]) / 2.0 / fps)
+                    height.append(np.sort(heights[start:stop])[(stop - start) // 2])
     first, second = np.triu_indices(len(time_s), 1)
     apart = np.abs(np.array(time_s)[second] - np.array(time_s)[first]) if len(first) else np.zeros(0)
     far = apart > SHORTEST_WAY_S

@@ -97,14 +97,14 @@ def _marked(
             if still[max(start - 4, 0) : start - 1, index].any() or still[stop + 1 : stop + 4, index].any():
                 continue  # at rest before or after, too
             entered = jump[start - 1, index] > entering[index] and start > settings.still_frames
-            alone = not _held_elsewhere(value[:, index], still[:, index], start - 1, stop, settings.still_step)
-            if not alone and not (entered and stop < len(still)):
+            ended, out = stop == len(still), jump[min(stop, len(still) - 1), index]
+            inner = start > 1 and stop + 1 < len(still)
+            stopped = inner and min(speed[start - 1, index], speed[stop + 1, index]) > settings.stop_speed
+            if not (entered if ended else stopped or out > min(released[index], entering[index])):
                 continue
-            limit = released[index] if alone else entering[index]
-            left = stop < len(still) and jump[stop, index] > limit
-            if alone and start > 1 and stop + 1 < len(still):
-                left |= min(speed[start - 1, index], speed[stop + 1, index]) > settings.stop_speed
-            if left or (stop == len(still) and entered):
+            alone = not _held_elsewhere(value[:, index], still[:, index], start - 1, stop, settings.still_step)
+            left = out > released[index] or stopped if alone else entered and out > entering[index]
+            if alone if ended else left:
                 code = "dropout" if entered else "frozen_joint"
                 marked[code][start - entered : stop, index] = True
     return marked

@@ -59,7 +59,7 @@ def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings:
     jumps = edges.place | edges.turn
     for index in np.flatnonzero((jumps & ~taken[:, None]).any(axis=0)).tolist():
         if index > 0:
-            at, large = jumps[:, index] & ~taken, edges.large[:, index]
+            at, large = jumps[:, index] & ~taken, edges.large[:, index] & ~taken
             defects += _joint_defects(index, at, large, edges.place[:, index], offset, local_turn, fps, settings)
     return defects
 

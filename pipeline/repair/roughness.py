@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
+from pipeline.repair.bridge_miss import REACH, interpolation_miss, size_of
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
@@ -23,8 +24,6 @@ NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
 """A body shakes where it misses by so many times what it does in a quarter of all frames."""
 FEWEST_FRAMES = 7
 """Of a window that may be shaking."""
-REACH = 2
-"""A bad frame disturbs the bridges of this many frames on either side."""
 TOE_SHARE = 1.5
 """Toes bend so fast when they land that their limit is this many times as large."""
 CLEAR = 3
@@ -36,12 +35,16 @@ def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defe
     width = max(FEWEST_FRAMES, 2 * round(settings.noise_s * fps / 2.0) + 1)
     if len(seen.pos_w) < width:
         return []
-    turn, place = _misses(seen, 1)
-    least = _turn_limits(settings.noise_turn, settings) * slow_rate(fps)
-    turn_limit = np.maximum(least, NOISE_SPREAD * np.percentile(turn, OFTEN_PERCENTILE, axis=0))
+    turn, place = seen.misses
+    turn_limit = _turn_limits(settings.noise_turn, settings) * slow_rate(fps)
     place_limit = np.full(place.shape[1], settings.noise_place)
     place_limit[0] = settings.root_jump / 2.0
-    rough = (turn > turn_limit) | (place > place_limit)
+    rough = turn > turn_limit
+    often = np.flatnonzero(rough.sum(axis=0) >= settings.noise_share * width)
+    if len(often):
+        usual = NOISE_SPREAD * np.percentile(turn[:, often], OFTEN_PERCENTILE, axis=0)
+        rough[:, often] = turn[:, often] > np.maximum(turn_limit[often], usual)
+    rough |= place > place_limit
     bodies = np.flatnonzero(rough.sum(axis=0) >= settings.noise_share * width)
     shaking = np.zeros_like(rough)
     for index in bodies:
@@ -89,7 +92,7 @@ def _candidates(
     seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, settings: DetectionSettings
 ) -> list[tuple[float, int, int, int, float, bool]]:
     """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle, whether it moved."""
-    turn, place = _misses(seen, gap)
+    turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
     least = _turn_limits(settings.spike_turn, settings)
     usual = np.asarray(~lost.any(axis=1))
     turn_limit = limits(turn, least, settings.spike_spread, usual)
@@ -99,8 +102,8 @@ def _candidates(
     size = np.maximum(turn / turn_limit, place / place_limit)
     if not (size > 1.0).any():
         return []
-    world_turn = 2.0 * _size(interpolation_miss(seen.continuous, gap))
-    world_place = _size(interpolation_miss(seen.pos_w, gap))
+    world_turn = 2.0 * size_of(interpolation_miss(seen.continuous, gap))
+    world_place = size_of(interpolation_miss(seen.pos_w, gap))
     visible = (world_turn > least / 2.0) | (world_place > settings.position_jump / 2.0)
     visible[:, 0] = True
     result = []
@@ -112,42 +115,6 @@ def _candidates(
         moved = bool(place[frame, index] > place_limit[index])
         result.append((float(size[frame, index]), int(index), start, stop, float(turn[frame, index]), moved))
     return result
-
-
-def _misses(seen: Seen, gap: int) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
-    """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
-    offset, _ = seen.local
-    return (
-        2.0 * _size(interpolation_miss(seen.continuous_local, gap)),
-        _size(interpolation_miss(offset, gap)),
-    )
-
-
-def interpolation_miss(values: Float[np.ndarray, "t n d"], gap: int) -> Float[np.ndarray, "t n d"]:
-    """Middle of each window of `gap` frames less the cubic through the two frames on either side of it.
-
-    Of an even gap the middle lies half a frame after the frame it is told for. Zero where the window has no neighbours.
-    """
-    inner, outer = (gap + 1) / 2.0, (gap + 3) / 2.0
-    near = outer**2 / (outer**2 - inner**2) / 2.0
-    width = gap + 2 * REACH
-    count = len(values) - width + 1
-    result = np.zeros(values.shape)
-    if count < 1:
-        return result
-
-    def at(offset: int) -> np.ndarray:
-        return values[offset : offset + count]
-
-    first = REACH + (gap - 1) // 2
-    middle = at(first) if gap % 2 else 0.5 * (at(first) + at(first + 1))
-    sides = near * (at(1) + at(width - 2)) + (0.5 - near) * (at(0) + at(width - 1))
-    result[first : first + count] = middle - sides
-    return result
-
-
-def _size(vectors: Float[np.ndarray, "t n d"]) -> Float[np.ndarray, "t n"]:
-    return np.sqrt(np.einsum("tnd,tnd->tn", vectors, vectors))
 
 
 def _turn_limits(most: float, settings: DetectionSettings) -> Float[np.ndarray, " 19"]:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation
+from pipeline.repair.bridge_miss import interpolation_miss, size_of
 from pipeline.repair.tree import LEVER, Orientations, Positions, to_local
 
 USUAL_PERCENTILE = 95.0
@@ -79,6 +80,16 @@ class Seen:
     def continuous(self) -> Orientations:
         """Orientations in the world, without changes of sign from frame to frame."""
         return rotation.make_continuous(self.quat_w)
+
+    @cached_property
+    def misses(self) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+        """`misses_over` a single frame."""
+        return self.misses_over(1)
+
+    def misses_over(self, gap: int) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+        """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
+        turn = 2.0 * size_of(interpolation_miss(self.continuous_local, gap))
+        return turn, size_of(interpolation_miss(self.local[0], gap))
 
     @cached_property
     def local_turns(self) -> Float[np.ndarray, "s 19 3"]:

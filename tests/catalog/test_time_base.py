@@ -67,6 +67,16 @@ def test_what_a_skeleton_is_usually_recorded_at_decides_between_two_rates():
     assert judged(at(runner(108.0), 30.0), "cmu_daz", SETTINGS).fps == 120.0
 
 
+@pytest.mark.parametrize("declared", [24.0, 30.0, 100.0, 120.0, 240.0])
+def test_a_walk_at_a_rate_that_its_source_does_not_use_gets_the_usual_one(declared):
+    clip = at(walker(seconds=10.0), declared)
+    assert judged(clip, "lafan1", SETTINGS).fps == 60.0
+
+
+def test_a_walk_resampled_to_a_rate_that_its_source_does_not_use_keeps_it():
+    assert not judged(walker(seconds=10.0, fps=50.0), "lafan1", SETTINGS).contradicted
+
+
 def test_24_and_25_hz_are_not_told_apart_but_the_nearest_is_taken():
     assert judged(at(runner(25.0, seconds=10.0), 60.0), "", SETTINGS).fps in (None, 24.0, 25.0)
 
