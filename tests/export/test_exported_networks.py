@@ -86,6 +86,22 @@ def test_an_export_of_another_network_is_refused(tmp_path, files, task, policy, 
         measure_parity(policy, files[0], tmp_path / "b.pt", observations)
 
 
+def test_of_large_actions_a_millionth_is_allowed(tmp_path, task, policy):
+    weight, bias = policy.layers[-1]
+    large = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0)))
+    shifted = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0 + 5e-5)))
+    observations = observations_to_compare(policy, np.zeros((1, 720)), np.random.default_rng(1))
+    write_onnx(tmp_path / "b.onnx", task, shifted)
+    write_torch_script(tmp_path / "b.pt", task, shifted)
+    found = measure_parity(large, tmp_path / "b.onnx", tmp_path / "b.pt", observations)
+    assert found.onnx > TOLERANCE
+    assert 0.4 < found.times_allowed < 1.0
+    further = dataclasses.replace(policy, layers=(*policy.layers[:-1], (weight, bias + 100.0 + 2e-4)))
+    write_onnx(tmp_path / "c.onnx", task, further)
+    with pytest.raises(ExportError, match=r"a millionth of an action beyond 10; the largest is 10\d"):
+        measure_parity(large, tmp_path / "c.onnx", tmp_path / "b.pt", observations)
+
+
 def test_facts_travel_with_both(files, robot, task, policy):
     for facts in (read_onnx(files[0])[1], read_torch_script(files[1])[1]):
         assert tuple(facts["joint_names"]) == robot.joint_names
