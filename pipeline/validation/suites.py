@@ -38,8 +38,8 @@ QUICK_CELLS: dict[str, int] = {
     "push force walking 30 Ns": 8,
     "push kick standing 40 Ns": 8,
 }
-"""Cells of the quick suite beside the 16 commands, and how many of their trials it has: of pushes one in each direction,
-and only such as the reference policy survives all of, as a share of 64 says little of 8."""
+"""Cells of the quick suite beside the 16 commands, and how many of their trials it has: of pushes one each direction.
+Only such as the reference policy survives all of: a share of 64 says little of 8."""
 
 
 def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:
