@@ -12,7 +12,7 @@ from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_
 from assets.project import PROJECT
 from assets.report import table_of
 from pipeline.batch import Manifest
-from pipeline.errors import PipelineError
+from pipeline.errors import FileError, PipelineError
 from pipeline.files import digest, settings
 
 FAILURES = FIELD[0]
@@ -130,7 +130,11 @@ def policy_path(robot: str, wanted: str) -> Path | None:
     from pipeline.deployment import load_policy
 
     for path in PROJECT.policy_files(robot) if wanted else ():
-        if wanted in (digest.of_file(path), policy_digest(load_policy(path))):
+        try:
+            known = (digest.of_file(path), policy_digest(load_policy(path)))
+        except FileError:
+            continue  # an npz of something else
+        if wanted in known:
             return path
     return None
 

@@ -114,7 +114,7 @@ def _controller(project: Project, robot: Robot, parsed: argparse.Namespace) -> t
 
 def _shipped(project: Project, robot: Robot) -> Path:
     folder = project.root / "robots" / robot.name / "policies"
-    shipped = sorted(folder.rglob("*.npz"))
+    shipped = sorted(folder.rglob("policy.npz"))
     if not shipped:
         raise FileError(folder, "no policy ships with the robot.", "Name one: --policy NPZ, or take a --script.")
     return shipped[0]
