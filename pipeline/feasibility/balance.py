@@ -22,10 +22,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import PipelineError
+from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import by_command
 from pipeline.feasibility.gait_signature import families
-from pipeline.feasibility.settings import BalanceSettings, FeasibilitySettings
+from pipeline.feasibility.settings import FeasibilitySettings
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
 """Columns that are looked at; `parent`, `command_seconds` and `gait_signature` too where they are there."""

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 from pipeline.feasibility.balance import effective_seconds, parents
+from pipeline.feasibility.balance_settings import BalanceSettings, CommandSettings
 from pipeline.feasibility.command_cells import STANDING, Axis, standing
 from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
 from pipeline.feasibility.gait_signature import families
 from pipeline.feasibility.missing_turns import missing_turns
-from pipeline.feasibility.settings import BalanceSettings, CommandSettings, FeasibilitySettings
+from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.time_series import runs
 
 NEEDED = ("clip", "seconds", *VELOCITIES)

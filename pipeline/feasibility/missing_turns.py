@@ -6,7 +6,7 @@ import itertools
 
 import pandas as pd
 
-from pipeline.feasibility.settings import BalanceSettings
+from pipeline.feasibility.balance_settings import BalanceSettings
 
 DIRECTIONS = {"left": 1.0, "right": -1.0}
 

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import by_command
-from pipeline.feasibility.settings import BalanceSettings
 
 ROUNDS = 500
 CLOSE = 1e-9

@@ -14,9 +14,9 @@ import pandas as pd
 
 from pipeline.failures.failure import Failure
 from pipeline.failures.trial_report import TrialReport
+from pipeline.feasibility.balance_settings import CommandSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import VELOCITIES
-from pipeline.feasibility.settings import CommandSettings
 from pipeline.feedback.change import Change, Witness, allowed_range, check_bounds
 from pipeline.feedback.rules import FeedbackRules, MotorRule
 from pipeline.feedback.trust import doubt_of, trusted
