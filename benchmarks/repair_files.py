@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -192,12 +193,7 @@ def _clip_of(block: np.ndarray, fps: float) -> HumanClip:
 
 
 def _raw(block: np.ndarray, fps: float):
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.bvh"
         path.write_text(bvh.to_text(block, fps))
         return read_bvh(path)
-
-
-__all__ = ["FILE_KINDS", "HARMLESS", "Sound"]

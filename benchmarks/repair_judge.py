@@ -18,6 +18,8 @@ EDGE_FRAMES, EDGE_S = 2, 0.04
 """An edge is located within so many frames or seconds, whichever is more."""
 FLOOR_M = 0.005
 """A floor's height and its drift are right within this [m]."""
+FLOOR_NUMBER = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}
+"""Kind of defect of the floor -> the number of KP2 that tells it."""
 CONSEQUENCES = frozenset({"too_short", "no_contact", "foot_skate", "floor_drift", "floor_offset"})
 """Reasons that tell of no corrupted frames."""
 
@@ -64,15 +66,15 @@ def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: R
     known = {(one.code, one.start_s, one.stop_s) for one in clean.reasons}
     new = [one for one in outcome.reasons if (one.code, one.start_s, one.stop_s) not in known]
     fps = sound.clip.fps
-    if kind in ("floor_offset", "floor_drift"):
+    if kind in FLOOR_NUMBER:
         detected, located = _floor(kind, planted, outcome, clean, new)
     elif kind == "foot_skate":
         detected, located = _skate(planted, new, fps, _standing(sound, clean))
     else:
         detected, located = _frames(planted, new, fps)
     strength = planted.strength
-    if kind == "floor_offset":
-        strength = abs(float(clean.numbers["floor_m"] or 0.0) + (planted.size or 0.0)) / FLOOR_M_MATTERS
+    if kind in FLOOR_NUMBER:  # what the recording has of its own counts, too
+        strength = abs(float(clean.numbers[FLOOR_NUMBER[kind]] or 0.0) + (planted.size or 0.0)) / FLOOR_M_MATTERS
     said = "; ".join(f"{one.code} {one.start_s} {one.stop_s} {one.text[:90]}" for one in new[:6])
     text = (
         f"{sound.clip.name} {fps:g} Hz, frames [{planted.start}, {planted.stop}) matters [{planted.first}, "
@@ -103,7 +105,7 @@ def _frames(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool
 
 def _floor(kind: str, planted: Planted, outcome: Outcome, clean: Outcome, new: list[Reason]) -> tuple[bool, bool]:
     said = any(one.code == kind for one in outcome.reasons)
-    name = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}[kind]
+    name = FLOOR_NUMBER[kind]
     found = float(outcome.numbers[name] or 0.0) - float(clean.numbers[name] or 0.0)
     return said, abs(found - (planted.size or 0.0)) <= FLOOR_M
 
