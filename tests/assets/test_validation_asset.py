@@ -1,0 +1,67 @@
+"""`mujoco_validation` in the graph: verdict, pictures and the logs of what failed."""
+
+import shutil
+from pathlib import Path
+
+import dagster as dg
+import pytest
+
+from assets import policy, validation
+from assets.plan import policy_plans, robot_plans, validation_plan
+from assets.project import Project
+from assets.resources import ClipPoolResource
+from pipeline.batch import Manifest
+from pipeline.deployment import deployment_task, digest
+from pipeline.robot import Robot
+from pipeline.validation import suites
+from tests.factories.policies import still_policy
+
+FEW = {"push force standing 20 Ns": 1, "push force standing 60 Ns": 1}
+EXPORTED = next(plan for plan in policy_plans("t1") if plan.name == "exported_policy")
+ADAPTED = next(plan for plan in robot_plans("t1") if plan.name == "adapted_robot")
+
+
+@pytest.fixture
+def project(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> Project:
+    """A project with a robot whose policy holds the default pose, which pushes topple."""
+    project = Project(tmp_path)
+    shutil.copytree(root / "robots" / "t1", tmp_path / "robots" / "t1", ignore=shutil.ignore_patterns("policies"))
+    shutil.copytree(tmp_path / "robots" / "t1", project.adapted_robot("t1"))
+    shutil.copy(root / "data" / "validation.yaml", tmp_path / "data" / "validation.yaml")
+    for module in (policy, validation):
+        monkeypatch.setattr(module, "PROJECT", project)
+    monkeypatch.setattr(suites, "cells_of", lambda suite, robot: suites.named(robot, FEW))
+    monkeypatch.setattr(validation, "SHOWN", {"push force standing 20 Ns": 1})
+    return project
+
+
+def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
+    project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    still = still_policy(deployment_task(robot))
+    monkeypatch.setattr(validation, "served_policy", lambda manifest: still)
+
+    @dg.asset(key=EXPORTED.key)
+    def exported_policy() -> Manifest:
+        facts = {"digest": digest(still)}
+        return Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": facts})
+
+    ran = dg.materialize(
+        [
+            exported_policy,
+            dg.AssetSpec(ADAPTED.key),
+            validation.mujoco_validation(validation_plan("t1"), EXPORTED, ADAPTED),
+        ],
+        resources={"clip_pool": ClipPoolResource(workers=1), "io_manager": dg.mem_io_manager},
+    )
+    said = ran.output_for_node("mujoco_validation").settings[validation.VERDICT]
+    assert said["passed"] is False
+    assert said["policy"] == digest(still)
+    assert any(reason.startswith("push force standing 20 Ns: survival 0") for reason in said["reasons"])
+    logs = sorted(project.simulated_failures("t1", "mujoco").glob("*.mcap"))
+    assert [path.name for path in logs] == ["push_force_standing_20_ns.mcap"]  # 60 N s is not required
+    (event,) = ran.asset_materializations_for_node("mujoco_validation")
+    pictures = ("command tracking", "survival of pushes", "torque against speed", "foot contacts")
+    assert all("data:image/png" in str(event.metadata[name].value) for name in pictures)
+    (check,) = ran.get_asset_check_evaluations()
+    assert (check.check_name, check.passed) == (validation.PASSED, False)
