@@ -7,6 +7,8 @@ step while rewards and terminations are worked out, and are fresh for observatio
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
@@ -31,10 +33,10 @@ def velocity_of(
     return torch.stack([x * cos + y * sin, y * cos - x * sin, yaw_rate], dim=1), heading
 
 
-def _kept(work):
+def _kept(work: Any) -> Any:
     """A property that is worked out once for each state of the simulation; `Readings.fresh` says when it is another."""
 
-    def value(self: Readings) -> torch.Tensor:
+    def value(self: Readings) -> Any:
         if work.__name__ not in self._known:
             self._known[work.__name__] = work(self)
         return self._known[work.__name__]
