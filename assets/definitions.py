@@ -1,5 +1,7 @@
 """Assembles the graph: sources, the shared stages, the stages of each robot, resources. Nothing else."""
 
+from typing import Any
+
 import dagster as dg
 
 from assets.approved import approved_specs
@@ -17,24 +19,23 @@ from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
 from assets.validation import validation_assets
 
+_assets: list[Any] = [
+    raw_motions,
+    hardware_logs,
+    hardware_trials,
+    failure_modes,
+    curation_feedback,
+    sim_to_real_report,
+    *approved_specs(None),
+    motion_catalog,
+    selected_motions,
+    repaired_motions,
+]
+for _robot in PROJECT.robots:
+    _assets += [*robot_assets(_robot), *policy_assets(_robot), *validation_assets(_robot), *engine_assets(_robot)]
+
 defs = dg.Definitions(
-    assets=[
-        raw_motions,
-        hardware_logs,
-        hardware_trials,
-        failure_modes,
-        curation_feedback,
-        sim_to_real_report,
-        *approved_specs(None),
-        motion_catalog,
-        selected_motions,
-        repaired_motions,
-        *(
-            asset
-            for robot in PROJECT.robots
-            for asset in (*robot_assets(robot), *policy_assets(robot), *validation_assets(robot), *engine_assets(robot))
-        ),
-    ],
+    assets=_assets,
     jobs=[ingest_logs, recurate, approve_feedback, *training_jobs(PROJECT.robots)],
     sensors=[hardware_log_sensor, approved_feedback_sensor],
     schedules=[nightly_recuration],
