@@ -79,7 +79,9 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],
         "velocity_limit": [motors[name].box_velocity_limit for name in robot.joint_names],
         **{
-            key: [getattr(motors[name], field) if ok else None for name, ok in zip(robot.joint_names, known, strict=True)]
+            key: [
+                getattr(motors[name], field) if ok else None for name, ok in zip(robot.joint_names, known, strict=True)
+            ]
             for key, field in line.items()
         },
         "mirror_index": robot.mirror_index.tolist(),
