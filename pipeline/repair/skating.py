@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import median_filter, percentile_filter
+from scipy.ndimage import percentile_filter
 
 from pipeline import time_series
 from pipeline.repair.contacts import FootPoints
@@ -19,10 +19,16 @@ from pipeline.repair.settings import ContactSettings
 
 WINDOW_S, STILL_PERCENTILE = 0.8, 20.0
 """The slowest fifth of a window this long tells whether a foot stands in it [s]."""
-EDGE_S, CLOSED_S = 0.1, 0.15
-"""Edges are sought in a median this long; frames between that seem to stand are taken along up to this long [s]."""
+REACH_S = 0.8
+"""An edge is sought so far from where such windows begin and end [s]."""
+REST_S = 0.2
+"""What is shorter at the clip's ends than a stance tells nothing and goes along [s]."""
 SWINGING = 2.0
-"""What is so many times as fast as the sliding feet swings."""
+"""What is so many times as fast as the slowest fifth swings."""
+TELLING = 1.5
+"""A point that is more than so many times as fast as the sliding feet tells of neither standing nor sliding."""
+STEADY = 0.5
+"""What changes its speed from frame to frame by more than this share of theirs does not slide along."""
 FAST = 9.0
 """Stands for a frame in which no point is near the ground [m/s]."""
 
@@ -45,17 +51,18 @@ def find_skating(feet: tuple[FootPoints, FootPoints], fps: float, settings: Cont
     if not core.any():
         return []
     result: list[Skating] = []
+    reach, rest = round(REACH_S * fps), round(REST_S * fps)
     for start, stop in time_series.runs(core):
         inside = speed[start:stop]
         sliding = float(np.median(inside[inside < FAST]))
         sliding = min(sliding, SWINGING * float(usual[start:stop].max()))
-        smooth = median_filter(
-            _known(speed, SWINGING * sliding), size=2 * round(EDGE_S * fps / 2.0) + 1, mode="nearest"
-        )
-        moving = _closed(smooth > sliding / 2.0, round(CLOSED_S * fps))
-        around = [(low, high) for low, high in time_series.runs(moving) if low < stop and high > start]
-        low = min((low for low, _ in around), default=start)
-        high = max((high for _, high in around), default=stop)
+        told = _told(speed, sliding)
+        middle = (start + stop) // 2
+        low, high = max(start - reach, 0), min(stop + reach, len(speed))
+        before = _most_told(told[low : middle + 1][::-1])
+        after = _most_told(told[middle:high])
+        low, high = middle + 1 - before, middle + after
+        low, high = 0 if low < rest else low, len(speed) if len(speed) - high < rest else high
         if result and low < result[-1].stop:
             low = result[-1].start
             result.pop()
@@ -70,20 +77,16 @@ def support_speed(feet: tuple[FootPoints, FootPoints], settings: ContactSettings
     return np.where(height < settings.height, np.minimum(horizontal, FAST), FAST).min(axis=1)
 
 
-def _known(speed: Float[np.ndarray, " t"], fastest: float) -> Float[np.ndarray, " t"]:
-    """Speeds where a foot stands; elsewhere the smaller one of the stances before and after."""
-    stands = np.flatnonzero(speed <= fastest)
-    if not len(stands):
-        return speed
-    frames = np.searchsorted(stands, np.arange(len(speed)))
-    after, before = stands[np.minimum(frames, len(stands) - 1)], stands[np.maximum(frames - 1, 0)]
-    return np.where(speed <= fastest, speed, np.minimum(speed[before], speed[after]))
+def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
+    """What each frame tells: 1 of feet that slide at `sliding` [m/s], -1 of one that stands, 0 where all swing.
+
+    What is as fast as the sliding feet but gains or loses speed is on its way.
+    """
+    share = speed / sliding
+    told = np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0)
+    return np.where(np.abs(np.gradient(share)) < STEADY, told, np.minimum(told, 0.0))
 
 
-def _closed(mask: np.ndarray, shortest: int) -> np.ndarray:
-    """A mask without inner gaps shorter than `shortest` frames."""
-    result = mask.copy()
-    for start, stop in time_series.runs(~mask):
-        if stop - start < shortest and start > 0 and stop < len(mask):
-            result[start:stop] = True
-    return result
+def _most_told(told: Float[np.ndarray, " t"]) -> int:
+    """How many frames from the first on tell most together; the fewest that do."""
+    return int(np.argmax(np.cumsum(told))) + 1
