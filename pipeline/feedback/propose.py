@@ -1,7 +1,7 @@
 """From failures to changes, by rules. Every change names the logs behind it; what proposes nothing says why.
 
 What is counted is logs, not failures: a robot that falls ten times in one log moves a number as far as one that falls
-once. A log that is there twice (the same bytes under two names) counts once.
+once. A log that is there twice (the same bytes under two names) counts once, with all of its trials.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def propose(
 
     `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
     """
-    unlike = sorted({each.sha256: each for each in sorted(reports, key=lambda one: one.trial)}.values(), key=_by_name)
+    ordered = sorted(reports, key=_by_name)
+    name_of = {each.sha256: each.file for each in ordered}
+    unlike = [each for each in ordered if each.file == name_of[each.sha256]]
     heard, silent = trusted(unlike, rules)
     pairs = [(report, failure) for report in heard for failure in report.failures if failure.of_policy]
     counted = [pair for pair in pairs if not doubt_of(pair[1], rules)]

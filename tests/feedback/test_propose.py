@@ -32,6 +32,13 @@ def test_a_log_under_two_names_counts_once():
     assert values(proposal(one, copied)) == values(proposal(one))
 
 
+def test_all_trials_of_a_log_are_heard_and_count_as_one_log():
+    fallen, sound = report(1, failure()), dataclasses.replace(report(1), trial="trial001+2")
+    assert values(proposal(fallen, sound)) == values(proposal(fallen))
+    again = dataclasses.replace(fallen, trial="trial001+2")
+    assert values(proposal(fallen, again)) == values(proposal(fallen))
+
+
 def test_every_change_names_the_logs_behind_it():
     found = proposal(report(1, failure()), report(2, failure()), report(3))
     (change,) = [each for each in found.changes if each.section == "weights"]
