@@ -150,11 +150,19 @@ def _missing(spent: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
                 sign * along + 1e-9, np.arange(round(range_end / width) + 1) * width, weights=rows["seconds"]
             )[0]
             seconds[0] += still_s
-            there = seconds >= settings.missing_seconds * width / limits[2]
+            there = _there(seconds, round(limits[2] / width), settings.missing_seconds)
             gaps = [(low * width, high * width) for low, high in runs(~there)]
             wide = [gap for gap in gaps if gap[1] - gap[0] > limits[2] - 1e-9 or gap[1] > range_end - 1e-9]
             sentences += [_sentence(word, low, high, range_end, _WORDS[axis][2]) for low, high in wide]
     return tuple(sentences)
+
+
+def _there(seconds: np.ndarray, boxes: int, least: float) -> np.ndarray:
+    """Boxes (n,) from 0 on that have their part of a cell's least seconds, in a cell of `boxes` with all of them."""
+    starts = np.arange(0, len(seconds), boxes)
+    sizes = np.diff([*starts, len(seconds)])
+    cell = np.add.reduceat(seconds, starts) >= least * sizes / boxes - 1e-9
+    return (seconds >= least / boxes - 1e-9) & np.repeat(cell, sizes)
 
 
 def _sentence(word: str, low: float, high: float, range_end: float, unit: str) -> str:

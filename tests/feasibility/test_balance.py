@@ -199,3 +199,17 @@ def test_the_ends_of_the_ranges_have_to_be_reached():
     found = coverage(pd.DataFrame(rows), LIMITS).missing
     assert "No clip turns left faster than 1.25 rad/s." in found
     assert not any("turns right" in sentence for sentence in found)
+
+
+@pytest.mark.parametrize(("near_s", "far_s"), [(0.2, 0.6), (0.6, 0.2), (0.4, 0.4)])
+def test_a_cell_that_has_less_than_it_needs_is_said_however_its_seconds_lie(near_s, far_s):
+    walks = [[forward, 0.05, 0.125, 3.0] for forward in np.arange(-0.55, 2.0, 0.1)]
+    sides = [[0.05, side, 0.125, 3.0] for side in np.arange(-0.55, 0.4, 0.1)]
+    brief = [[0.05, 0.45, 0.125, near_s], [0.05, 0.55, 0.125, far_s]]
+    spent = [*walks, *sides, *brief]
+    one = _row("all", sum(line[3] for line in spent), command_seconds=json.dumps(spent))
+    found = coverage(pd.DataFrame([one]), LIMITS)
+    left = found.cells[(found.cells["axis"] == "lateral") & np.isclose(found.cells["low"], 0.4)]
+    assert left["seconds"].tolist() == pytest.approx([0.8])
+    assert "No clip walks left faster than 0.4 m/s." in found.missing
+    assert not any("walks right" in sentence or "walks forward" in sentence for sentence in found.missing)
