@@ -21,11 +21,15 @@ BOTH, ATTITUDE_ALONE, FLAG_ALONE = 0.99, 0.9, 0.5
 def falls(
     signals: Signals, settings: FallSettings, excused: tuple[Excuse, ...], excuse: ExcuseSettings
 ) -> list[Failure]:
-    """Each fall once, from its onset."""
+    """Each fall once, from its onset. A robot that lies when a trial begins did not fall in it until it stood."""
+    upright = np.flatnonzero((signals.tilt_deg < settings.onset_deg) & signals.known)
+    if not len(upright):
+        return []
     tipped = [start for start, _ in time_series.runs((signals.tilt_deg > settings.tilt_deg) & signals.known)]
+    tipped = [start for start in tipped if start > upright[0]]
     seen = [(start, True) for start in _apart(signals, tipped)]
-    near = settings.flag_s
-    seen += [(flag, False) for flag in _flags(signals) if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
+    near, flags = settings.flag_s, [flag for flag in _flags(signals) if flag > upright[0]]
+    seen += [(flag, False) for flag in flags if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
     return [_fall(signals, *each, settings, excused, excuse) for each in sorted(seen)]
 
 

@@ -116,14 +116,25 @@ def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
     """The operator's note, or joints that are only damped from some time on."""
     trial, end = signals.trial, float(signals.time_s[-1])
     times = [(event.time_s, "noted by the operator") for event in trial.events if event.kind == "stop"]
-    kp = np.nan_to_num(np.asarray(trial.kp, dtype=float)).sum(axis=1)
-    sent = kp[np.isfinite(np.asarray(trial.kp)).all(axis=1)]
-    if len(sent) and sent.max() > 0.0:
-        started = int(np.argmax(kp > 0.5 * sent.max()))
-        damped = np.flatnonzero(kp[started:] < settings.damping_kp * sent.max())
-        if len(damped):
-            times.append((float(trial.time_s[started + damped[0]]), "the joints' stiffness went to 0"))
+    times += [(time_s, "the joints' stiffness went to 0") for time_s in _damped(signals, settings.damping_kp)[:1]]
     if not times:
         return []
     time_s, how = min(times)
     return [Excuse(start_s=time_s, stop_s=end, why=STOPPED, said={"stop": how})]
+
+
+def _damped(signals: Signals, damping_kp: float) -> list[float]:
+    """When an upright robot's joints begin to be only damped; a deployment that damps what falls stops nobody.
+
+    Where the stiffness is not known nothing is concluded from it.
+    """
+    kp = np.asarray(signals.trial.kp, dtype=float)
+    told = np.isfinite(kp).any(axis=1)
+    sent = np.nansum(kp, axis=1)
+    if not told.any() or sent.max() <= 0.0:
+        return []
+    started = int(np.argmax(sent > 0.5 * sent.max()))
+    damped = told & (sent < damping_kp * sent.max())
+    damped[:started] = False
+    times = (float(signals.trial.time_s[start]) for start, _ in time_series.runs(damped))
+    return [time_s for time_s in times if signals.tilt_deg[signals.at(time_s)] < UPRIGHT_DEG]

@@ -94,6 +94,34 @@ def test_a_fall_after_the_joints_were_only_damped_is_the_operators(standing, rob
     assert [each.kind for each in found if each.kind == "stopped"] == ["stopped"]
 
 
+def test_joints_that_are_damped_because_it_falls_are_no_stop(standing, robot, actuators):
+    tipped = _tipped(standing, 0.0, 1.5)
+    kp = np.where((np.abs(tipped.rpy[:, 1]) > np.radians(60.0))[:, None], 0.0, standing.kp).astype(np.float32)
+    found = find_failures(dataclasses.replace(tipped, kp=kp), robot, actuators, FAILURES).failures
+    (fall,) = [each for each in found if each.kind == "fall"]
+    assert fall.of_policy and "stopped" not in {each.kind for each in found}
+
+
+def test_stiffness_that_is_not_known_for_a_moment_is_no_stop(standing, robot, actuators):
+    lost = (standing.time_s > 1.0) & (standing.time_s < 1.02)
+    kp = np.where(lost[:, None], np.nan, standing.kp).astype(np.float32)
+    found = find_failures(dataclasses.replace(_tipped(standing, 0.0, 1.5), kp=kp), robot, actuators, FAILURES).failures
+    (fall,) = [each for each in found if each.kind == "fall"]
+    assert fall.of_policy and "stopped" not in {each.kind for each in found}
+
+
+def test_a_robot_that_lies_when_the_log_begins_did_not_fall_in_it(standing, robot):
+    lying = 1.5 * np.clip((2.0 - standing.time_s) / 0.5, 0.0, 1.0)
+    pitch = standing.rpy + np.outer(lying, [0.0, 1.0, 0.0]).astype(np.float32)
+    state = np.where(lying > 0.5, 2, 0)
+    risen = dataclasses.replace(standing, rpy=pitch, fall_state=state)
+    assert _falls(risen, robot) == []
+    again = 1.5 * np.clip((standing.time_s - 4.0) / 0.5, 0.0, 1.0)
+    fallen = dataclasses.replace(risen, rpy=pitch + np.outer(again, [0.0, 1.0, 0.0]).astype(np.float32))
+    (fall,) = _falls(fallen, robot)
+    assert 4.0 < fall.time_s < 4.5
+
+
 def test_long_after_it_was_let_go_a_failure_is_the_policys(standing, robot):
     events = (OperatorEvent(time_s=1.0, kind="held"), OperatorEvent(time_s=1.5, kind="released"))
     found = excuses(signals_of(dataclasses.replace(standing, events=events), robot), FAILURES.excuse)
