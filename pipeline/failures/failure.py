@@ -43,6 +43,8 @@ class Failure:
     """The joint, where it is one joint's."""
     direction: str = ""
     """Where to: `forward`, `backward`, `left`, `right` of falls; the axis of a tracking divergence."""
+    command_known: bool = True
+    """Whether the log says what was asked for then; if not, the command is zeros and means nothing."""
     excuse: str = ""
     """Why it is not a failure of the policy; empty where it is one."""
     evidence: dict[str, float | bool | str] = field(default_factory=dict)
@@ -59,10 +61,8 @@ class Failure:
         what = " ".join(part for part in (self.kind.replace("_", " "), self.direction, self.joint) if part)
         found = ", ".join(f"{name} {_shown(value)}" for name, value in self.evidence.items())
         excuse = f"; not the policy's: {self.excuse}" if self.excuse else ""
-        return (
-            f"{what} at {self.time_s:.2f} s, command {forward:.2f} m/s, {lateral:.2f} m/s, {yaw:.2f} rad/s "
-            f"({found}; confidence {self.confidence:.2f}{excuse})"
-        )
+        command = f"{forward:.2f} m/s, {lateral:.2f} m/s, {yaw:.2f} rad/s" if self.command_known else "not known"
+        return f"{what} at {self.time_s:.2f} s, command {command} ({found}; confidence {self.confidence:.2f}{excuse})"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""

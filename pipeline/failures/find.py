@@ -48,6 +48,9 @@ def find_failures(
         *lost_packets(signals, settings.packets),
     ]
     found = [_excused(_explained(each, signals, found, settings), excused, settings) for each in found]
+    found = [
+        dataclasses.replace(each, command_known=bool(signals.commanded[signals.at(each.time_s)])) for each in found
+    ]
     return TrialReport(
         trial=trial.name,
         file=file or trial.name,

@@ -49,6 +49,9 @@ class Signals:
     lean_b: Float[np.ndarray, "n 2"]
     """Horizontal components of gravity in the trunk's frame: where it leans, forward and left."""
     command: Float[np.ndarray, "n 3"]
+    """0 where it is not known."""
+    commanded: Bool[np.ndarray, " n"]
+    """Samples whose command is known."""
     support: Float[np.ndarray, "n 2"]
     """Upward force of the ground on each foot over the robot's weight."""
     velocity: Float[np.ndarray, "n 2"]
@@ -102,6 +105,7 @@ def signals_of(trial: Trial, robot: Robot) -> Signals:
         tilt_deg=np.degrees(np.arccos(np.clip(-lean[:, 2], -1.0, 1.0))),
         lean_b=lean[:, :2],
         command=np.nan_to_num(np.asarray(trial.command, dtype=float)[::every]),
+        commanded=np.isfinite(np.asarray(trial.command, dtype=float)[::every]).all(axis=1),
         support=support,
         velocity=_heading(velocity_w, smooth["rpy"][:, 2]),
         yaw_rate=time_series.smooth(time_series.derivative(smooth["rpy"][:, 2], fps), fps, 2.0),

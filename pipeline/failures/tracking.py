@@ -17,7 +17,7 @@ STEADY = 0.02
 def steady_stretches(signals: Signals, settings: TrackingSettings, until_s: float) -> list[tuple[int, int]]:
     """Sample ranges of steady command, the time to reach it left out."""
     change = np.abs(time_series.derivative(signals.command, signals.fps)).max(axis=1)
-    still = (change < STEADY) & (signals.time_s < until_s)
+    still = (change < STEADY) & signals.commanded & (signals.time_s < until_s)
     settle, least = round(settings.settle_s * signals.fps), round(settings.steady_s * signals.fps)
     return [(start + settle, stop) for start, stop in time_series.runs(still) if stop - start - settle >= least]
 

@@ -92,7 +92,7 @@ def _grouped(
     """Failures by what their command is called, where enough of the logs with such a command have one."""
     groups: dict[str, list[Pair]] = {}
     for report, failure in pairs:
-        if failure.kind in kinds and report.command_known:
+        if failure.kind in kinds and report.command_known and failure.command_known:
             groups.setdefault(name(failure.command), []).append((report, failure))
     tried: dict[str, set[str]] = {}
     for report in trials:

@@ -110,6 +110,16 @@ def test_stiffness_that_is_not_known_for_a_moment_is_no_stop(standing, robot, ac
     assert fall.of_policy and "stopped" not in {each.kind for each in found}
 
 
+def test_where_the_command_is_lost_a_fall_is_of_no_command_and_nothing_is_steady(standing, robot, actuators):
+    walked = np.where((standing.time_s > 2.0)[:, None], np.nan, np.array([0.0, 0.4, 0.0])).astype(np.float32)
+    report = find_failures(dataclasses.replace(_tipped(standing, 0.0, 1.5), command=walked), robot, actuators, FAILURES)
+    (fall,) = [each for each in report.failures if each.kind == "fall"]
+    assert report.command_known and not fall.command_known and "command not known" in fall.text()
+    assert all(command[:3] == pytest.approx((0.0, 0.4, 0.0)) for command in report.commands)
+    restored = Failure.from_dict(fall.to_dict())
+    assert restored == fall
+
+
 def test_a_robot_that_lies_when_the_log_begins_did_not_fall_in_it(standing, robot):
     lying = 1.5 * np.clip((2.0 - standing.time_s) / 0.5, 0.0, 1.0)
     pitch = standing.rpy + np.outer(lying, [0.0, 1.0, 0.0]).astype(np.float32)

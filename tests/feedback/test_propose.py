@@ -87,6 +87,7 @@ def test_what_happened_in_hands_or_after_a_stop_moves_nothing():
 
 def test_a_fall_under_an_unknown_command_belongs_to_no_cell():
     assert proposal(report(1, failure(), command_known=False)).changes == ()
+    assert proposal(report(1, failure(command_known=False))).changes == ()
 
 
 def test_an_unsure_failure_moves_nothing():
