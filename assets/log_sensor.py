@@ -1,5 +1,7 @@
 """Notices logs that were dropped into data/hardware_logs and are complete, and has them ingested."""
 
+import itertools
+
 import dagster as dg
 
 from assets.external import note_external
@@ -11,7 +13,7 @@ from pipeline.errors import PipelineError
 
 EVERY_S = 30
 MAX_RUNS = 3
-"""Runs that are started for the same logs."""
+"""Runs in a row that may fail for the same logs."""
 LOGS_TAG = "booster_lab/logs"
 """Tag of a run: the content of the folder that it was started for."""
 
@@ -36,13 +38,17 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
         return dg.SkipReason(f"the folder of logs can't be looked at: {error}")
     count, waiting = facts["files"], facts["still being written"]
     tags = last_tags(context.instance, TRIALS.key)
-    if (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags):
-        return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
+    known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
     mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
-    runs = context.instance.get_runs(filters=dg.RunsFilter(job_name=ingest_logs.name, tags=mark))
+    runs = context.instance.get_runs(filters=dg.RunsFilter(job_name=ingest_logs.name, tags=mark), limit=MAX_RUNS)
     if any(not run.is_finished for run in runs):
         return dg.SkipReason(f"a run was started for these {count} logs")
-    if len(runs) >= MAX_RUNS:
-        return dg.SkipReason(f"{len(runs)} runs for these {count} logs failed; look at the last, or start one by hand")
+    failed = list(itertools.takewhile(lambda run: not run.is_success, runs))
+    if known and not failed:
+        return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
+    if len(failed) >= MAX_RUNS:
+        return dg.SkipReason(
+            f"{len(failed)} runs for these {count} logs failed; look at the last, or start one by hand"
+        )
     note_external(context.instance, PROJECT)
     return dg.RunRequest(tags=mark)

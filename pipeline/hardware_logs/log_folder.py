@@ -64,8 +64,12 @@ def is_whole(path: Path) -> bool:
 
 
 def is_complete(path: Path, now_s: float) -> bool:
-    """Whether nobody is still writing a file: whole and quiet, or for long not touched."""
-    age_s = now_s - path.stat().st_mtime
+    """Whether nobody is still writing a file: whole and quiet, or for long not touched.
+
+    A copy that kept the time of a robot whose clock is ahead was written when our own clock says so.
+    """
+    stat = path.stat()
+    age_s = now_s - (stat.st_mtime if stat.st_mtime <= now_s else stat.st_ctime)
     return age_s > STALE_S or (age_s > QUIET_S and is_whole(path))
 
 

@@ -198,6 +198,30 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
         assert isinstance(tick(instance), dict)
 
 
+def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        tags = tick(instance)
+        assert isinstance(tags, dict)
+        assets.external.note_external(instance, project)
+        assert materialize(instance).success
+        run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+        instance.report_run_failed(run)
+        assert tick(instance) == tags, "the trials are there, what is made of them is not"
+        instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.SUCCESS)
+        assert "no new log" in tick(instance)
+
+
+def test_logs_that_come_back_are_ingested_again_however_often(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        tags = tick(instance)
+        assert isinstance(tags, dict)
+        for _ in range(3):
+            instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.SUCCESS)
+        assert tick(instance) == tags
+
+
 def ingest_job() -> dg.JobDefinition:
     definitions = dg.Definitions(assets=[hardware_logs, hardware_trials], jobs=[ingest_logs])
     return definitions.resolve_job_def("ingest_logs")

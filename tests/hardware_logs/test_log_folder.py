@@ -1,6 +1,7 @@
 """Which files of the folder are logs, and which of them are complete."""
 
 import os
+import time
 
 import pytest
 
@@ -62,6 +63,14 @@ def test_whole_files_wait_a_moment_and_others_a_minute(logs, tmp_path):
     ):
         assert is_complete(put(tmp_path / "whole.mcap", data, age_s), NOW_S) is whole
         assert is_complete(put(tmp_path / "part.mcap", data[:-100], age_s), NOW_S) is part
+
+
+def test_a_copy_with_the_time_of_a_robot_whose_clock_is_ahead_does_not_wait_for_it(logs, tmp_path):
+    now_s = time.time()
+    path = put(tmp_path / "ahead.mcap", logs[".mcap"])
+    os.utime(path, (now_s + 86_400.0, now_s + 86_400.0))
+    assert not is_complete(path, now_s)
+    assert is_complete(path, time.time() + QUIET_S + 1.0)
 
 
 def test_only_logs_are_listed(logs, tmp_path):
