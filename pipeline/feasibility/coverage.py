@@ -160,7 +160,7 @@ def _missing(spent: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
 def _there(seconds: np.ndarray, boxes: int, least: float) -> np.ndarray:
     """Boxes (n,) from 0 on that have their part of a cell's least seconds, in a cell of `boxes` with all of them."""
     starts = np.arange(0, len(seconds), boxes)
-    sizes = np.diff([*starts, len(seconds)])
+    sizes = np.diff(np.append(starts, len(seconds)))
     cell = np.add.reduceat(seconds, starts) >= least * sizes / boxes - 1e-9
     return (seconds >= least / boxes - 1e-9) & np.repeat(cell, sizes)
 

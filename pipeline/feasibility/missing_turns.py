@@ -12,7 +12,7 @@ DIRECTIONS = {"left": 1.0, "right": -1.0}
 
 
 def missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
-    """A sentence for each direction of turning and stretch of forward speeds with the same turns missing.
+    """A sentence for each direction of turning and stretch of speeds, forward or back, with the same turns missing.
 
     Speeds at which nothing at all is done are left out: the axis of forward speed says so.
     """
@@ -24,7 +24,7 @@ def missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, 
         lines = [
             (float(line["low"].iloc[0]), float(line["high"].iloc[0]), _missing_rates(line, sign)) for line in by_speed
         ]
-        for rates, same in itertools.groupby(lines, key=lambda line: line[2]):
+        for (_, rates), same in itertools.groupby(lines, key=lambda line: (line[1] > 1e-9, line[2])):
             stretches = _joined([(low, high) for low, high, _ in same])
             sentences += [_sentence(side, slow, fast, rates) for slow, fast in stretches if rates]
     return tuple(sentences)
@@ -58,4 +58,5 @@ def _sentence(side: str, slow: float, fast: float, rates: tuple[tuple[float, flo
         f"faster than {low:.3g} rad/s" if high == float("inf") else f"at {low:.3g} to {high:.3g} rad/s"
         for low, high in rates
     ]
-    return f"No clip that goes forward at {slow:.3g} to {fast:.3g} m/s turns {side} {' or '.join(said)}."
+    ahead = f"forward at {slow:.3g} to {fast:.3g}" if fast > 1e-9 else f"back at {abs(fast):.3g} to {-slow:.3g}"
+    return f"No clip that goes {ahead} m/s turns {side} {' or '.join(said)}."

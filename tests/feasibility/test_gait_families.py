@@ -124,5 +124,7 @@ def test_turns_that_no_walk_makes_are_said():
     said = coverage(pd.DataFrame([{**one}]), LIMITS).missing
     assert "No clip that goes forward at 0.6 to 0.8 m/s turns left faster than 1 rad/s." in said
     assert "No clip that goes forward at 0.8 to 2 m/s turns left faster than 0.5 rad/s." in said
-    assert "No clip that goes forward at -0.6 to 2 m/s turns right faster than 0.5 rad/s." in said
+    assert "No clip that goes forward at 0 to 2 m/s turns right faster than 0.5 rad/s." in said
+    for side in ("left", "right"):
+        assert f"No clip that goes back at 0 to 0.6 m/s turns {side} faster than 0.5 rad/s." in said
     assert not any("0.4 to 0.6" in sentence and "left" in sentence for sentence in said)
