@@ -105,7 +105,7 @@ def signals_of(trial: Trial, robot: Robot) -> Signals:
         tilt_deg=np.degrees(np.arccos(np.clip(-lean[:, 2], -1.0, 1.0))),
         lean_b=lean[:, :2],
         command=np.nan_to_num(np.asarray(trial.command, dtype=float)[::every]),
-        commanded=np.isfinite(np.asarray(trial.command, dtype=float)[::every]).all(axis=1),
+        commanded=np.asarray(np.isfinite(trial.command[::every]).all(axis=1)),
         support=support,
         velocity=_heading(velocity_w, smooth["rpy"][:, 2]),
         yaw_rate=time_series.smooth(time_series.derivative(smooth["rpy"][:, 2], fps), fps, 2.0),
