@@ -37,9 +37,6 @@ def test_every_cell_has_its_seconds_and_what_they_count_for_before_and_after_wei
     records = _every_command(PLAN, index(0.6)).metadata[table].records
     assert len(records) == cells
     for record in records:
-        assert set(record.data) >= BEFORE_AND_AFTER
-        seconds, *counted = (
-            float(record.data[name]) for name in ("seconds", "effective_seconds_before", "effective_seconds")
-        )
+        seconds, *counted = (float(str(record.data[name])) for name in BEFORE_AND_AFTER)
         assert seconds > 0.0
         assert counted == pytest.approx([seconds / 2.0] * 2)
