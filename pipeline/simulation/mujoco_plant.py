@@ -155,6 +155,8 @@ def _model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjMod
         raise UnknownNameError("integrator", options.integrator, tuple(INTEGRATORS))
     spec = mujoco.MjSpec.from_string(robot.mjcf)
     spec.option.timestep, spec.option.integrator = options.timestep_s, INTEGRATORS[options.integrator]
+    # a simulation that diverges would stand in the default pose again, and count as one that never fell
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     ground.add_to(spec)
     if options.ball is not None:
         body = spec.worldbody.add_body(name="ball", pos=PARKED_W, gravcomp=1.0)

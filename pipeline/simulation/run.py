@@ -90,7 +90,7 @@ def run(
         delay_s: how late targets reach the motors
         wrench_every: the ground's forces are read at every so manieth timestep, and kept in between
         ground_height: falls are counted from there; 0 where not given
-        stop_on_fall: end with the control step in which the robot fell
+        stop_on_fall: end with the control step in which the robot fell; where numbers ceased to be any, it ends anyway
         resume_s: go on from this time with plant and controller as they are, instead of starting anew; without delay
 
     Raises RateError, and NoBallError for a Throw that the plant can't do.
@@ -128,7 +128,7 @@ def run(
             record.step(step, state, torque, wrench, tells.acceleration() if tells else None)
         if not record.fell and has_fallen(plant.state(), ground_height):
             record.fall_tick = tick
-            if stop_on_fall:
+            if stop_on_fall or not np.isfinite(plant.state().root_pos_w).all():
                 break
     return record.rollout(robot, plant.timestep_s)
 

@@ -1,6 +1,7 @@
 """The plant against momentum on paper; the loop's timing, events, sensors and falls."""
 
 import dataclasses
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -85,6 +86,21 @@ def test_the_ball_is_taken_away_and_touches_nothing_before(robot: Robot):
     # another solver size, other last digits
     np.testing.assert_allclose(hit.qpos[:200], plain.qpos[:200], atol=1e-6)
     np.testing.assert_array_equal(with_ball.ball_velocity_w(), 0.0)
+
+
+@pytest.mark.parametrize("stop", [True, False])
+def test_a_simulation_that_diverges_has_fallen_and_does_not_stand_up_again(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: bool
+):
+    """MuJoCo would put the robot back into its default pose, in which nothing it is then asked makes it fall."""
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to the working directory
+    task = deployment_task(robot)
+    bias = np.full(len(task.policy_joints), np.nan)
+    policy = linear_policy(np.zeros((len(bias), task.observation_size)), bias)
+    plant, controller = MujocoPlant(robot), PolicyController(task, policy)
+    found = run(robot, plant, controller, _motors(robot), lambda time_s: STILL, 0.5, stop_on_fall=stop)
+    assert found.fell_s == pytest.approx(0.02)
+    assert len(found.command) == 1
 
 
 def test_a_ball_is_only_thrown_where_there_is_one(robot: Robot):
