@@ -3,7 +3,8 @@
 - `force`: a constant horizontal force at the trunk's centre of mass for .1 s, as the published figures have it;
 - `kick`: the whole robot's velocity changed at once by impulse / mass;
 - `ball`: a ball of 10 kg that flies into the trunk at the speed it has after a drop; 1.3 m is the paper's. It is taken
-  away after .3 s. It brings 10 kg x speed; how much of that the robot takes is the collision's business.
+  away after .3 s, or later where it must catch up with a robot that walks away from it. It brings 10 kg x speed; how
+  much of that the robot takes is the collision's business.
 
 Every figure's name says which model it is of: those of different models are not the same quantity. Standing still, the
 eight times are one and the same.
@@ -19,7 +20,7 @@ import numpy as np
 from pipeline.robot import Robot
 from pipeline.simulation.contact_wrench import GRAVITY
 from pipeline.simulation.events import Event, Kick, Push, Throw
-from pipeline.simulation.mujoco_plant import Ball
+from pipeline.simulation.mujoco_plant import BALL_DISTANCE, Ball
 from pipeline.validation.cells import SURVIVING, Cell
 from pipeline.validation.trial import Conditions, Profile, Trial, Wanted
 
@@ -36,6 +37,7 @@ AFTER_S = 2.0
 PUSH_S = 0.1
 BALL = Ball(mass=10.0, radius=0.12)
 BALL_S = 0.3
+"""How long a ball flies and pushes at least [s]."""
 DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
 """Heights [m] from which the ball has the speed of its flight."""
 GAITS = {"standing": Wanted(), "walking": Wanted(forward=0.5)}
@@ -75,7 +77,7 @@ def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
                     command=Profile(wanted=(GAITS[gait],)),
                     seconds=time_s + AFTER_S,
                     measure_s=time_s,
-                    events=(_event(robot, model, size, direction, time_s),),
+                    events=(_event(robot, model, gait, size, direction, time_s),),
                     conditions=conditions,
                 )
             )
@@ -85,14 +87,20 @@ def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
     )
 
 
-def _event(robot: Robot, model: str, size: float, direction_w: np.ndarray, start_s: float) -> Event:
+def _event(robot: Robot, model: str, gait: str, size: float, direction_w: np.ndarray, start_s: float) -> Event:
     if model == "force":
         return Push(start_s=start_s, duration_s=PUSH_S, force_w=size / PUSH_S * direction_w)
     if model == "kick":
         return Kick(start_s=start_s, delta_v_w=size / robot.total_mass * direction_w)
-    return Throw(start_s=start_s, direction_w=direction_w, speed=ball_speed(size), duration_s=BALL_S)
+    speed = ball_speed(size)
+    return Throw(start_s=start_s, direction_w=direction_w, speed=speed, duration_s=ball_time(speed, gait))
 
 
 def ball_speed(drop: float) -> float:
     """Speed [m/s] after falling `drop` [m]."""
     return math.sqrt(2.0 * GRAVITY * drop)
+
+
+def ball_time(speed: float, gait: str) -> float:
+    """How long a ball is there [s]: it reaches the trunk of a robot that walks straight away from it."""
+    return max(BALL_S, (BALL_DISTANCE - BALL.radius) / (speed - GAITS[gait].forward))

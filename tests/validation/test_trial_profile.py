@@ -6,6 +6,7 @@ import pytest
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.simulation.events import Kick, Push, Throw
+from pipeline.simulation.mujoco_plant import BALL_DISTANCE
 from pipeline.validation.push_cells import BALL, ball_speed, push_cells
 from pipeline.validation.suites import FULL, QUICK, cells_of, full, named, quick
 from pipeline.validation.trial import Profile, Trial, Wanted
@@ -60,6 +61,16 @@ def test_all_push_models_bring_the_impulse_of_their_name(robot: Robot):
     np.testing.assert_allclose(kick.delta_v_w * robot.total_mass, [40.0, 0.0, 0.0])
     # the paper: 10 kg from 1.3 m, about 50 N s
     assert BALL.mass * ball_speed(1.3) == pytest.approx(50.5, abs=0.1)
+
+
+def test_a_ball_catches_up_with_a_robot_that_walks_away_from_it(robot: Robot):
+    for cell in push_cells(robot, ("ball",)):
+        for trial in cell.trials:
+            (throw,) = trial.events
+            assert isinstance(throw, Throw)
+            closing = throw.speed - trial.command.last.forward
+            assert throw.duration_s * closing >= BALL_DISTANCE - BALL.radius - 1e-9
+            assert throw.start_s + throw.duration_s < trial.seconds
 
 
 def test_pushes_go_in_eight_directions_at_eight_times(robot: Robot):
