@@ -62,7 +62,8 @@ class CrossEngineResult:
 
     @property
     def passed(self) -> bool:
-        return not self.reasons
+        """Whether no required cell has a reason; of no required cell nothing passes."""
+        return not self.reasons and any(cell.required for cell in self.cells)
 
     @property
     def not_required(self) -> tuple[str, ...]:
@@ -160,16 +161,19 @@ def _off_command(cell: Cell, figures: Figures) -> Iterator[str]:
 def _apart(
     name: str, cell: Cell, figures: dict[str, tuple[Figures, ...]], settings: CrossEngineSettings
 ) -> list[tuple[str, bool]]:
-    """Differences of MuJoCo and DART beyond the tolerance, of the means over the seeds that nobody fell in, and whether
-    the armature on the links explains them: then the bridge, which has it too, and DART agree."""
+    """Differences of MuJoCo and DART beyond the tolerance, of the means over the seeds that neither fell in, and
+    whether the armature on the links explains them: then the bridge, which has it too, and DART agree. A bridge that
+    fell in one of those seeds explains nothing."""
     if not cell.compared or any(engine not in figures for engine in HELD):
         return []
-    both = [seed for seed, each in enumerate(zip(*figures.values(), strict=True)) if not any(one.fell for one in each)]
+    held = zip(*(figures[engine] for engine in HELD), strict=True)
+    both = [seed for seed, each in enumerate(held) if not any(one.fell for one in each)]
     if not both:
         return []
+    stood = {engine: each for engine, each in figures.items() if not any(each[seed].fell for seed in both)}
     found = []
     for figure, (bar, what, unit) in _tolerances(figures, both, settings).items():
-        mean = {engine: float(np.mean([getattr(each[s], figure) for s in both])) for engine, each in figures.items()}
+        mean = {engine: float(np.mean([getattr(each[s], figure) for s in both])) for engine, each in stood.items()}
         difference = mean[DART] - mean[MUJOCO]
         if abs(difference) > bar:
             text = (

@@ -201,8 +201,29 @@ def test_what_is_not_required_is_listed_and_fails_nothing(
 ):
     cell = a_cell(required=False)
     result = judged(monkeypatch, still, settings, cell, mujoco=walked(), bridge=walked(), dart=fell(0.2))
-    assert result.passed
+    assert result.reasons == ()
+    asked = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked())
+    assert dataclasses.replace(result, cells=(*result.cells, *asked.cells)).passed
     assert result.to_dict()["not_required"] == {"walk": ["cell 'walk' seed 0 in DART: fell after 0.20 s"]}
+
+
+def test_where_nothing_is_required_nothing_passes(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    well = {"mujoco": walked(), "bridge": walked(), "dart": walked()}
+    assert not judged(monkeypatch, still, settings, a_cell(required=False), **well).passed
+    assert judged(monkeypatch, still, settings, a_cell(), **well).passed
+
+
+def test_a_bridge_that_falls_hides_no_disagreement_and_explains_none(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+):
+    engines = {"mujoco": walked(), "bridge": fell(0.4), "dart": walked(forward_m_s=0.40)}
+    result = judged(monkeypatch, still, settings, a_cell(), **engines)
+    assert result.reasons == (
+        "cell 'walk': forward velocity 0.500 m/s in MuJoCo and 0.400 in DART, 0.100 apart, allowed is 0.070",
+    )
+    assert result.cells[0].explained == ()
 
 
 def test_the_picture_shows_falls(monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings):
