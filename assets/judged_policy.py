@@ -6,7 +6,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.policy import served, served_policy
+from assets.policy import served_policy
 from assets.project import PROJECT
 from pipeline.batch import Manifest
 
@@ -20,7 +20,7 @@ class JudgedPolicyConfig(dg.Config):
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPolicy:
-    """A policy on the adapted robot, and its digest."""
+    """A policy on the adapted robot, and the digest of what walks, whatever its manifest says."""
 
     deployed: Any
     digest: str
@@ -32,5 +32,4 @@ def judged_policy(config: JudgedPolicyConfig, exported: Manifest, robot: str) ->
     from pipeline.validation.deployed import deployed
 
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    found = digest(policy) if config.policy else served(exported)["digest"]
-    return JudgedPolicy(deployed=deployed(PROJECT.adapted_robot(robot), policy), digest=found)
+    return JudgedPolicy(deployed=deployed(PROJECT.adapted_robot(robot), policy), digest=digest(policy))

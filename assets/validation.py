@@ -9,7 +9,7 @@ import pandas as pd
 from assets.actuators import declared
 from assets.plainly import plainly
 from assets.plan import Plan, policy_plans, robot_plans, validation_plan
-from assets.policy import result_of, served, served_policy
+from assets.policy import result_of, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
@@ -71,8 +71,6 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         logs = write_failed_trials(one, verdict, PROJECT.simulated_failures(robot, "mujoco"))
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
         said = {**verdict.to_dict(), "stage": plan.name, "not run": _not_run(config.suite)}
-        if not config.policy:
-            said["policy"] = served(exported_policy)["digest"]
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: said})
         check = dg.AssetCheckResult(
             asset_key=plan.key,

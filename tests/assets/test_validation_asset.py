@@ -6,7 +6,7 @@ from pathlib import Path
 import dagster as dg
 import pytest
 
-from assets import policy, validation
+from assets import judged_policy, policy, validation
 from assets.plan import policy_plans, robot_plans, validation_plan
 from assets.project import Project
 from assets.resources import ClipPoolResource
@@ -43,7 +43,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
 
     @dg.asset(key=EXPORTED.key)
     def exported_policy() -> Manifest:
-        facts = {"digest": digest(still)}
+        facts = {"digest": "of what lay there when it was exported"}
         return Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": facts})
 
     ran = dg.materialize(
@@ -56,7 +56,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     )
     said = ran.output_for_node("mujoco_validation").settings[validation.VERDICT]
     assert said["passed"] is False
-    assert said["policy"] == digest(still)
+    assert said["policy"] == digest(still)  # of what walked
     assert any(reason.startswith("push force standing 20 Ns: survival 0") for reason in said["reasons"])
     logs = sorted(project.simulated_failures("t1", "mujoco").glob("*.mcap"))
     assert [path.name for path in logs] == ["push_force_standing_20_ns.mcap"]  # 60 N s is not required
@@ -65,3 +65,14 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     assert all("data:image/png" in str(event.metadata[name].value) for name in pictures)
     (check,) = ran.get_asset_check_evaluations()
     assert (check.check_name, check.passed) == (validation.PASSED, False)
+
+
+def test_other_engines_say_the_digest_of_what_they_walk_too(
+    project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
+):
+    still = still_policy(deployment_task(robot))
+    monkeypatch.setattr(judged_policy, "PROJECT", project)
+    monkeypatch.setattr(judged_policy, "served_policy", lambda manifest: still)
+    exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
+    found = judged_policy.judged_policy(judged_policy.JudgedPolicyConfig(), exported, "t1")
+    assert found.digest == digest(still)
