@@ -23,7 +23,9 @@ def question_of(one: Deployed, cell: Cell) -> str:
     arrays += [part for layer in policy.layers for part in layer]
     arrays += [motors.limit, motors.knee_speed, motors.no_load_speed, one.armature]
     parts = ["" if each is None else digest.of_bytes(np.ascontiguousarray(each).tobytes()) for each in arrays]
-    return digest.of_json([one.robot.digest, parts, type(one.reads).__name__, [repr(trial) for trial in cell.trials]])
+    plain = [task.joint_names, task.policy_joints, task.action_scale, task.history, task.control_hz]
+    trials = [repr(trial) for trial in cell.trials]
+    return digest.of_json([one.robot.digest, plain, parts, type(one.reads).__name__, trials])
 
 
 def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:

@@ -14,6 +14,7 @@ from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import Cell
 from pipeline.validation.condition_cells import TERRAINS, condition_cells, terrain_cells
+from pipeline.validation.cross_engine_faults import action_scale_halved, left_and_right_swapped, wrong_joint_order
 from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_kd
 from pipeline.validation.figures import numbers_of
 from pipeline.validation.measure import measure
@@ -142,8 +143,11 @@ def test_kept_numbers_are_of_the_same_question_only(tmp_path: Path, still: Deplo
         with_ankle_kd(still, 2.0),
         dataclasses.replace(still, envelope=TorqueEnvelope(limit=0.6 * still.robot.torque_limit)),
         dataclasses.replace(still, armature=0.0 * still.robot.armature),
+        action_scale_halved(still),
+        wrong_joint_order(still),
+        left_and_right_swapped(still),
     )
-    assert len({question_of(one, cell) for one in (still, *others)}) == 4
+    assert len({question_of(one, cell) for one in (still, *others)}) == 7
     for one in others:
         assert read_numbers(tmp_path / "numbers.json", one, (cell,)) == {}
     (tmp_path / "numbers.json").write_text("{")
