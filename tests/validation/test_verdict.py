@@ -139,10 +139,12 @@ def test_the_file_is_what_was_derived(tmp_path: Path):
 
 def test_the_shipped_bars_are_of_the_cells_that_there_are(root: Path, robot: Robot):
     shipped = settings.read(root / "data" / "validation.yaml", ValidationSettings)
-    assert list(shipped.cells) == [each.name for each in full(robot)]
+    cells = {each.name: each for each in full(robot)}
+    assert list(shipped.cells) == list(cells)
     assert set(shipped.margins) == set(FIGURES)
     for name, bars in shipped.cells.items():
         assert bars.required == (not bars.why), name
+        assert not bars.required or set(bars.bars) == set(cells[name].figures), name
         for figure, bar in bars.bars.items():
             assert (bar.at_most is None) != (bar.at_least is None)
             assert bar.unit == FIGURES[figure].unit
