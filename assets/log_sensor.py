@@ -50,5 +50,8 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
         return dg.SkipReason(
             f"{len(failed)} runs for these {count} logs failed; look at the last, or start one by hand"
         )
-    note_external(context.instance, PROJECT)
+    try:
+        note_external(context.instance, PROJECT)
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(f"no run can be started for these {count} logs: {error}")
     return dg.RunRequest(tags=mark)

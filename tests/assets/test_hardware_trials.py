@@ -212,6 +212,17 @@ def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
         assert "no new log" in tick(instance)
 
 
+def test_a_broken_file_of_approvals_is_told_by_the_sensor(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    project.approved_feedback.parent.mkdir()
+    project.approved_feedback.write_text("proposal: x\nchanges: 3\n")
+    with dg.instance_for_test() as instance:
+        said = tick(instance)
+        assert "no run can be started for these 1 logs" in said and "approved.yaml" in said
+        project.approved_feedback.unlink()
+        assert isinstance(tick(instance), dict)
+
+
 def test_logs_that_come_back_are_ingested_again_however_often(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.instance_for_test() as instance:
