@@ -35,12 +35,17 @@ class FootPoints:
     """Over each point's own stance height [m]: ball, heel."""
     speed: Float[np.ndarray, "t 2"]
     """In the world [m/s]."""
-    horizontal: Float[np.ndarray, "t 2"]
-    """Of it the horizontal part [m/s]."""
+    along_ground: Float[np.ndarray, "t 2 2"]
+    """Velocity in the world's x and y [m/s]."""
+
+    @property
+    def horizontal(self) -> Float[np.ndarray, "t 2"]:
+        """Speed along the ground [m/s]."""
+        return np.linalg.norm(self.along_ground, axis=-1)
 
     def cut(self, part: slice) -> FootPoints:
         """The frames of `part`."""
-        return FootPoints(height=self.height[part], speed=self.speed[part], horizontal=self.horizontal[part])
+        return FootPoints(height=self.height[part], speed=self.speed[part], along_ground=self.along_ground[part])
 
 
 def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
@@ -55,7 +60,7 @@ def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
     return FootPoints(
         height=points[..., 2] - stance,
         speed=np.linalg.norm(velocity, axis=-1),
-        horizontal=np.linalg.norm(velocity[..., :2], axis=-1),
+        along_ground=velocity[..., :2],
     )
 
 

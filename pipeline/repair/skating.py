@@ -29,6 +29,10 @@ TELLING = 1.5
 """A point that is more than so many times as fast as the sliding feet tells of neither standing nor sliding."""
 STEADY = 0.5
 """What changes its speed from frame to frame by more than this share of theirs does not slide along."""
+LOOKS, STRAIGHT = 4, 0.7
+"""A glide is sought from itself so often; it has a direction where the mean keeps this share of the speed."""
+NEAR = 0.5
+"""A point stands, or glides along, that is this share of the glide off."""
 FAST = 9.0
 """Stands for a frame in which no point is near the ground [m/s]."""
 
@@ -51,12 +55,14 @@ def find_skating(feet: tuple[FootPoints, FootPoints], fps: float, settings: Cont
     if not core.any():
         return []
     result: list[Skating] = []
+    velocity = _near_ground(feet, settings)
     reach, rest = round(REACH_S * fps), round(REST_S * fps)
     for start, stop in time_series.runs(core):
         inside = speed[start:stop]
         sliding = float(np.median(inside[inside < FAST]))
         sliding = min(sliding, SWINGING * float(usual[start:stop].max()))
-        told = _told(speed, sliding)
+        glide = _glide(velocity, slice(start, stop), sliding)
+        told = _told(speed, sliding) if glide is None else _told_by_way(velocity, glide)
         middle = (start + stop) // 2
         low, high = max(start - reach, 0), min(stop + reach, len(speed))
         before = _most_told(told[low : middle + 1][::-1])
@@ -85,6 +91,34 @@ def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, "
     share = speed / sliding
     told = np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0)
     return np.where(np.abs(np.gradient(share)) < STEADY, told, np.minimum(told, 0.0))
+
+
+def _near_ground(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> Float[np.ndarray, "t 4 2"]:
+    """Velocities of balls and heels along the ground [m/s]; `FAST` for those that are not near it."""
+    height = np.concatenate([foot.height for foot in feet], axis=1)
+    velocity = np.concatenate([foot.along_ground for foot in feet], axis=1)
+    return np.where((height < settings.height)[..., None], velocity, FAST)
+
+
+def _glide(velocity: Float[np.ndarray, "t 4 2"], span: slice, sliding: float) -> Float[np.ndarray, " 2"] | None:
+    """The velocity that one point or another keeps all along [m/s]; None where there is none so fast."""
+    inside, glide = velocity[span], np.zeros(2)
+    for _ in range(LOOKS):
+        apart = np.linalg.norm(inside - glide, axis=-1)
+        nearest = np.take_along_axis(inside, apart.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+        stands = apart.min(axis=1) < SWINGING * sliding
+        if not stands.any():
+            return None
+        glide = np.median(nearest[stands], axis=0)
+    return glide if float(np.linalg.norm(glide)) > STRAIGHT * sliding else None
+
+
+def _told_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " t"]:
+    """What each frame tells: 1 where a point glides along at `glide` [m/s], -1 where one stands, 0 where all swing."""
+    size = float(np.linalg.norm(glide))
+    stands = np.linalg.norm(velocity, axis=-1).min(axis=1) / size
+    glides = np.linalg.norm(velocity - glide, axis=-1).min(axis=1) / size
+    return np.where(np.minimum(stands, glides) < NEAR, np.clip(stands - glides, -1.0, 1.0), 0.0)
 
 
 def _most_told(told: Float[np.ndarray, " t"]) -> int:
