@@ -58,15 +58,27 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     return amp_policy
 
 
+INSTEAD = {"push_speed": "push_impulse"}
+"""A range that a preset may have switched off (0 to 0), and what it has in its place."""
+
+
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
-    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one."""
+    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one.
+
+    A change switches nothing on: what is off stays so, and what the preset has instead grows by the same share.
+    """
     from pipeline.training.presets import preset
 
-    ends = {change.what: list(getattr(preset(preset_name), change.what)) for change in changes}
+    options = preset(preset_name)
+    ends: dict[str, tuple[float, float]] = {}
     for change in changes:
-        low, high = ends[change.what]
-        lower = change.value < change.before
-        ends[change.what] = [min(low, change.value), high] if lower else [low, max(high, change.value)]
+        name, value = change.what, change.value
+        if not any(getattr(options, name)) and name in INSTEAD:
+            name = INSTEAD[name]
+            value = getattr(options, name)[1] * change.value / change.before
+        low, high = ends.get(name, getattr(options, name))
+        if low or high:
+            ends[name] = (min(low, value), high) if change.value < change.before else (low, max(high, value))
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
 
 

@@ -107,6 +107,8 @@ def _faults(change: Change, rules: FeedbackRules) -> list[str]:
     allowed = allowed_range(change, rules)
     if allowed is None:
         return [f"{name} is nothing that data/feedback_rules.yaml has a rule for"]
+    if change.section == "randomization" and change.before != rules.randomization[change.what].start:
+        return [f"{name} is {change.before:g} before, but {rules.randomization[change.what].start:g} by the rules"]
     low, high = allowed
     if not low - 1e-9 <= change.value <= high + 1e-9:
         return [f"{name} is {change.value:g}; by {len(change.logs)} logs allowed is {low:g} to {high:g}"]

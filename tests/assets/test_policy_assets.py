@@ -248,6 +248,8 @@ def test_approved_ranges_widen_one_end_each():
 
     found = amp_policy.widened("paper", [Change("friction", 0.3, 0.4), Change("push_speed", 1.7, 1.5)])
     assert found == ("friction=0.3,1.2", "push_speed=0.3,1.7")
+    instead = amp_policy.widened("tracking_amp", [Change("push_speed", 1.65, 1.5)])
+    assert instead == ("push_impulse=0,74.8",), "pushes that the preset has not are not switched on"
     assert amp_policy.widened("paper", []) == ()
 
 
