@@ -137,7 +137,7 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
         Plan(name="exported_policy", packages=export, robot=robot, as_they_are=("amp_policy",), shipped_policies=True),
         Plan(
             name="limit_cycles",
-            packages=("validation", "dart", "deployment"),
+            packages=("validation", "dart", "deployment", "actuators", "hardware_logs"),
             settings_files=("limit_cycles.yaml",),
             robot=robot,
             as_they_are=("hardware_trials",),
@@ -158,7 +158,7 @@ def engine_plans(robot: str) -> tuple[Plan, ...]:
     return (
         Plan(
             name="cross_engine_validation",
-            packages=(*walked, "dart"),
+            packages=(*walked, "dart", "virtual_robot", "hardware_logs"),
             settings_files=("cross_engine.yaml",),
             robot=robot,
         ),
