@@ -32,6 +32,7 @@ def torque_bars(policies: Path, robot: Robot) -> list[Bar]:
     bars = [
         Bar(name="torque, the simulation's own forces", value=largest, unit="N m", sense="<=", bound=MOST_ERROR_NM),
         Bar(name="frames whose forces do not add up at the root", value=100.0 * float(np.mean(~whole)), unit="%"),
+        Bar(name="torque in those frames", value=float(errors[~whole, 1].max(initial=0.0)), unit="N m"),
     ]
     for rate, fps in (("physics rate", round(1.0 / walks[0].timestep_s)), ("50 Hz", JUDGED_HZ)):
         errors = [solved(walk, robot, float(fps)) for walk in walks]
