@@ -76,7 +76,7 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
         if not any(getattr(options, name)) and name in INSTEAD:
             name = INSTEAD[name]
             value = getattr(options, name)[1] * change.value / change.before
-        low, high = ends.get(name, getattr(options, name))
+        low, high = ends[name] if name in ends else getattr(options, name)
         if low or high:
             ends[name] = (min(low, value), high) if change.value < change.before else (low, max(high, value))
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
