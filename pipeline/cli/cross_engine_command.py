@@ -59,6 +59,8 @@ def run(parsed: argparse.Namespace) -> int:
     print(f"{parsed.policy} on {folder}: {'passed' if found.passed else 'failed'}")
     for reason in found.reasons:
         print(f"  {reason}")
+    if not any(cell.required for cell in found.cells):
+        print("  no cell is required: nothing was shown")
     for text in (text for cell in found.cells if cell.required for text in cell.explained):
         print(f"  explained by the armature on the links: {text}")
     if parsed.json:

@@ -41,3 +41,9 @@ def test_the_verdict_is_told_with_every_reason(still: Path, tmp_path: Path, caps
 def test_an_unknown_cell_is_one_sentence(still: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["cross-engine", str(still), "--cells", "walk_9"]) == 1
     assert capsys.readouterr().err.startswith("booster-lab: unknown cell 'walk_9'; there are: arc_left, arc_right")
+
+
+def test_of_cells_that_are_not_required_nothing_passes(still: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["cross-engine", str(still), "--cells", "right_0.4", "--seeds", "1", "--workers", "1"]) == 3
+    said = capsys.readouterr().out
+    assert ": failed\n  no cell is required: nothing was shown" in said
