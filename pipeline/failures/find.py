@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline import time_series
 from pipeline.actuators import JointActuator
-from pipeline.failures.failure import Failure
+from pipeline.failures.failure import HELD, Failure
 from pipeline.failures.falls import falls
 from pipeline.failures.gait import slips, stumbles
 from pipeline.failures.held import excuse_at, excuse_failures, excuses
@@ -21,6 +21,9 @@ from pipeline.failures.tracking import delay_and_gain, steady_stretches, trackin
 from pipeline.failures.trial_report import UNVERIFIED, VERIFIED, TrialReport
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
+
+SOON_S = 1.0
+"""A robot that is in hands so soon after a trial's beginning is put down for it: what counts begins behind that."""
 
 
 def find_failures(
@@ -34,16 +37,18 @@ def find_failures(
     excused = excuses(signals, settings.excuse)
     down = falls(signals, settings.fall, excused, settings.excuse)
     ends = [float(trial.time_s[-1]) + 1.0, *(each.time_s for each in down)]
-    until_s = min(ends + [each.start_s - settings.excuse.before_s for each in excused])
+    put_down = [each for each in excused if each.why == HELD and each.start_s <= SOON_S]
+    until_s = min(ends + [each.start_s - settings.excuse.before_s for each in excused if each not in put_down])
+    alone = _from(signals, max((each.stop_s + settings.excuse.after_s for each in put_down), default=0.0))
     known = bool(np.isfinite(np.asarray(trial.command, dtype=float)).any())
     found = [
         *down,
         *excuse_failures(signals, excused),
-        *stumbles(signals, settings.stumble, until_s - 0.5 if down else until_s),
-        *slips(signals, settings.slip, until_s),
+        *stumbles(alone, settings.stumble, until_s - 0.5 if down else until_s),
+        *slips(alone, settings.slip, until_s),
         *torque_saturations(signals, actuators, settings.torque, until_s),
         *speed_saturations(signals, actuators, settings.speed, until_s),
-        *(tracking_divergences(signals, settings.tracking, until_s) if known else ()),
+        *(tracking_divergences(alone, settings.tracking, until_s) if known else ()),
         *hot_motors(signals, settings.heat),
         *lost_packets(signals, settings.packets),
     ]
@@ -60,11 +65,17 @@ def find_failures(
         simulated=trial.simulated,
         integrity=UNVERIFIED if trial.integrity == "unverified" else VERIFIED,
         seconds=trial.seconds,
-        commands=_commands(signals, settings, until_s) if known else (),
+        commands=_commands(alone, settings, until_s) if known else (),
         command_known=known,
         failures=tuple(sorted(found, key=lambda each: (each.time_s, each.kind, each.joint))),
         notes=_notes(signals, known),
     )
+
+
+def _from(signals: Signals, time_s: float) -> Signals:
+    """The signals with nothing known before a time."""
+    later = signals.time_s >= time_s
+    return dataclasses.replace(signals, known=signals.known & later, commanded=signals.commanded & later)
 
 
 def _explained(failure: Failure, signals: Signals, found: Sequence[Failure], settings: FailureSettings) -> Failure:

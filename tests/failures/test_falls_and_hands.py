@@ -120,6 +120,15 @@ def test_where_the_command_is_lost_a_fall_is_of_no_command_and_nothing_is_steady
     assert restored == fall
 
 
+def test_what_a_robot_does_after_it_was_put_down_is_looked_at(standing, robot, actuators):
+    events = (OperatorEvent(time_s=0.0, kind="held"), OperatorEvent(time_s=0.5, kind="released"))
+    told = np.tile(np.array([1.0, 0.0, 0.0], dtype=np.float32), (len(standing.time_s), 1))
+    report = find_failures(dataclasses.replace(standing, events=events, command=told), robot, actuators, FAILURES)
+    (failed,) = [each for each in report.failures if each.kind == "tracking"]
+    assert failed.of_policy and failed.time_s > 0.5 + FAILURES.excuse.after_s
+    assert report.commands and report.commands[0][3] < 6.0 - 0.5 - FAILURES.excuse.after_s
+
+
 def test_a_robot_that_lies_when_the_log_begins_did_not_fall_in_it(standing, robot):
     lying = 1.5 * np.clip((2.0 - standing.time_s) / 0.5, 0.0, 1.0)
     pitch = standing.rpy + np.outer(lying, [0.0, 1.0, 0.0]).astype(np.float32)
