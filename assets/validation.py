@@ -68,7 +68,10 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         one = deployed(PROJECT.adapted_robot(robot), policy)
         measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())
         verdict = judge(measured, bars, suite=config.suite, policy=digest(policy), robot=one.robot.digest)
-        logs = write_failed_trials(one, verdict, PROJECT.simulated_failures(robot, "mujoco"))
+        folder = PROJECT.simulated_failures(robot, "mujoco")
+        logs = write_failed_trials(one, verdict, folder)
+        for old in set(folder.glob("*.mcap")) - set(logs):
+            old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
         said = {**verdict.to_dict(), "stage": plan.name, "not run": _not_run(config.suite)}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: said})

@@ -15,6 +15,7 @@ from pipeline.files import atomic
 from pipeline.robot import load_robot
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.measure import measure
 from pipeline.validation.report import as_text, table
 from pipeline.validation.suites import QUICK, SUITES, cells_of
@@ -44,6 +45,9 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--suite", choices=SUITES, default=QUICK, help="how much is tried")
     parser.add_argument("--json", metavar="OUT", type=Path, help="write verdict and all numbers here")
+    parser.add_argument(
+        "--failures", metavar="FOLDER", type=Path, help="write a log of each failed cell's worst trial here"
+    )
     parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes; 0 for one each core")
     parser.add_argument("--table", action="store_true", help="print every cell")
     parser.set_defaults(run=run)
@@ -66,6 +70,9 @@ def run(parsed: argparse.Namespace) -> int:
     print(as_text(verdict))
     if parsed.json:
         atomic.write_text(parsed.json, json.dumps(verdict.to_dict(), indent=1, sort_keys=True, allow_nan=False) + "\n")
+    if parsed.failures:
+        for path in write_failed_trials(one, verdict, parsed.failures):
+            print(f"written: {path}")
     return 0 if verdict.passed else FAILED
 
 

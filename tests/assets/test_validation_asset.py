@@ -41,6 +41,10 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     still = still_policy(deployment_task(robot))
     monkeypatch.setattr(validation, "served_policy", lambda manifest: still)
 
+    passed_now = project.simulated_failures("t1", "mujoco") / "of_an_earlier_verdict.mcap"
+    passed_now.parent.mkdir(parents=True)
+    passed_now.write_bytes(b"old")
+
     @dg.asset(key=EXPORTED.key)
     def exported_policy() -> Manifest:
         facts = {"digest": "of what lay there when it was exported"}
