@@ -84,13 +84,9 @@ def support_speed(feet: tuple[FootPoints, FootPoints], settings: ContactSettings
 
 
 def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
-    """What each frame tells: 1 of feet that slide at `sliding` [m/s], -1 of one that stands, 0 where all swing.
-
-    What is as fast as the sliding feet but gains or loses speed is on its way.
-    """
+    """What each frame tells: 1 of feet that slide at `sliding` [m/s], -1 of one that stands, 0 where all swing."""
     share = speed / sliding
-    told = np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0)
-    return np.where(np.abs(np.gradient(share)) < STEADY, told, np.minimum(told, 0.0))
+    return _steady(np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0), share)
 
 
 def _near_ground(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> Float[np.ndarray, "t 4 2"]:
@@ -118,7 +114,13 @@ def _told_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarray, 
     size = float(np.linalg.norm(glide))
     stands = np.linalg.norm(velocity, axis=-1).min(axis=1) / size
     glides = np.linalg.norm(velocity - glide, axis=-1).min(axis=1) / size
-    return np.where(np.minimum(stands, glides) < NEAR, np.clip(stands - glides, -1.0, 1.0), 0.0)
+    told = np.where(np.minimum(stands, glides) < NEAR, np.clip(stands - glides, -1.0, 1.0), 0.0)
+    return _steady(told, stands)
+
+
+def _steady(told: Float[np.ndarray, " t"], share: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    """What is as fast as the sliding feet but gains or loses speed is on its way, and tells nothing."""
+    return np.where(np.abs(np.gradient(share)) < STEADY, told, np.minimum(told, 0.0))
 
 
 def _most_told(told: Float[np.ndarray, " t"]) -> int:

@@ -1,0 +1,81 @@
+"""Where gliding begins and ends: in stance to the frame, in flight between the stances around it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pipeline.clips.human_clip import HumanClip
+from pipeline.files import settings as settings_files
+from pipeline.generator import RECIPES, generate
+from pipeline.repair import RepairSettings
+from pipeline.repair.contacts import both_feet
+from pipeline.repair.skating import Skating, find_skating
+from tests.factories.human_clips import walker
+
+SECONDS = 2.0
+"""Length of a glide [s]."""
+RUN_AT_30_HZ_S = 0.2
+"""In a run at 30 Hz a stance has six frames, two of which are steady: there an edge may be off by this [s]."""
+
+
+@pytest.fixture(scope="module")
+def settings(root) -> RepairSettings:
+    return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
+
+
+def gliding(clip: HumanClip, start: int, stop: int, velocity_m_s: tuple[float, float]) -> HumanClip:
+    """The clip with a velocity added in the frames [start, stop)."""
+    way = np.zeros((clip.frame_count, 1, 3))
+    way[start:stop, 0, :2] = np.array(velocity_m_s) / clip.fps
+    return dataclasses.replace(clip, body_pos_w=clip.body_pos_w + np.cumsum(way, axis=0))
+
+
+def found(clip: HumanClip, settings: RepairSettings) -> list[Skating]:
+    return find_skating(both_feet(clip, 0.0), clip.fps, settings.contact)
+
+
+def observable(contacts: np.ndarray, edge: int, off: float) -> tuple[float, float]:
+    """Between which frames an edge may be told: at the edge, or at the stances around a flight that it falls into."""
+    stands = np.flatnonzero(contacts.any(axis=1))
+    before, after = stands[stands < edge], stands[stands >= edge]
+    return min(before[-1] + 1, edge) - off, max(after[0], edge) + off
+
+
+@pytest.mark.parametrize("name", ["walk", "side_left", "run_easy"])
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize("velocity_m_s", [(0.25, 0.0), (-0.2, 0.15), (0.0, 0.3)])
+def test_glide_is_told_where_it_begins_and_ends(name, fps, velocity_m_s, settings):
+    clip = generate(dataclasses.replace(RECIPES[name], name=name, fps=fps)).clip
+    assert clip.contacts is not None
+    off = RUN_AT_30_HZ_S * fps if (name, fps) == ("run_easy", 30.0) else max(2.0, 0.04 * fps)
+    for first_s in (2.0, 2.17, 2.31):
+        start = round(first_s * fps)
+        stop = start + round(SECONDS * fps)
+        told = found(gliding(clip, start, stop, velocity_m_s), settings)
+        assert len(told) == 1, told
+        for edge, where in ((start, told[0].start), (stop, told[0].stop)):
+            low, high = observable(clip.contacts, edge, off)
+            assert low <= where <= high, (first_s, edge, told)
+
+
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+def test_glide_to_the_end_is_told_to_the_end(fps, settings):
+    clip = walker(fps=fps)
+    told = found(gliding(clip, clip.frame_count // 2, clip.frame_count, (0.3, 0.0)), settings)
+    assert [one.stop for one in told] == [clip.frame_count]
+
+
+def test_two_glides_with_a_second_between_stay_two(settings):
+    clip = generate(RECIPES["walk"]).clip
+    spoilt = gliding(gliding(clip, 120, 240, (0.3, 0.0)), 330, 450, (0.0, 0.3))
+    told = found(spoilt, settings)
+    assert len(told) == 2
+    assert np.allclose([(one.start, one.stop) for one in told], [(120, 240), (330, 450)], atol=3)
+
+
+@pytest.mark.parametrize("name", ["walk", "run_easy", "side_left", "turn_left", "stand"])
+def test_feet_that_stand_do_not_glide(name, settings):
+    assert found(generate(RECIPES[name]).clip, settings) == []
