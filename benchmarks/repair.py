@@ -1,6 +1,6 @@
 """Both error rates of repair (KP2): planted defects found where they are, sound motion left alone.
 
-    python benchmarks/repair.py [--count 200] [--kinds spike,noise] [--jobs 2] [--picture FILE] [--json] [MOCAP]
+    python benchmarks/repair.py [--count 200] [--kinds spike,noise] [--seed 1] [--picture FILE] [--json] [MOCAP]
 
 Sound clips are the generator's and, where MOCAP (by default `../shared/mocap` beside the checkout) has them, real
 recordings. Each kind of defect is planted at random places and strengths until `--count` that matter are counted;
@@ -53,7 +53,7 @@ def main() -> int:
     for start in range(0, len(chunks), len(kinds)):
         wanted = [one for one in chunks[start : start + len(kinds)] if _counted(verdicts[one[0]]) < arguments.count]
         if wanted:
-            jobs = [joblib.delayed(judge_chunk)(kind, first, arguments.mocap) for kind, first in wanted]
+            jobs = [joblib.delayed(judge_chunk)(kind, first, arguments.mocap, arguments.seed) for kind, first in wanted]
             for (kind, _), found in zip(wanted, workers(jobs), strict=True):
                 verdicts[kind] += found or []
     bars = [bar for kind in kinds for bar in kind_bars(kind, verdicts[kind])]
@@ -69,18 +69,18 @@ def main() -> int:
     return 0 if report(bars, machine=machine(), json=arguments.json) else 1
 
 
-def judge_chunk(kind: str, first: int, mocap: Path) -> list[Verdict]:
+def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
     """The plants of a kind numbered from `first` on."""
     numbers = range(first, first + CHUNK)
     if kind in KINDS:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
-        return [judge_plant(kind, number, SEED, mocap, limits) for number in numbers]
+        return [judge_plant(kind, number, seed, mocap, limits) for number in numbers]
     harmless: Callable[..., Verdict] | None = HARMLESS.get(kind)
     if harmless is not None:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
-        return [harmless(number, SEED, mocap, limits) for number in numbers]
+        return [harmless(number, seed, mocap, limits) for number in numbers]
     catalog = settings_file.read(ROOT / "data" / "catalog.yaml", CatalogSettings)
-    return [FILE_KINDS[kind](number, SEED, mocap, catalog) for number in numbers]
+    return [FILE_KINDS[kind](number, seed, mocap, catalog) for number in numbers]
 
 
 def kind_bars(kind: str, verdicts: list[Verdict]) -> list[Bar]:
@@ -116,6 +116,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("mocap", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
     parser.add_argument("--policies", type=Path, default=ROOT.parent / "shared" / "policies")
     parser.add_argument("--count", type=int, default=200, help="defects of each kind that matter")
+    parser.add_argument("--seed", type=int, default=SEED, help="of places and strengths; limits were set with 1")
     parser.add_argument("--kinds", default="", help="only these, by name, with commas between")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--missed", action="store_true", help="tell each defect that was not found or is elsewhere")
