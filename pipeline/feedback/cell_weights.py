@@ -8,8 +8,8 @@ seconds that lie in the cell. With factors f_k on cells k the shares become
 
 For clips that lie in one cell as a whole that is w' = f w. A clip in several cells can't raise one alone: its weight is
 multiplied by what its seconds are worth on average, and these worths are raked until the shares are reached (iterative
-proportional fitting). Where the clips do not allow that, or no second may weigh so much, the shares that were reached
-are told.
+proportional fitting). Where the clips do not allow that, or no second may weigh so much, no named cell is lowered
+against the rest and the shares that were reached are told.
 """
 
 from __future__ import annotations
@@ -97,7 +97,11 @@ def cell_parts(rows: pd.DataFrame, cells: list[str], settings: BalanceSettings) 
 
 
 def _raked(weight: np.ndarray, inside: np.ndarray, factor: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Weights (n,) whose cells have the shares `wanted` (k,), as far as the clips allow it."""
+    """Weights (n,) whose cells have the shares `wanted` (k,), as far as the clips allow it.
+
+    Where they do not, no second of a named cell is made worth less than one of the rest: a raise that can't be had must
+    not be paid for by the cells that share its clips.
+    """
     worth, there = factor.copy(), wanted > 0.0
     rest = 1.0 - inside.sum(axis=1)
     for _ in range(ROUNDS):
@@ -107,6 +111,8 @@ def _raked(weight: np.ndarray, inside: np.ndarray, factor: np.ndarray, wanted: n
             break
         worth[there] *= wanted[there] / share[there]
         worth = np.clip(worth, factor / MOST_WORTH, factor * MOST_WORTH)
+    else:
+        worth = np.maximum(worth, 1.0)
     return weight * (rest + inside @ worth)
 
 

@@ -92,6 +92,13 @@ def test_no_second_passes_the_bound_of_the_balance():
     assert ratio <= max(limit, before) * 1.001
 
 
+def test_a_raise_that_cannot_be_had_lowers_no_other_cell():
+    same = [_left(1e-3), _ahead(1.0)]
+    rows = _balanced(_clip("a", 1.0, same), _clip("b", 1.0, same), _clip("rest", 5.0, [(0.0, 0.0, 1.0, 5.0)]))
+    for cell in reweigh(rows, {LEFT: 2.0, AHEAD: 1.0}, FREE).cells:
+        assert cell.reached >= cell.before * (1.0 - 1e-9)
+
+
 @hypothesis.settings(max_examples=50, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.5, 20.0), st.floats(0.0, 1.0)), min_size=2, max_size=8),
