@@ -2,11 +2,16 @@
 
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from pipeline.robot import Robot, load_robot
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# The same examples in every run: a change is judged by what it changed. Other examples: --hypothesis-profile=default.
+hypothesis.settings.register_profile("same_examples", derandomize=True, database=None)
+hypothesis.settings.load_profile("same_examples")
 
 
 @pytest.fixture(scope="session")
