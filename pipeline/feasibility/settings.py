@@ -1,12 +1,24 @@
-"""The thresholds of KP5 as `data/feasibility.yaml` states them; there stand their values and sources."""
+"""The thresholds of KP5 as `data/feasibility.yaml` states them; there stand their values and sources.
+
+A number's type is its unit, which the file has to say too (`pipeline.files.sourced`).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+from pipeline.files.sourced import Unit
+
+Hertz = Annotated[float, Unit("Hz")]
+Seconds = Annotated[float, Unit("s")]
+Metres = Annotated[float, Unit("m")]
+MetresPerSecond = Annotated[float, Unit("m/s")]
+Degrees = Annotated[float, Unit("deg")]
+OfFrames = Annotated[float, Unit("of frames")]
+OfMotorLimit = Annotated[float, Unit("of the motor's limit")]
 
 RATIO = Range(0.5, 5.0)
 """Of a robot's limit."""
@@ -23,11 +35,11 @@ CUTOFF_HZ = Range(1.0, 25.0)
 class CutSettings:
     """What is done with bad stretches."""
 
-    min_seconds: float
+    min_seconds: Seconds
     """Shortest stretch that goes on [s]."""
-    margin_s: float
+    margin_s: Seconds
     """Cut away with a bad frame on both sides [s]."""
-    share_s: float
+    share_s: Seconds
     """Shares of frames and percentiles over a shorter clip are taken as if the rest of this time had no fault [s]."""
 
     def __post_init__(self) -> None:
@@ -38,23 +50,23 @@ class CutSettings:
 class LikenessSettings:
     """Largest of KP3's figures of a clip, by the names they have there."""
 
-    slip_m_s: float
+    slip_m_s: MetresPerSecond
     """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
-    drift_m: float
+    drift_m: Metres
     """Drift within a stance [m]."""
-    penetration_m: float
+    penetration_m: Metres
     """Deepest sole corner [m]."""
-    height_shift_m: float
+    height_shift_m: Metres
     """How far the clip as a whole stands off the ground [m]."""
-    limb_error_deg: float
+    limb_error_deg: Degrees
     """Mean angle of all limbs to the human's [deg]."""
-    thigh_error_deg: float
+    thigh_error_deg: Degrees
     """Mean angle of the thighs [deg]."""
-    shank_error_deg: float
+    shank_error_deg: Degrees
     """Mean angle of the shanks [deg]."""
-    trunk_error_deg: float
+    trunk_error_deg: Degrees
     """Mean angle of the trunk [deg]."""
-    heading_error_deg: float
+    heading_error_deg: Degrees
     """Mean angle of the pelvis heading [deg]."""
 
     def __post_init__(self) -> None:
@@ -76,17 +88,17 @@ class LikenessSettings:
 class JointSettings:
     """Positions, speeds and accelerations of joints."""
 
-    limit_excess: float
+    limit_excess: Annotated[float, Unit("rad")]
     """Allowed beyond the robot's position limits [rad]."""
-    speed_ratio: float
+    speed_ratio: OfMotorLimit
     """Largest speed over the motor's limit."""
-    speed_over: float
+    speed_over: OfMotorLimit
     """A joint is well over its motor's speed where its speed over the limit is above this."""
-    speed_over_share: float
+    speed_over_share: OfFrames
     """Largest share of a joint's frames in which it is."""
-    speed_over_run_s: float
+    speed_over_run_s: Seconds
     """Longest time it may be without a break [s]."""
-    acceleration_p99: float
+    acceleration_p99: Annotated[float, Unit("rad/s^2")]
     """99th percentile over all frames and joints, low-passed [rad/s^2]."""
 
     def __post_init__(self) -> None:
@@ -105,9 +117,9 @@ class JointSettings:
 class Residual:
     """What no admissible contact force supplies."""
 
-    force: float
+    force: Annotated[float, Unit("of the weight")]
     """Force over the weight."""
-    lever: float
+    lever: Metres
     """Horizontal moment over the weight [m]: how far outside the soles the centre of pressure would have to lie."""
 
     def __post_init__(self) -> None:
@@ -118,28 +130,28 @@ class Residual:
 class TorqueSettings:
     """The torque a motion needs with the best admissible contact forces."""
 
-    cutoff_hz: float
+    cutoff_hz: Hertz
     """Low pass of the motion before accelerations are taken [Hz]."""
-    friction: float
+    friction: Annotated[float, Unit("-")]
     """Coefficient of friction of the ground."""
-    touch_height: float
+    touch_height: Metres
     """A sole corner below this [m] may bear a force."""
-    ratio: float
+    ratio: Annotated[float, Unit("of the torque limit")]
     """A joint is over its limit where torque over limit is above this."""
-    over_share: float
+    over_share: OfFrames
     """Largest share of a joint's frames over its limit."""
-    over_run_s: float
+    over_run_s: Seconds
     """Longest time a joint may be over its limit without a break [s]."""
     consistent: Residual
     """A motion whose residual is below this in nine of ten frames is taken for dynamically consistent."""
     dynamic_residual: Residual
     """Largest mean residual over a window of a consistent motion."""
-    reference_force: tuple[float, float]
+    reference_force: Annotated[tuple[float, float], Unit("of the weight")]
     """Largest mean force residual over a window of another, a reference that can only be followed roughly, over the
     weight: a + b times the speed over ground [m/s]."""
-    reference_lever: tuple[float, float]
+    reference_lever: Annotated[tuple[float, float], Unit("m")]
     """The same of the lever [m]."""
-    residual_window_s: float
+    residual_window_s: Seconds
     """Length of the window [s]."""
 
     def __post_init__(self) -> None:
@@ -161,21 +173,21 @@ class TorqueSettings:
 class FootSettings:
     """Feet on the ground."""
 
-    slip_mean: tuple[float, float]
+    slip_mean: Annotated[tuple[float, float], Unit("m/s")]
     """Largest mean slip [m/s]: a + b times the speed over ground."""
-    slip_p95: tuple[float, float]
+    slip_p95: Annotated[tuple[float, float], Unit("m/s")]
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
-    penetration_p95: float
+    penetration_p95: Metres
     """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
-    penetration_max: float
+    penetration_max: Metres
     """Deepest corner [m]."""
-    floating: float
+    floating: Metres
     """Largest height of the lowest corner of a foot in contact [m]."""
-    flight_height: float
+    flight_height: Metres
     """Both soles higher than this [m] is flight."""
-    flight_s: float
+    flight_s: Seconds
     """Longest flight [s]."""
-    disagreement: float
+    disagreement: Annotated[float, Unit("of foot-frames")]
     """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
 
     def __post_init__(self) -> None:
@@ -196,11 +208,11 @@ class FootSettings:
 class CollisionSettings:
     """The robot against itself."""
 
-    depth: float
+    depth: Metres
     """Deepest overlap of two shapes [m]."""
-    contact_depth: float
+    contact_depth: Metres
     """An overlap deeper than this [m] counts for the share."""
-    share: float
+    share: OfFrames
     """Largest share of frames with such an overlap."""
 
     def __post_init__(self) -> None:
@@ -211,19 +223,19 @@ class CollisionSettings:
 class RootSettings:
     """The root link, low-passed at `cutoff_hz`."""
 
-    cutoff_hz: float
+    cutoff_hz: Hertz
     """[Hz]"""
-    height: tuple[float, float]
+    height: Annotated[tuple[float, float], Unit("of the standing height")]
     """Lowest and highest root over the default root height."""
-    tilt_deg: float
+    tilt_deg: Degrees
     """Largest angle from upright [deg]."""
-    speed: float
+    speed: MetresPerSecond
     """Largest speed of the root [m/s]."""
-    turn_speed: float
+    turn_speed: Annotated[float, Unit("rad/s")]
     """Largest angular speed of the root [rad/s]."""
-    acceleration: float
+    acceleration: Annotated[float, Unit("m/s^2")]
     """Largest acceleration of the root [m/s^2]."""
-    jerk: float
+    jerk: Annotated[float, Unit("m/s^3")]
     """Largest mean jerk of the root [m/s^3]."""
 
     def __post_init__(self) -> None:

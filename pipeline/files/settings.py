@@ -17,6 +17,7 @@ import yaml
 
 from pipeline.errors import SettingsError
 from pipeline.files.ranges import RangeError
+from pipeline.files.sourced import Unit, value_of
 
 MAX_BYTES = 1_000_000
 
@@ -89,6 +90,11 @@ def plain(settings: Any) -> Any:
 
 def _build(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
     origin = typing.get_origin(kind)
+    if origin is typing.Annotated:
+        bare, *remarks = typing.get_args(kind)
+        unit = next((remark for remark in remarks if isinstance(remark, Unit)), None)
+        before, inner = len(faults), value if unit is None else value_of(value, unit, where, faults)
+        return None if inner is None and len(faults) > before else _build(bare, inner, where, faults)
     if dataclasses.is_dataclass(kind):
         return _build_dataclass(kind, value, where, faults)
     if origin in (typing.Union, types.UnionType):
@@ -134,7 +140,7 @@ def _build_dataclass(kind: Any, value: Any, where: str, faults: list[str]) -> An
     if not isinstance(value, dict):
         faults.append(f"'{where or 'the file'}' is {value!r}, wanted a mapping")
         return None
-    hints = typing.get_type_hints(kind)
+    hints = typing.get_type_hints(kind, include_extras=True)
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     prefix = f"{where}." if where else ""
     for unknown in sorted(set(map(str, value)) - set(fields)):

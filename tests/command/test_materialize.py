@@ -86,7 +86,7 @@ def test_a_threshold_changed_recomputes_from_its_stage_on(materialized):
     before = materialized.counts()
     path = materialized.root / "data/feasibility.yaml"
     text = path.read_text()
-    path.write_text(re.sub(r"min_seconds: [0-9.]+", "min_seconds: 0.77", text))
+    path.write_text(re.sub(r"min_seconds: \{value: [0-9.]+", "min_seconds: {value: 0.77", text))
     assert path.read_text() != text
     materialized.materialize()
     made = {name for name, count in materialized.counts().items() if count > before[name]}
@@ -139,7 +139,7 @@ def test_a_run_that_was_killed_leaves_the_last_version_and_is_told_failed_by_the
     database = materialized.database()
     path = materialized.root / "data/feasibility.yaml"
     text = path.read_text()
-    path.write_text(re.sub(r"min_seconds: [0-9.]+", "min_seconds: 0.66", text))
+    path.write_text(re.sub(r"min_seconds: \{value: [0-9.]+", "min_seconds: {value: 0.66", text))
     process = materialized.start("dagster", "asset", "materialize", "--select", "expert_db")
     marker = "feasible_motions: "
     assert any(marker in line for line in process.stdout), "the run ended before KP5"

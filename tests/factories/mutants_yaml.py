@@ -74,9 +74,10 @@ SOURCES_FAULTS: Mapping[str, str] = {
 
 
 def settings_faults(text: str) -> dict[str, str]:
-    """A settings file of numbers with one fault each: `text` holds `limit_excess: 0.05` in `joints:`."""
-    line = "limit_excess: 0.05"
-    assert line in text
+    """A settings file of numbers with one fault each: `text` holds `limit_excess` with unit and source in `joints:`."""
+    line = next(
+        line for line in text.splitlines() if line.startswith("  limit_excess: {value: 0.05, unit: rad")
+    ).strip()
     words = (
         "",
         "null",
@@ -92,13 +93,21 @@ def settings_faults(text: str) -> dict[str, str]:
         "0,05",
         "-1",
     )
-    found = {f"the value '{word}'": text.replace(line, f"limit_excess: {word}", 1) for word in words}
+    found = {f"the value '{word}'": text.replace(line, line.replace("0.05", word), 1) for word in words}
+    found |= {f"'{word}' for value, unit and source": text.replace(line, f"limit_excess: {word}", 1) for word in words}
     return found | {
+        "the bare number": text.replace(line, "limit_excess: 0.05", 1),
+        "another unit": text.replace(line, line.replace("unit: rad", "unit: deg"), 1),
+        "no unit": text.replace(line, line.replace("unit: rad, ", ""), 1),
+        "a source of another kind": text.replace(line, line.replace("source: cal", "source: me"), 1),
+        "a source that is a list": text.replace(line, line.replace("source: cal", "source: [cal]"), 1),
+        "a source without a sentence": text.replace(line, line[: line.index("why:")] + "why: ''}", 1),
+        "one more word of a number": text.replace(line, line.replace("{", "{least: 0, "), 1),
         "a key twice": text.replace(line, f"{line}\n  limit_excess: 9.0", 1),
         "a section twice": text + "\njoints:\n  limit_excess: 9.0\n",
-        "an alias": text.replace(line, "limit_excess: &x 0.05\n  speed_over: *x", 1),
+        "an alias": text.replace(line, line.replace("0.05", "&x 0.05") + "\n  speed_over: *x", 1),
         "a key left out": text.replace(line, "", 1),
-        "a key misspelt": text.replace(line, "limit_exces: 0.05", 1),
+        "a key misspelt": text.replace(line, line.replace("limit_excess", "limit_exces"), 1),
         "a section left out": text.replace("joints:", "joint:", 1),
         "cut in the middle": text[: len(text) // 2],
     }

@@ -14,13 +14,25 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
 @pytest.mark.parametrize(
     ("line", "changed", "said"),
     [
-        ("min_seconds: 0.4", "min_seconds: 0", r"'cut.min_seconds' is 0, allowed is 0.04 to 60"),
-        ("limit_excess: 0.05", "limit_excess: -0.1", r"'joints.limit_excess' is -0.1, allowed is 0 to 1"),
-        ("speed_over_share: 0.05", "speed_over_share: 5", r"'joints.speed_over_share' is 5, allowed is 0 to 1"),
-        ("friction: 1.0", "friction: 0", r"'torque.friction' is 0"),
-        ("slip_mean: [0.1, 0.06]", "slip_mean: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
-        ("height: [0.7, 1.2]", "height: [1.2, 0.7]", r"'root.height\[1\]' is 0.7, allowed is more than the first"),
-        ("tilt_deg: 45.0", "tilt_deg: 450", r"'root.tilt_deg' is 450"),
+        ("min_seconds: {value: 0.4", "min_seconds: {value: 0", r"'cut.min_seconds' is 0, allowed is 0.04 to 60"),
+        (
+            "limit_excess: {value: 0.05",
+            "limit_excess: {value: -0.1",
+            r"'joints.limit_excess' is -0.1, allowed is 0 to 1",
+        ),
+        (
+            "speed_over_share: {value: 0.05",
+            "speed_over_share: {value: 5",
+            r"'joints.speed_over_share' is 5, allowed is 0 to 1",
+        ),
+        ("friction: {value: 1.0", "friction: {value: 0", r"'torque.friction' is 0"),
+        ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
+        (
+            "height: {value: [0.7, 1.2]",
+            "height: {value: [1.2, 0.7]",
+            r"'root.height\[1\]' is 0.7, allowed is more than the first",
+        ),
+        ("tilt_deg: {value: 45.0", "tilt_deg: {value: 450", r"'root.tilt_deg' is 450"),
         (
             "forward: [-0.6, 2.0, 0.2]",
             "forward: [-0.6, 2.0, 0]",
@@ -29,8 +41,8 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("forward: [-0.6, 2.0, 0.2]", "forward: [-0.6, 2.0, 0.3]", r"in cells of 0.3, allowed are 1 to 1000 whole"),
         ("max_ratio: 10.0", "max_ratio: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
         (
-            "consistent: {force: 0.05",
-            "consistent: {force: 0",
+            "force: {value: 0.05",
+            "force: {value: 0",
             r"'torque.consistent.force' is 0, allowed is more than 0",
         ),
     ],
@@ -44,7 +56,11 @@ def test_a_number_out_of_its_range_is_refused_by_its_name(tmp_path, line, change
 
 
 def test_all_faults_are_told_at_once(tmp_path):
-    text = FILE.read_text().replace("friction: 1.0", "friction: 9").replace("tilt_deg: 45.0", "tilt_deg: -1")
+    text = (
+        FILE.read_text()
+        .replace("friction: {value: 1.0", "friction: {value: 9")
+        .replace("tilt_deg: {value: 45.0", "tilt_deg: {value: -1")
+    )
     (tmp_path / "feasibility.yaml").write_text(text)
     with pytest.raises(SettingsError, match=r"torque\.friction.*root\.tilt_deg"):
         settings.read(tmp_path / "feasibility.yaml", FeasibilitySettings)

@@ -1,0 +1,72 @@
+"""Numbers of settings that bear their unit and where they come from.
+
+A field says by its type that it does: `Annotated[float, Unit("rad")]`. The file then has for it
+
+    limit_excess: {value: 0.05, unit: rad, source: cal, why: "MuJoCo's limits are soft"}
+
+and the settings object the bare number: another sentence is no other setting. `origins` gives what else was said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+SOURCES = {
+    "cal": "calibrated: so that known good motion holds it and planted faults do not",
+    "lit": "published",
+    "phys": "follows from physics or from the robot's size",
+    "judge": "judgement",
+}
+"""Kinds of sources and what they mean."""
+
+_KEYS = ("value", "unit", "source", "why")
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What a number is measured in; a file that says another unit is refused."""
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """What is said of a number besides its value."""
+
+    unit: str
+    source: str
+    """One of `SOURCES`."""
+    why: str
+    """Where the value comes from, as a sentence."""
+
+
+def value_of(said: Any, unit: Unit, where: str, faults: list[str]) -> Any:
+    """The value of a number with unit and source, None where there is none; what is wrong is added to `faults`."""
+    if not isinstance(said, dict):
+        form = f"{{value: …, unit: {unit.name}, source: {' | '.join(SOURCES)}, why: …}}"
+        faults.append(f"'{where}' is {said!r}, wanted {form}")
+        return None
+    faults += [f"unknown key '{where}.{key}', there are: {', '.join(_KEYS)}" for key in said if key not in _KEYS]
+    faults += [f"'{where}.{key}' is missing" for key in _KEYS if key not in said]
+    if said.get("unit", unit.name) != unit.name:
+        faults.append(f"'{where}.unit' is {said['unit']!r}, wanted {unit.name!r}")
+    if said.get("source", "cal") not in tuple(SOURCES):
+        faults.append(f"'{where}.source' is {said['source']!r}, there are: {', '.join(SOURCES)}")
+    if "why" in said and not (isinstance(said["why"], str) and said["why"].strip()):
+        faults.append(f"'{where}.why' is {said['why']!r}, wanted a sentence")
+    return said.get("value")
+
+
+def origins(said: Any, where: str = "") -> dict[str, Origin]:
+    """Unit and source of every number that bears them in a settings file, by its dotted name (`joints.limit_excess`).
+
+    Args:
+        said: what `settings.read_yaml` gave, of a file that `settings.read` took
+    """
+    if not isinstance(said, dict):
+        return {}
+    if set(said) == set(_KEYS):
+        return {where: Origin(unit=said["unit"], source=said["source"], why=said["why"])}
+    prefix = f"{where}." if where else ""
+    return {name: found for key, each in said.items() for name, found in origins(each, f"{prefix}{key}").items()}
