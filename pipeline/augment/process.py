@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from pipeline.augment.mirror import mirror_clip, mirror_numbers
+from pipeline.augment.perturb import perturb
 from pipeline.augment.settings import AugmentSettings
+from pipeline.augment.strengths import Strengths, perturbed_numbers
 from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
-from pipeline.clips.outcome import Numbers, Outcome, Piece
+from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 
 
 def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:
-    """The clip, its mirror image, and both at other playing speeds, as the settings say.
+    """The clip, its mirror image, and both at other playing speeds and with perturbations, as the settings say.
 
     Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
-    the clip it was made from: variants of one parent share a weight later.
+    the clip it was made from: variants of one parent share a weight later. A perturbed one says the strength of each
+    kind too. A perturbation that the robot can't follow, or that changes nothing, is a reason and no piece.
     """
     originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
     if settings.mirror:
@@ -23,7 +26,9 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:
         pieces += [_scaled(piece, scale, clip.name) for scale in settings.time_scales for piece in originals]
-    return Outcome(pieces=tuple(pieces), numbers={"variants": len(pieces)})
+    perturbed, reasons = _perturbed(originals, settings.perturbations, robot)
+    pieces += perturbed
+    return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers={"variants": len(pieces)})
 
 
 def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
@@ -32,6 +37,23 @@ def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
     faster = time_scale_clip(clip, scale, f"{clip.name}~x{scale:g}")
     mirrored = bool(piece.numbers["mirrored"])
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
+
+
+def _perturbed(originals: list[Piece], strengths: Strengths, robot: Robot) -> tuple[list[Piece], list[Reason]]:
+    pieces: list[Piece] = []
+    reasons: list[Reason] = []
+    for kind, strength in strengths.each():
+        for piece in originals:
+            clip, mark = piece.clip, f"{kind}{strength:g}"
+            assert isinstance(clip, RobotClip)
+            made = perturb(clip, robot, kind, strength, f"{clip.name}~{mark}")
+            if isinstance(made, Reason):
+                reasons.append(made)
+                continue
+            variant = f"mirror~{mark}" if piece.numbers["mirrored"] else mark
+            numbers = {**perturbed_numbers(piece.numbers, kind, strength), "variant": variant}
+            pieces.append(Piece(clip=made, numbers=numbers))
+    return pieces, reasons
 
 
 def _piece(clip: RobotClip, numbers: Numbers, parent: str, *, mirrored: bool, scale: float) -> Piece:

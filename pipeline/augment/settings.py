@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.augment.strengths import Strengths
 from pipeline.clips.skill import LABELS
 from pipeline.files.ranges import OneOf, Range, check
 
@@ -25,7 +26,9 @@ class AugmentSettings:
     time_scales: tuple[float, ...]
     """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high."""
     unscaled_skills: tuple[str, ...]
-    """Skills that are only mirrored: their speed is what makes them."""
+    """Skills that are played at no other speed: standing is the same slower."""
+    perturbations: Strengths
+    """Variants with other steps or another posture."""
 
     def __post_init__(self) -> None:
         check(self, time_scales=_Scale(0.5, 2.0), unscaled_skills=OneOf(LABELS))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.augment import AugmentSettings, process
+from pipeline.augment.strengths import Strengths
 from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings
@@ -13,7 +14,7 @@ from pipeline.files.ranges import RangeError
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 
-BOTH = AugmentSettings(mirror=True, time_scales=(0.9, 1.1), unscaled_skills=("stand",))
+BOTH = AugmentSettings(mirror=True, time_scales=(0.9, 1.1), unscaled_skills=("stand",), perturbations=Strengths())
 
 
 def test_the_committed_settings_are_read(root: Path):
@@ -82,4 +83,4 @@ def test_numbers_scale_as_their_units_say():
 @pytest.mark.parametrize("scale", [0.0, -1.0, 1.0, 2.5])
 def test_a_time_scale_that_makes_no_variant_is_refused(scale: float):
     with pytest.raises(RangeError, match=r"'time_scales\[0\]' is .*(allowed is 0.5 to 2|the original)"):
-        AugmentSettings(mirror=False, time_scales=(scale,), unscaled_skills=())
+        AugmentSettings(mirror=False, time_scales=(scale,), unscaled_skills=(), perturbations=Strengths())

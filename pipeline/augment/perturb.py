@@ -1,0 +1,256 @@
+"""A robot motion with longer or shorter steps, feet further apart or lifted higher, or a trunk that leans.
+
+clip -> where the root and the feet are to be -> the legs solved again -> clip
+
+A foot that stands stands as it did, elsewhere; a leg follows its foot from the root that it hangs on. All else (waist,
+arms, head, how the feet roll, when they are put down) is the original's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.augment.footholds import lift_in_swings, offset_by_stance
+from pipeline.augment.leg_solver import Leg, Reach, legs_of, reach
+from pipeline.clips.outcome import Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.command_velocity import STRIDE_S
+from pipeline.quality.sole import sole_motion
+from pipeline.quality.sole_contact import contact_from_sole
+from pipeline.robot import Kinematics, LinkPoses, Robot
+
+LEAST_CHANGE = 0.002
+"""A variant whose feet and root move by less [m] beside the original is none."""
+
+LEAST_LEAN = 1e-3
+"""[rad]"""
+
+WALKING_M_S = 0.05
+"""Speed of the root [m/s] from which on its direction tells what is along the path and what is beside it."""
+
+MOST_LOWERED = 0.03
+"""[m] by which the root may be lowered so that the legs reach."""
+
+ANKLE_JOINTS, MOST_TURNED = 2, 0.1
+"""The last joints of a leg, and how far a foot in the air may turn where one of them ends [rad]."""
+
+LIMIT_SLACK = 1e-6
+"""Rounding of a joint at its limit [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gait:
+    """What is looked at of the original."""
+
+    clip: RobotClip
+    poses: LinkPoses
+    contacts: Bool[np.ndarray, "t 2"]
+    foot_pos_w: Float[np.ndarray, "t 2 3"]
+    """Centres of the soles [m]."""
+    clearance: Float[np.ndarray, "t 2"]
+    """Height of the lowest corner of each sole [m]."""
+    hips_w: Float[np.ndarray, "t 3"]
+    """Midpoint between the hips [m]."""
+    heading: Float[np.ndarray, " t"]
+    """Of the root, without the turning of each step [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """Where the root and the feet are to be."""
+
+    root_pos_w: Float[np.ndarray, "t 3"]
+    root_quat_w: Float[np.ndarray, "t 4"]
+    foot_offset_w: Float[np.ndarray, "t 2 3"]
+    """Beside the original's [m]."""
+
+
+def perturb(clip: RobotClip, robot: Robot, kind: str, strength: float, name: str) -> RobotClip | Reason:
+    """The clip with a perturbation of `pipeline.augment.strengths.KINDS`, or why there is none."""
+    gait = gait_of(clip, robot)
+    course = _COURSES[kind](gait, strength)
+    if _nothing_changed(gait, course):
+        text = f"{name.removeprefix(clip.name)} is not made: less than {100 * LEAST_CHANGE:g} cm would change."
+        return Reason(code="nothing_to_perturb", text=text, effect="noted", value=strength)
+    legs = legs_of(robot)
+    poses = Kinematics(robot).forward(course.root_pos_w, course.root_quat_w, clip.joint_pos)
+    lowered = np.array([0.0, 0.0, -_lowering(gait, course, poses, legs)])
+    joint_pos = clip.joint_pos.copy()
+    for side, leg in enumerate(legs):
+        foot = int(leg.links[-1])
+        found = reach(
+            robot.tree,
+            leg,
+            (poses.pos_w[:, leg.base] + lowered, poses.quat_w[:, leg.base]),
+            (gait.poses.pos_w[:, foot] + course.foot_offset_w[:, side], gait.poses.quat_w[:, foot]),
+            clip.joint_pos[:, leg.joints],
+        )
+        within = _within_limits(clip, robot, leg, gait.contacts[:, side], found, name)
+        if isinstance(within, Reason):
+            return within
+        joint_pos[:, leg.joints] = within
+    root_pos_w = course.root_pos_w + lowered
+    return dataclasses.replace(
+        clip, name=name, root_pos_w=root_pos_w, root_quat_w=course.root_quat_w, joint_pos=joint_pos
+    )
+
+
+def _lowering(gait: Gait, course: Course, poses: LinkPoses, legs: tuple[Leg, Leg]) -> float:
+    """How much lower the root has to be all the way [m], so that no leg is stretched further than in the original.
+
+    One number for the whole motion, as who takes longer steps walks a little lower; zero where legs are not stretched,
+    `MOST_LOWERED` where that is not enough.
+    """
+    needed = 0.0
+    for side, leg in enumerate(legs):
+        hip, foot = int(leg.links[0]), int(leg.links[-1])
+        before = gait.poses.pos_w[:, hip] - gait.poses.pos_w[:, foot]
+        longest = float(rotation.length(before).max())
+        now = poses.pos_w[:, hip] - gait.poses.pos_w[:, foot] - course.foot_offset_w[:, side]
+        aside = np.hypot(now[:, 0], now[:, 1])
+        if aside.max() >= longest:
+            return MOST_LOWERED
+        needed = max(needed, float(np.max(now[:, 2] - np.sqrt(longest**2 - aside**2))))
+    return min(needed, MOST_LOWERED)
+
+
+def gait_of(clip: RobotClip, robot: Robot) -> Gait:
+    """Contacts are the clip's, or told from its soles where it has none."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    hips = [int(leg.links[0]) for leg in legs_of(robot)]
+    sole = sole_motion(clip, robot)
+    return Gait(
+        clip=clip,
+        poses=poses,
+        contacts=contact_from_sole(sole) if clip.contacts is None else clip.contacts,
+        foot_pos_w=kinematics.site_pos_w(poses, robot.feet),
+        clearance=sole.height,
+        hips_w=poses.pos_w[:, hips].mean(axis=1),
+        heading=_steady(np.unwrap(rotation.yaw_of(clip.root_quat_w)), clip.fps),
+    )
+
+
+def _steady(angle: Float[np.ndarray, " t"], fps: float) -> Float[np.ndarray, " t"]:
+    """Mean over a stride about each frame. The straight line between the ends is taken off meanwhile: the window
+    shrinks there, which would shift what goes on turning."""
+    line = np.linspace(angle[0], angle[-1], len(angle))
+    return line + time_series.moving_mean(angle - line, 2 * round(STRIDE_S * fps / 2.0) + 1)
+
+
+def _step_length(gait: Gait, factor: float) -> Course:
+    """The root's way is scaled, and with it where each foot stands along the way, before and behind the root alike."""
+    root = gait.clip.root_pos_w
+    more = (factor - 1.0) * (root - root[0]) * [1.0, 1.0, 0.0]
+
+    def offset_at(side: int, frame: int) -> np.ndarray:
+        before_root = gait.foot_pos_w[frame, side] - root[frame]
+        return more[frame] + (factor - 1.0) * _along(gait, frame, before_root)
+
+    return _course(gait, offset_at, root_offset_w=more)
+
+
+def _along(gait: Gait, frame: int, vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """The part of a vector along the way that the root goes about a frame; less of it where the root hardly goes."""
+    root, half = gait.clip.root_pos_w, round(STRIDE_S * gait.clip.fps / 2.0)
+    first, last = max(frame - half, 0), min(frame + half, len(root) - 1)
+    velocity = (root[last] - root[first]) * [1.0, 1.0, 0.0] * gait.clip.fps / max(last - first, 1)
+    return velocity * (velocity @ vector) / (velocity @ velocity + WALKING_M_S**2)
+
+
+def _step_width(gait: Gait, more: float) -> Course:
+    """Half of it to the left for the left foot, half to the right for the right one, by the heading of each stance."""
+
+    def offset_at(side: int, frame: int) -> np.ndarray:
+        yaw = float(gait.heading[frame])
+        return (0.5 - side) * more * np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+
+    return _course(gait, offset_at)
+
+
+def _foot_lift(gait: Gait, more: float) -> Course:
+    course = _course(gait, lambda side, frame: np.zeros(3))
+    for side in range(2):
+        lift = lift_in_swings(gait.contacts[:, side], gait.clearance[:, side], gait.clip.fps)
+        course.foot_offset_w[:, side, 2] = more * lift
+    return course
+
+
+def _trunk_lean(gait: Gait, lean_deg: float) -> Course:
+    """The root turned about the lateral axis of its heading that runs between the hips: they stay where they are."""
+    course = _course(gait, lambda side, frame: np.zeros(3))
+    lateral = np.stack([-np.sin(gait.heading), np.cos(gait.heading), np.zeros_like(gait.heading)], axis=1)
+    turn = rotation.from_rotvec(np.radians(lean_deg) * lateral)
+    root_pos_w = gait.hips_w + rotation.rotate(turn, gait.clip.root_pos_w - gait.hips_w)
+    root_quat_w = rotation.multiply(turn, gait.clip.root_quat_w)
+    return dataclasses.replace(course, root_pos_w=root_pos_w, root_quat_w=rotation.make_continuous(root_quat_w))
+
+
+_COURSES: dict[str, Callable[[Gait, float], Course]] = {
+    "step_length": _step_length,
+    "step_width": _step_width,
+    "foot_lift": _foot_lift,
+    "trunk_lean": _trunk_lean,
+}
+
+
+def _course(
+    gait: Gait,
+    offset_at: Callable[[int, int], Float[np.ndarray, " 3"]],
+    root_offset_w: Float[np.ndarray, "t 3"] | float = 0.0,
+) -> Course:
+    """The original's course with an offset for each foothold and one of the root."""
+    feet = [offset_by_stance(gait.contacts[:, side], partial(offset_at, side)) for side in range(2)]
+    return Course(
+        root_pos_w=gait.clip.root_pos_w + root_offset_w,
+        root_quat_w=gait.clip.root_quat_w,
+        foot_offset_w=np.stack(feet, axis=1),
+    )
+
+
+def _nothing_changed(gait: Gait, course: Course) -> bool:
+    moved = max(np.abs(course.foot_offset_w).max(), np.abs(course.root_pos_w - gait.clip.root_pos_w).max())
+    turned = np.max(rotation.angle_between(gait.clip.root_quat_w, course.root_quat_w))
+    return bool(moved < LEAST_CHANGE and turned < LEAST_LEAN)
+
+
+def _within_limits(
+    clip: RobotClip, robot: Robot, leg: Leg, standing: Bool[np.ndarray, " t"], found: Reach, name: str
+) -> Float[np.ndarray, "t n"] | Reason:
+    """A leg's joints within their limits, or what keeps the robot from the variant: a frame that the leg can't reach,
+    or a joint beyond its limit.
+
+    A foot in the air turns by what its ankle lacks, up to `MOST_TURNED`; one that stands does not. Where the original
+    is beyond a limit the variant may be as far beyond it.
+    """
+    variant = name.removeprefix(clip.name)
+    if not found.reached.all():
+        frame = int(np.argmax(found.miss))
+        miss, foot = float(found.miss[frame]), robot.link_names[leg.links[-1]]
+        text = f"{variant} is not made: frame {frame}: {foot} stays {100 * miss:.2f} cm short of its place."
+        return _rejected("unreachable", text, clip, frame, miss, 0.0, "m")
+    before = clip.joint_pos[:, leg.joints]
+    lower = np.minimum(robot.joint_lower[leg.joints], before.min(axis=0))
+    upper = np.maximum(robot.joint_upper[leg.joints], before.max(axis=0))
+    limited = np.clip(found.joint_pos, lower, upper)
+    beyond = np.abs(found.joint_pos - limited)
+    beyond[:, -ANKLE_JOINTS:] -= np.where(standing, 0.0, MOST_TURNED)[:, None]
+    frame, place = (int(index) for index in np.unravel_index(np.argmax(beyond), beyond.shape))
+    if beyond[frame, place] <= LIMIT_SLACK:
+        return limited
+    value, limit = float(found.joint_pos[frame, place]), float(limited[frame, place])
+    joint = robot.joint_names[leg.joints[place]]
+    text = f"{variant} is not made: frame {frame}: {joint} would be at {value:.3f} rad, beyond its limit {limit:.3f}."
+    return _rejected("joint_limit", text, clip, frame, value, limit, "rad")
+
+
+def _rejected(code: str, text: str, clip: RobotClip, frame: int, value: float, limit: float, unit: str) -> Reason:
+    place = {"start_s": frame / clip.fps, "stop_s": (frame + 1) / clip.fps}
+    return Reason(code=code, text=text, effect="rejected", value=value, limit=limit, unit=unit, **place)
