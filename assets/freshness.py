@@ -96,6 +96,8 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             return database_version(project.expert_db(plan.robot or ""))
         if plan.name in ("adapted_robot", "exported_policy") and not _whole(project, plan):
             return None
+        if plan.name == "feasible_motions" and not _has_criteria(project, plan):
+            return None
         return digest.of_file(project.store.manifest_path(plan.key.to_user_string()))
     except (PipelineError, OSError):
         return None
@@ -106,6 +108,14 @@ def _whole(project: Project, plan: Plan) -> bool:
     (facts,) = project.store.load(plan.key.to_user_string()).settings.values()
     folder = project.root / facts["folder"] if "folder" in facts else project.adapted_robot(plan.robot or "")
     return all(digest.of_file(folder / name) == content for name, content in facts["files"].items())
+
+
+def _has_criteria(project: Project, plan: Plan) -> bool:
+    """The table of criteria beside the manifest is that of this manifest."""
+    from pipeline.feasibility.criteria_table import belongs, path_beside
+
+    manifest = project.store.manifest_path(plan.key.to_user_string())
+    return belongs(path_beside(manifest), manifest)
 
 
 def last_tags(instance: dg.DagsterInstance, key: dg.AssetKey) -> Mapping[str, str] | None:

@@ -10,6 +10,7 @@ import pandas as pd
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
 from assets.approved import approved_key, approved_part, approved_specs, noting, told
 from assets.checks import check_specs
+from assets.criteria import thresholds, write_table
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
 from assets.plainly import plainly, told_plainly
@@ -186,6 +187,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
         from pipeline.feasibility import FeasibilitySettings, balance, coverage, process
         from pipeline.feasibility.command_seconds import by_command
+        from pipeline.feasibility.criteria_table import split
         from pipeline.feasibility.recheck import recheck
         from pipeline.robot import load_robot
         from pipeline.viewing.plots import command_seconds, lost_seconds
@@ -195,6 +197,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
         stage = stage_of(plan, partial(process, settings=values, robot=robot), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
+        manifest, criteria = split(manifest, thresholds())
         balanced = balance(manifest.entry_table(), values)
         made = balanced[["clip", "weight", "family"]].itertuples(index=False)
         manifest = manifest.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
@@ -202,7 +205,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
         manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata |= told(feedback) | reweighted
+        metadata |= told(feedback) | reweighted | write_table(plan, criteria, manifest)
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.feasibility import collision_criteria, foot_criteria, joint_criteria, root_criteria, torque_criteria
+from pipeline.feasibility import (
+    collision_criteria,
+    foot_criteria,
+    joint_criteria,
+    root_criteria,
+    torque_criteria,
+    tracking_criteria,
+)
 from pipeline.feasibility.command_seconds import command_seconds_text
 from pipeline.feasibility.gait_signature import gait_signature_text
 from pipeline.feasibility.motion import Motion
@@ -71,5 +78,6 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
         root_criteria.root_tilt(motion, root),
         *root_criteria.root_speeds(motion, root),
         root_criteria.root_jerk(motion, root),
+        *tracking_criteria.tracking(motion, settings.tracking),
     )
     return Assessment(motion=motion, verdicts=verdicts, dynamic=dynamics.consistent)

@@ -34,6 +34,8 @@ class Motion:
     """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
     smooth_root_pos_w: Float[np.ndarray, "t 3"]
     smooth_root_quat_w: Float[np.ndarray, "t 4"]
+    reference: RobotClip | None = None
+    """The motion that was tracked, at the same frames; None where this is no tracked rollout."""
     least_frames: int
     """Shares and percentiles are over as many frames at least; those that a shorter clip lacks have no fault."""
 
@@ -48,11 +50,14 @@ class Motion:
 
     def cut(self, start: int, stop: int, settings: FeasibilitySettings) -> Motion:
         """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
-        return motion_of(self.clip.cut(start, stop, self.clip.name), self.robot, settings)
+        reference = None if self.reference is None else self.reference.cut(start, stop, self.reference.name)
+        return motion_of(self.clip.cut(start, stop, self.clip.name), self.robot, settings, reference)
 
 
-def motion_of(clip: RobotClip, robot: Robot, settings: FeasibilitySettings) -> Motion:
-    """The clip, resampled to 50 Hz by time, with what follows from it."""
+def motion_of(
+    clip: RobotClip, robot: Robot, settings: FeasibilitySettings, reference: RobotClip | None = None
+) -> Motion:
+    """The clip, resampled to 50 Hz by time, with what follows from it; `reference` is at the frames of that."""
     clip = at_database_rate(clip)
     sole = sole_motion(clip, robot)
     cutoff_hz = settings.root.cutoff_hz
@@ -66,6 +71,7 @@ def motion_of(clip: RobotClip, robot: Robot, settings: FeasibilitySettings) -> M
         commands=command_velocity_over_time(clip.root_pos_w, clip.root_quat_w, clip.fps),
         smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
         smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
+        reference=reference,
         least_frames=round(settings.cut.share_s * FPS),
     )
 

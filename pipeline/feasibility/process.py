@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,12 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess
+from pipeline.feasibility.judgement import NUMBER, Judgement, judge, length, to_text
 from pipeline.feasibility.likeness_criteria import likeness
-from pipeline.feasibility.motion import Motion, motion_of
+from pipeline.feasibility.motion import Motion, at_database_rate, motion_of
+from pipeline.feasibility.reference import References, no_references, reference_of
 from pipeline.feasibility.settings import CutSettings, FeasibilitySettings
+from pipeline.feasibility.verdict import Verdict
 from pipeline.robot import Robot
 
 MAX_CUTS = 3
@@ -29,50 +33,86 @@ class _Stretch:
     assessment: Assessment
 
 
-def process(clip: RobotClip, numbers: Numbers, *, settings: FeasibilitySettings, robot: Robot) -> Outcome:
+@dataclass(frozen=True, kw_only=True)
+class _Judged:
+    """What is gathered while a clip is judged and cut."""
+
+    reasons: list[Reason]
+    judgements: list[Judgement]
+    unlike: tuple[Verdict, ...]
+    """Verdicts on likeness, which hold for every part of the clip."""
+
+
+def process(
+    clip: RobotClip,
+    numbers: Numbers,
+    *,
+    settings: FeasibilitySettings,
+    robot: Robot,
+    references: References = no_references,
+) -> Outcome:
     """What of a clip the robot can do, with a number a criterion and every reason against the rest.
 
     A clip that holds goes on whole and under its name. Else the frames that broken criteria blame are cut out
     with a margin, and stretches of `settings.cut.min_seconds` or more are judged again as clips of their own;
     those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself. A clip
-    that KP3 could not bring close enough to the human does not go on at all.
+    that KP3 could not bring close enough to the human does not go on at all. All criteria on every stretch that was
+    judged are one of the numbers, as text (`judgement.NUMBER`). `references` has the motions that rollouts tracked.
     Raises ClipError where the clip is not this robot's or holds numbers that are not finite.
     """
     _check(clip, robot)
-    motion = motion_of(clip, robot, settings)
+    reference = reference_of(at_database_rate(clip), numbers, robot, references)
+    motion = motion_of(clip, robot, settings, reference)
     whole = assess(motion, settings)
-    reasons: list[Reason] = []
-    stretches = _judge(whole, 0, settings, reasons, MAX_CUTS)
-    unlike = [verdict for verdict in likeness(numbers, settings.likeness) if not verdict.holds]
+    said = _Judged(reasons=[], judgements=[], unlike=likeness(numbers, settings.likeness))
+    stretches = _judge(whole, 0, settings, numbers, said, MAX_CUTS)
+    reasons = said.reasons
+    unlike = [verdict for verdict in said.unlike if not verdict.holds]
     if unlike:
         stretches = []
         reasons[:0] = [verdict.reason(motion.clip.fps, 0.0, motion.clip.duration_s) for verdict in unlike]
     pieces = tuple(_piece(stretch, index, motion, numbers) for index, stretch in enumerate(stretches))
     kept_s = sum(piece.clip.duration_s for piece in pieces)
-    found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s}
+    judgements = to_text([_with_piece(each, pieces) for each in said.judgements])
+    found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s, NUMBER: judgements}
     return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=found)
 
 
 def _judge(
-    found: Assessment, offset: int, settings: FeasibilitySettings, reasons: list[Reason], cuts_left: int
+    found: Assessment,
+    offset: int,
+    settings: FeasibilitySettings,
+    numbers: Numbers,
+    said: _Judged,
+    cuts_left: int,
 ) -> list[_Stretch]:
     """Stretches of a motion that hold; `offset` is its first frame in the input."""
     motion = found.motion
     count, fps = motion.clip.frame_count, motion.clip.fps
-    if count / fps < settings.cut.min_seconds:
-        reasons.append(_too_short(offset, count, fps, settings.cut))
+    own_length = length(count / fps, settings.cut.min_seconds)
+    said.judgements.append(judge(found, (*said.unlike, own_length), numbers, offset))
+    if not own_length.holds:
+        said.reasons.append(own_length.reason(fps, offset / fps, (offset + count) / fps))
         return []
     if found.holds:
         return [_Stretch(start=offset, stop=offset + count, assessment=found)]
-    reasons += [verdict.reason(fps, offset / fps, (offset + count) / fps) for verdict in found.broken]
+    said.reasons.extend(verdict.reason(fps, offset / fps, (offset + count) / fps) for verdict in found.broken)
     bad = found.bad
     if cuts_left == 0 or not bad.any():
         return []
     kept: list[_Stretch] = []
     for start, stop in _remaining(bad, fps, settings.cut):
         part = assess(motion.cut(start, stop, settings), settings)
-        kept += _judge(part, offset + start, settings, reasons, cuts_left - 1)
+        kept += _judge(part, offset + start, settings, numbers, said, cuts_left - 1)
     return kept
+
+
+def _with_piece(judgement: Judgement, pieces: tuple[Piece, ...]) -> Judgement:
+    """The judgement with the name of the clip that went on from its stretch."""
+    for piece in pieces:
+        if (piece.numbers["stretch_start_s"], piece.numbers["stretch_stop_s"]) == (judgement.start_s, judgement.stop_s):
+            return dataclasses.replace(judgement, piece=piece.clip.name)
+    return judgement
 
 
 def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple[int, int]]:
@@ -92,19 +132,6 @@ def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> P
     fps = motion.clip.fps
     place = {"stretch_start_s": stretch.start / fps, "stretch_stop_s": stretch.stop / fps}
     return Piece(clip=clip, numbers={**numbers, **found, **place, "seconds": clip.duration_s})
-
-
-def _too_short(offset: int, count: int, fps: float, settings: CutSettings) -> Reason:
-    return Reason(
-        code="too_short",
-        text=f"only {count / fps:.2f} s long; at least {settings.min_seconds:g} s are wanted.",
-        effect="rejected",
-        start_s=offset / fps,
-        stop_s=(offset + count) / fps,
-        value=count / fps,
-        limit=settings.min_seconds,
-        unit="s",
-    )
 
 
 def _check(clip: RobotClip, robot: Robot) -> None:

@@ -9,16 +9,22 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
+from pipeline.feasibility.tracking_settings import TrackingSettings
+from pipeline.feasibility.units import (
+    Degrees,
+    Hertz,
+    Metres,
+    MetresPerSecond,
+    MetresPerSecondBySpeed,
+    OfFrames,
+    OfMotorLimit,
+    OfWeight,
+    Plain,
+    Radians,
+    Seconds,
+)
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 from pipeline.files.sourced import Unit
-
-Hertz = Annotated[float, Unit("Hz")]
-Seconds = Annotated[float, Unit("s")]
-Metres = Annotated[float, Unit("m")]
-MetresPerSecond = Annotated[float, Unit("m/s")]
-Degrees = Annotated[float, Unit("deg")]
-OfFrames = Annotated[float, Unit("of frames")]
-OfMotorLimit = Annotated[float, Unit("of the motor's limit")]
 
 RATIO = Range(0.5, 5.0)
 """Of a robot's limit."""
@@ -88,7 +94,7 @@ class LikenessSettings:
 class JointSettings:
     """Positions, speeds and accelerations of joints."""
 
-    limit_excess: Annotated[float, Unit("rad")]
+    limit_excess: Radians
     """Allowed beyond the robot's position limits [rad]."""
     speed_ratio: OfMotorLimit
     """Largest speed over the motor's limit."""
@@ -117,7 +123,7 @@ class JointSettings:
 class Residual:
     """What no admissible contact force supplies."""
 
-    force: Annotated[float, Unit("of the weight")]
+    force: OfWeight
     """Force over the weight."""
     lever: Metres
     """Horizontal moment over the weight [m]: how far outside the soles the centre of pressure would have to lie."""
@@ -132,7 +138,7 @@ class TorqueSettings:
 
     cutoff_hz: Hertz
     """Low pass of the motion before accelerations are taken [Hz]."""
-    friction: Annotated[float, Unit("-")]
+    friction: Plain
     """Coefficient of friction of the ground."""
     touch_height: Metres
     """A sole corner below this [m] may bear a force."""
@@ -173,9 +179,9 @@ class TorqueSettings:
 class FootSettings:
     """Feet on the ground."""
 
-    slip_mean: Annotated[tuple[float, float], Unit("m/s")]
+    slip_mean: MetresPerSecondBySpeed
     """Largest mean slip [m/s]: a + b times the speed over ground."""
-    slip_p95: Annotated[tuple[float, float], Unit("m/s")]
+    slip_p95: MetresPerSecondBySpeed
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
     penetration_p95: Metres
     """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
@@ -263,6 +269,7 @@ class FeasibilitySettings:
     feet: FootSettings
     collision: CollisionSettings
     root: RootSettings
+    tracking: TrackingSettings
     balance: BalanceSettings
 
 

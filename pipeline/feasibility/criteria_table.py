@@ -1,0 +1,145 @@
+"""The table of criteria: clip by stretch by criterion, a number, its threshold with unit and source, a verdict.
+
+It lies beside the manifest of `feasible_motions` and says which manifest it belongs to. What is in it travels no
+further: clips that go on keep a number a criterion.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pipeline.batch import Judged, Manifest
+from pipeline.errors import FileError
+from pipeline.feasibility.criteria import GROUP_OF, threshold_of
+from pipeline.feasibility.judgement import NUMBER, Found, Judgement, from_text
+from pipeline.files import atomic, digest
+from pipeline.files.sourced import Origin
+
+HOLDS, BROKEN, NOT_APPLICABLE = "holds", "broken", "not applicable"
+
+COLUMNS = {
+    "clip": pa.string(),
+    "start_s": pa.float64(),
+    "stop_s": pa.float64(),
+    "piece": pa.string(),
+    "group": pa.string(),
+    "criterion": pa.string(),
+    "number": pa.float64(),
+    "threshold": pa.float64(),
+    "sense": pa.string(),
+    "unit": pa.string(),
+    "verdict": pa.string(),
+    "margin": pa.float64(),
+    "said": pa.string(),
+    "setting": pa.string(),
+    "source": pa.string(),
+    "why": pa.string(),
+}
+"""`start_s` to `stop_s` [s] is the stretch of `clip` that was judged, `piece` the clip that went on from it; `margin`
+is what was left to the threshold, over the threshold; `said` what is wrong, or why it does not apply; `setting` names
+the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
+
+_MANIFEST = b"manifest"
+
+
+def path_beside(manifest: Path) -> Path:
+    """Where the table of a stored manifest lies."""
+    return manifest.with_suffix(".criteria.parquet")
+
+
+def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, pd.DataFrame]:
+    """The manifest without its judgements, and the table of them.
+
+    Args:
+        manifest: what KP5 said of each clip, judgements among the numbers
+        origins: unit and source of each threshold of data/feasibility.yaml, by its name
+    """
+    rows = [row for judged in manifest.judged for row in _rows_of_clip(judged, origins)]
+    judged = tuple(
+        dataclasses.replace(each, numbers={name: value for name, value in each.numbers.items() if name != NUMBER})
+        for each in manifest.judged
+    )
+    return dataclasses.replace(manifest, judged=judged), pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
+    """Write the table of a manifest, whole or not at all; equal tables give equal bytes."""
+    schema = pa.schema(list(COLUMNS.items()), metadata={_MANIFEST: manifest.digest.encode()})
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.Table.from_pandas(table, schema=schema, preserve_index=False), sink, compression="zstd")
+    atomic.write_bytes(path, sink.getvalue().to_pybytes())
+
+
+def belongs(path: Path, manifest: Path) -> bool:
+    """Whether there is a table at `path` and it is that of the manifest stored at `manifest`."""
+    try:
+        found = (pq.read_schema(path).metadata or {}).get(_MANIFEST)
+        return found == digest.of_file(manifest).encode()
+    except (OSError, pa.ArrowException):
+        return False
+
+
+def read(path: Path, manifest: Path) -> pd.DataFrame:
+    """The table at `path`. Raises FileError where there is none, or another manifest's."""
+    if not belongs(path, manifest):
+        problem = (
+            "there is no table of criteria of what is stored." if not path.is_file() else "it is not of what is stored."
+        )
+        raise FileError(path, problem, "Run: dagster asset materialize --select feasible_motions")
+    return pq.read_table(path).to_pandas()
+
+
+def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:
+    text = judged.numbers.get(NUMBER)
+    if text is None:  # it could not be judged at all: the reasons are all there is
+        yield from (_row_of_reason(judged, reason) for reason in judged.reasons)
+        return
+    for judgement in from_text(str(text)):
+        for code, found in judgement.found.items():
+            yield _row(judged.clip, judgement, code, found, origins)
+
+
+def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapping[str, Origin]) -> dict[str, Any]:
+    setting = threshold_of(code, judgement.explained)
+    origin = origins[setting]
+    verdict = NOT_APPLICABLE if found.not_applicable else BROKEN if found.broken else HOLDS
+    return {
+        "clip": clip,
+        "start_s": judgement.start_s,
+        "stop_s": judgement.stop_s,
+        "piece": judgement.piece,
+        "group": GROUP_OF[code],
+        "criterion": code,
+        "number": found.value,
+        "threshold": found.limit,
+        "sense": "at least" if found.lower else "at most",
+        "unit": origin.unit,
+        "verdict": verdict,
+        "margin": _margin(found),
+        "said": found.broken or found.not_applicable,
+        "setting": setting,
+        "source": origin.source,
+        "why": origin.why,
+    }
+
+
+def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
+    seconds = float(judged.numbers.get("seconds_in") or 0.0)
+    plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
+    said = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
+    return {**plain, **said, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
+
+
+def _margin(found: Found) -> float | None:
+    """What is left to the limit over the limit; negative past it. None where that is no number."""
+    if found.value is None or not found.limit:
+        return None
+    left = found.value - found.limit if found.lower else found.limit - found.value
+    return left / abs(found.limit)

@@ -1,0 +1,141 @@
+"""What all criteria said of one stretch, held or not, and as text to be stored with the answer.
+
+    assessment of a stretch -> Judgement -> text (in the memo's answer) -> rows of the table of criteria
+
+A criterion that can't be asked of a stretch says why; it never counts as one that holds.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pipeline.clips.outcome import Numbers
+from pipeline.feasibility.assess import Assessment
+from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.likeness_criteria import FIGURES
+from pipeline.feasibility.verdict import Verdict
+
+NUMBER = "judgements"
+"""Name that the text has among the numbers of a clip that was judged, until the table is made of it."""
+
+DIGITS = 6
+"""Significant digits of what is stored."""
+
+NO_ROLLOUT = "no tracked rollout"
+NO_FIGURES = "no figure of retargeting"
+NO_LABELS = "no contact labels"
+NO_STANCE = "no foot is in contact"
+NOT_ASKED = "not asked"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """One criterion on one stretch."""
+
+    value: float | None = None
+    """None where it was not asked, or is not finite."""
+    limit: float | None = None
+    lower: bool = False
+    """The limit is the lowest value allowed."""
+    unit: str = ""
+    broken: str = ""
+    """What is wrong, as a sentence; empty where nothing is."""
+    not_applicable: str = ""
+    """Why it was not asked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """All criteria on a stretch of a clip."""
+
+    start_s: float
+    stop_s: float
+    """Where the stretch lies in the clip [s]."""
+    explained: bool
+    """Contact forces explain the motion."""
+    found: Mapping[str, Found]
+    """Criterion -> what it said, for every one in `criteria.GROUP_OF`."""
+    piece: str = ""
+    """Name of the clip that went on from it; empty where none did."""
+
+
+def judge(assessment: Assessment, beside: Sequence[Verdict], numbers: Numbers, start: int) -> Judgement:
+    """The judgement on an assessed stretch.
+
+    Args:
+        beside: verdicts on the clip that need no motion: likeness, length
+        numbers: what earlier stages said of the clip
+        start: the stretch's first frame in it
+    """
+    verdicts = {verdict.code: verdict for verdict in (*assessment.verdicts, *beside)}
+    found = {}
+    for code in GROUP_OF:
+        why = _not_applicable(code, code in verdicts, assessment, numbers)
+        found[code] = Found(not_applicable=why) if why else _found(verdicts[code])
+    clip = assessment.motion.clip
+    start_s, stop_s = start / clip.fps, (start + clip.frame_count) / clip.fps
+    return Judgement(start_s=start_s, stop_s=stop_s, explained=assessment.dynamic, found=found)
+
+
+def length(seconds: float, least_s: float) -> Verdict:
+    """The verdict on a clip's length."""
+    text = f"only {seconds:.2f} s long"
+    return Verdict(code=LENGTH, value=seconds, limit=least_s, unit="s", text=text, lower=True)
+
+
+def to_text(judgements: Sequence[Judgement]) -> str:
+    """JSON: a row a stretch, of it a row a criterion; what is left at its default is left out."""
+    return json.dumps([_plain(each) for each in judgements], separators=(",", ":"), allow_nan=False)
+
+
+def from_text(text: str) -> tuple[Judgement, ...]:
+    """The judgements that `to_text` was called on, to `DIGITS` digits."""
+    judgements = []
+    for row in json.loads(text):
+        found = {code: Found(**values) for code, values in row.pop("found").items()}
+        judgements.append(Judgement(**row, found=found))
+    return tuple(judgements)
+
+
+def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Numbers) -> str:
+    """Why a criterion says nothing of a stretch; empty where it does."""
+    motion = assessment.motion
+    if code == "contact_disagreement" and not motion.labelled:
+        return NO_LABELS
+    if GROUP_OF[code] == "foot slip" and not motion.contacts.any():
+        return NO_STANCE
+    if asked:
+        return ""
+    if code in GROUPS["tracking stability"]:
+        return NO_ROLLOUT
+    if code in FIGURES:
+        return (
+            f"{NO_FIGURES}: KP3 had no sample of it" if code in numbers else f"{NO_FIGURES}: the robot's own recording"
+        )
+    return NOT_ASKED
+
+
+def _found(verdict: Verdict) -> Found:
+    return Found(
+        value=_rounded(verdict.value),
+        limit=_rounded(verdict.limit),
+        lower=verdict.lower,
+        unit=verdict.unit,
+        broken="" if verdict.holds else verdict.text,
+    )
+
+
+def _rounded(value: float) -> float | None:
+    return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+
+
+def _plain(judgement: Judgement) -> dict:
+    default = vars(Found())
+    found = {
+        code: {name: value for name, value in vars(each).items() if value != default[name]}
+        for code, each in judgement.found.items()
+    }
+    return {**vars(judgement), "found": found}

@@ -1,0 +1,97 @@
+"""The motion that a rollout tracked, brought to the rollout's frames.
+
+The catalogue names it by content (`tracks_content`, pipeline.readers.tracked); both begin together. Where a window, a
+piece or a variant of the rollout is judged, the reference is sampled at the same times of the recording and mirrored as
+it was.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline import rotation, time_series
+from pipeline.batch import Store
+from pipeline.clips.outcome import Numbers
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+from pipeline.robot import Robot
+
+CONTENT = "tracks_content"
+"""Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
+
+References = Callable[[str], RobotClip]
+"""The reference motion of a content. Raises ReferenceGoneError."""
+
+
+class ReferenceGoneError(PipelineError):
+    """A reference that was there when the recording was catalogued."""
+
+    def __init__(self, content: str):
+        super().__init__(
+            f"the motion that it tracked (content {content[:12]}) is not what the catalogue read; materialize "
+            "motion_catalog again."
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredReferences:
+    """References that lie in the store, for any process."""
+
+    store: Store
+    blobs: Mapping[str, str]
+    """Content -> blob."""
+
+    def __call__(self, content: str) -> RobotClip:
+        if content not in self.blobs:
+            raise ReferenceGoneError(content)
+        clip = self.store.get_clip(self.blobs[content], "reference")
+        assert isinstance(clip, RobotClip)
+        return clip
+
+
+def no_references(content: str) -> RobotClip:
+    """Where none are at hand."""
+    raise ReferenceGoneError(content)
+
+
+def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: References) -> RobotClip | None:
+    """The reference at each frame of a clip; None where the clip is no tracked rollout.
+
+    Args:
+        clip: the rollout, a window of it or a variant
+        numbers: what earlier stages said of it: `fps` and `start_frame` of the recording, `time_scale`, `mirrored`, and
+            `stretch_start_s` of what left KP5 already
+        robot: whose joints both have
+        references: the motions by content
+    """
+    content = numbers.get(CONTENT)
+    if not content:
+        return None
+    reference = references(str(content))
+    start_s = float(numbers.get("start_frame") or 0) / float(numbers.get("fps") or clip.fps)
+    variant_s = float(numbers.get("stretch_start_s") or 0.0) + np.arange(clip.frame_count) / clip.fps
+    times_s = start_s + float(numbers.get("time_scale") or 1.0) * variant_s
+    found = RobotClip(
+        name=clip.name,
+        fps=clip.fps,
+        robot=reference.robot,
+        joint_names=reference.joint_names,
+        root_pos_w=time_series.resample_cubic(reference.root_pos_w, reference.fps, times_s),
+        root_quat_w=time_series.resample_quat_cubic(reference.root_quat_w, reference.fps, times_s),
+        joint_pos=time_series.resample_cubic(reference.joint_pos, reference.fps, times_s),
+    )
+    return _mirrored(found, robot) if numbers.get("mirrored") else found
+
+
+def _mirrored(clip: RobotClip, robot: Robot) -> RobotClip:
+    """Seen in the plane y = 0."""
+    return dataclasses.replace(
+        clip,
+        root_pos_w=clip.root_pos_w * np.array([1.0, -1.0, 1.0]),
+        root_quat_w=rotation.make_continuous(clip.root_quat_w * np.array([1.0, -1.0, 1.0, -1.0])),
+        joint_pos=clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign,
+    )

@@ -1,0 +1,146 @@
+"""Criteria of tracking: how far a rollout is from the motion that it tracked, and whether it comes back.
+
+Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading, so that
+place and heading do not count. Root height, the vertical in the root's frame and the heights of hands and soles are
+compared as BeyondMimic does where it ends an episode.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.tracking_settings import TrackingSettings
+from pipeline.feasibility.verdict import Verdict
+from pipeline.quality.percentile import percentile_of_least
+from pipeline.robot import Kinematics, Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingError:
+    """Of each frame."""
+
+    joint: Float[np.ndarray, " t"]
+    """Root mean square over the controlled joints [rad]."""
+    body: Float[np.ndarray, " t"]
+    """Of the key body that is furthest off, relative to the root in its heading [m]."""
+    root_height: Float[np.ndarray, " t"]
+    """[m]"""
+    gravity: Float[np.ndarray, " t"]
+    """Of the vertical in the root's frame, along its z axis."""
+    end_height: Float[np.ndarray, " t"]
+    """Of the hand or sole that is furthest off in height [m]."""
+
+
+def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Verdict, ...]:
+    """Verdicts on a tracked rollout; none where no reference is known."""
+    if motion.reference is None:
+        return ()
+    error = tracking_error(motion.clip, motion.reference, motion.robot)
+    width = 2 * round(settings.window_s * motion.clip.fps / 2) + 1
+    joint, body = windowed_mean(error.joint, width), windowed_mean(error.body, width)
+    least = motion.least_frames
+    return (
+        _often("joint_p95", error.joint, settings.joint_p95, least, "rad", "joints are more than {:.2f} rad off"),
+        _worst("joint_worst", joint, settings.joint_worst, "rad", "joints are {:.2f} rad off on average", motion),
+        _often("body_p95", error.body, settings.body_p95, least, "m", "a key body is more than {:.2f} m off"),
+        _worst("body_worst", body, settings.body_worst, "m", "a key body is {:.2f} m off on average", motion),
+        _growth(body, settings, motion),
+        _away(error.body, settings, motion),
+        _peak("root_height", error.root_height, settings.root_height, "m", "the root's height is {:.2f} m off"),
+        _peak("gravity", error.gravity, settings.gravity, "-", "the vertical in the root's frame is {:.2f} off"),
+        _peak("end_height", error.end_height, settings.end_height, "m", "a hand or sole is {:.2f} m off in height"),
+    )
+
+
+def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:
+    """Error of a rollout at each frame against its reference at the same frame."""
+    moved = robot.controlled_index
+    joint = np.sqrt(np.mean((clip.joint_pos - reference.joint_pos)[:, moved] ** 2, axis=1))
+    here, there = _key_bodies(clip, robot), _key_bodies(reference, robot)
+    ends = slice(-len((*robot.hands, *robot.feet)), None)
+    end_height = here[:, ends, 2] + clip.root_pos_w[:, None, 2] - there[:, ends, 2] - reference.root_pos_w[:, None, 2]
+    return TrackingError(
+        joint=joint,
+        body=np.linalg.norm(here - there, axis=2).max(axis=1),
+        root_height=np.abs(clip.root_pos_w[:, 2] - reference.root_pos_w[:, 2]),
+        gravity=np.abs(_up_b(clip)[:, 2] - _up_b(reference)[:, 2]),
+        end_height=np.abs(end_height).max(axis=1),
+    )
+
+
+def windowed_mean(values: Float[np.ndarray, " t"], width: int) -> Float[np.ndarray, " t"]:
+    """Mean over the `width` frames (odd) about each frame that lie inside the clip; a shorter clip is one window."""
+    if len(values) <= width:
+        return np.full(len(values), values.mean())
+    half = width // 2
+    centre = np.clip(np.arange(len(values)), half, len(values) - 1 - half)
+    return time_series.moving_mean(values, width)[centre]
+
+
+def _key_bodies(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:
+    """Key links, then hands and soles, relative to the root in its heading [m]."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    links = poses.pos_w[:, [robot.link(name) for name in robot.key_links]]
+    sites = kinematics.site_pos_w(poses, (*robot.hands, *robot.feet))
+    away = np.concatenate([links, sites], axis=1) - clip.root_pos_w[:, None]
+    return rotation.rotate(rotation.about_z(-rotation.yaw_of(clip.root_quat_w))[:, None], away)
+
+
+def _up_b(clip: RobotClip) -> Float[np.ndarray, "t 3"]:
+    """The vertical in the root's frame."""
+    return rotation.rotate_inverse(clip.root_quat_w, np.array([0.0, 0.0, 1.0]))
+
+
+def _often(name: str, values: np.ndarray, limit: float, least: int, unit: str, text: str) -> Verdict:
+    value = percentile_of_least(values, 95, least)
+    said = f"{text.format(value)} the motion that was tracked in 5 % of the time"
+    return _verdict(name, value, limit, unit, said, values > limit)
+
+
+def _worst(name: str, means: np.ndarray, limit: float, unit: str, text: str, motion: Motion) -> Verdict:
+    at = int(np.argmax(means))
+    said = f"around {at / motion.clip.fps:.2f} s {text.format(means[at])} the motion that was tracked"
+    return _verdict(name, float(means[at]), limit, unit, said, means > limit)
+
+
+def _peak(name: str, values: np.ndarray, limit: float, unit: str, text: str) -> Verdict:
+    at = int(np.argmax(values))
+    said = f"frame {at}: {text.format(values[at])} the motion that was tracked"
+    return _verdict(name, float(values[at]), limit, unit, said, values > limit)
+
+
+def _growth(means: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
+    """How much further off the last window is than most; the frames since it left them are to blame."""
+    usual = float(np.median(means))
+    value = max(float(means[-1]) - usual, 0.0)
+    near = np.flatnonzero(means <= usual + settings.growth)
+    bad = np.zeros(len(means), dtype=bool)
+    bad[near[-1] + 1 if len(near) else 0 :] = True
+    said = (
+        f"the error grows: at the end a key body is {means[-1]:.2f} m off the motion that was tracked, {usual:.2f} m "
+    )
+    return _verdict("growth", value, settings.growth, "m", f"{said}at most times", bad)
+
+
+def _away(body: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
+    """Longest time that it does not come back."""
+    fps = motion.clip.fps
+    spans = time_series.runs(body > settings.body_p95)
+    longest = max(spans, key=lambda span: span[1] - span[0], default=(0, 0))
+    value = (longest[1] - longest[0]) / fps
+    bad = np.zeros(len(body), dtype=bool)
+    for start, stop in spans:
+        bad[start:stop] = (stop - start) / fps > settings.away_s
+    said = f"from {longest[0] / fps:.2f} s on a key body is more than {settings.body_p95:g} m off the motion that was "
+    return _verdict("away_s", value, settings.away_s, "s", f"{said}tracked for {value:.2f} s in a row", bad)
+
+
+def _verdict(name: str, value: float, limit: float, unit: str, text: str, bad: np.ndarray) -> Verdict:
+    return Verdict(code=f"tracking_{name}", value=value, limit=limit, unit=unit, text=text, bad=bad)
