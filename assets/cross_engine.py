@@ -35,16 +35,18 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
+        from pipeline.validation.bars import ValidationSettings
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_settings import CrossEngineSettings
         from pipeline.validation.cross_engine_trials import write_falls
         from pipeline.viewing.cross_engine_plots import cross_engine_plots
 
-        values = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+        grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
+        bars = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
         judged = judged_policy(config, exported_policy, robot)
-        found = cross_engine(judged.deployed, values, pool=clip_pool.pool())
-        logs = write_falls(judged.deployed, found, values, PROJECT.simulated_failures(robot, "cross_engine"))
+        found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
+        logs = write_falls(judged.deployed, found, grid, PROJECT.simulated_failures(robot, "cross_engine"))
         verdict = {"stage": plan.name, "policy": judged.digest, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         check = dg.AssetCheckResult(
@@ -58,9 +60,12 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         metadata = {
             "passed": found.passed,
             "required cells": len(found.cells) - len(found.not_required),
+            "cells failed": len(found.failed_cells),
             "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),
             "explained by the armature": "; ".join(verdict["explained"]) or "none",
-            "not required": ", ".join(found.not_required) or "none",
+            "not required": dg.MetadataValue.md(
+                "\n".join(f"- {name}: {why}" for name, why in found.not_required.items()) or "none"
+            ),
             "falls written": ", ".join(path.name for path in logs) or "none",
             "pictures": picture(cross_engine_plots(found)),
             "cells": table_of(rows, list(rows)),

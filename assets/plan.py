@@ -159,7 +159,7 @@ def engine_plans(robot: str) -> tuple[Plan, ...]:
         Plan(
             name="cross_engine_validation",
             packages=(*walked, "dart", "virtual_robot", "hardware_logs"),
-            settings_files=("cross_engine.yaml",),
+            settings_files=("cross_engine.yaml", "validation.yaml"),
             robot=robot,
         ),
         Plan(name="webots_validation", packages=(*walked, "webots"), settings_files=("webots.yaml",), robot=robot),

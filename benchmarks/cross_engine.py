@@ -1,12 +1,11 @@
 """The grid of data/cross_engine.yaml in MuJoCo, its bridge and DART: a known-good policy, then each planted fault.
 
-    python -m benchmarks.cross_engine [--json] [--jobs 2] [--seeds 5] [--fault-seeds 1] [--robot robots/t1] [--cells]
-                                      [POLICY]
+    python -m benchmarks.cross_engine [--json] [--jobs 2] [--seeds 5] [--fault-seeds 1] [--cells]
+                                      [--robot data/adapted_robot/t1] [POLICY]
 
 POLICY is an npz (by default `../shared/policies/t1_walk.npz` beside the checkout, whose ankles are damped with
 2 N m s/rad). Bars: no required cell of the policy fails, each fault fails at least one, and weak motors fail cells in
-DART that they pass in MuJoCo. `--cells` prints the matrix and the worst errors of commands, from which the bars of the
-grid are made.
+DART that they pass in MuJoCo. `--cells` prints the matrix and the worst errors of commands.
 """
 
 from __future__ import annotations
@@ -26,7 +25,8 @@ from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.files import settings as settings_files  # noqa: E402
-from pipeline.validation.cross_engine import CrossEngineResult, cross_engine  # noqa: E402
+from pipeline.validation.bars import ValidationSettings  # noqa: E402
+from pipeline.validation.cross_engine import CrossEngineResult, cross_engine, errors_of  # noqa: E402
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.cross_engine_settings import CrossEngineSettings  # noqa: E402
 from pipeline.validation.cross_engine_walk import BRIDGE, DART, ENGINES, MUJOCO, walk  # noqa: E402
@@ -39,7 +39,7 @@ WEAK = ("60 % torque", "half Kp")
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", nargs="?", type=Path, default=PUBLISHED)
-    parser.add_argument("--robot", type=Path, default=ROOT / "robots" / "t1")
+    parser.add_argument("--robot", type=Path, default=ROOT / "data" / "adapted_robot" / "t1")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=5)
@@ -47,18 +47,22 @@ def main() -> int:
     parser.add_argument("--cells", action="store_true")
     parsed = parser.parse_args()
     values = settings_files.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
+    rules = settings_files.read(ROOT / "data" / "validation.yaml", ValidationSettings)
     pool = ClipPool(workers=parsed.jobs)
     good = deployed(parsed.robot, load_policy(parsed.policy))
     if parsed.policy == PUBLISHED:
         good = with_ankle_kd(good, ANKLE_KD)
-    found = cross_engine(good, with_seeds(values, parsed.seeds), pool=pool)
+    found = cross_engine(good, with_seeds(values, parsed.seeds), rules, pool=pool)
     if parsed.cells:
         tell(found, values)
     bars = policy_bars(found)
-    required = dataclasses.replace(values, cells={name: cell for name, cell in values.cells.items() if cell.required})
+    cells = {name: cell for name, cell in values.cells.items() if rules.engines[name].required}
+    required = dataclasses.replace(values, cells=cells)
     for name, fault in FAULTS.items():
         broken = fault(own_normalizer(good, values) if name == "normalizer left out" else good)
-        caught = cross_engine(broken, with_seeds(required, parsed.fault_seeds), pool=pool, engines=(MUJOCO, DART))
+        caught = cross_engine(
+            broken, with_seeds(required, parsed.fault_seeds), rules, pool=pool, engines=(MUJOCO, DART)
+        )
         bars += fault_bars(name, caught)
         if parsed.cells:
             print(f"{name}: {', '.join(cell.name for cell in caught.cells if cell.reasons) or 'nothing'}")
@@ -85,10 +89,9 @@ def own_normalizer(good: Deployed, values: CrossEngineSettings) -> Deployed:
 
 
 def policy_bars(found: CrossEngineResult) -> list[Bar]:
-    failed = [cell.name for cell in found.cells if cell.required and cell.reasons]
     walks = [one for cell in found.cells if cell.required for each in cell.figures.values() for one in each]
     bars = [
-        Bar(name="required cells that fail", value=len(failed), unit="cells", sense="<=", bound=0.0),
+        Bar(name="required cells that fail", value=len(found.failed_cells), unit="cells", sense="<=", bound=0.0),
         Bar(name="required cells", value=len(found.cells) - len(found.not_required), unit="cells"),
         Bar(name="falls in required cells", value=sum(one.fell for one in walks), unit=f"of {len(walks)} walks"),
     ]
@@ -129,10 +132,11 @@ def tell(found: CrossEngineResult, values: CrossEngineSettings) -> None:
             + f" {cell.mean(engine, 'height_m'):.4f} {cell.mean(engine, 'power_w'):.0f} W"
             for engine in ENGINES
         )
-        forward, lateral, yaw_rate = values.cells[cell.name].segments[-1].command
         ours = [one for engine in (MUJOCO, DART) for one in cell.figures[engine] if not one.fell]
-        velocity = max((math.hypot(o.forward_m_s - forward, o.lateral_m_s - lateral) for o in ours), default=math.nan)
-        turning = max((abs(o.yaw_rate_rad_s - yaw_rate) for o in ours), default=math.nan)
+        errors = [errors_of(values.cells[cell.name], one) for one in ours]
+        velocity, turning = (
+            max((each[name] for each in errors), default=math.nan) for name in ("speed_error", "yaw_rate_error")
+        )
         print(f"{cell.name}: {means}; worst {velocity:.3f} m/s {turning:.3f} rad/s")
         for reason in cell.reasons:
             print(f"    {reason}")

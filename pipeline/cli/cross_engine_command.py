@@ -14,6 +14,7 @@ from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import digest
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
+from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
@@ -28,7 +29,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "cross-engine",
         help="tell whether a policy holds in MuJoCo and DART",
         description="Walk a policy through the grid of data/cross_engine.yaml in MuJoCo, in MuJoCo with the armature "
-        "on the links, and in DART. Exit code 0: passed, 3: failed, 1: could not be done.",
+        "on the links, and in DART, and hold it against data/validation.yaml. Exit code 0: passed, 3: failed, "
+        "1: could not be done.",
     )
     parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
     parser.add_argument("--robot", metavar="NAME", default="t1", help="robot it is for, adapted where it was")
@@ -43,26 +45,29 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Walk, judge, tell."""
     project = find_project()
-    settings = project.settings("cross_engine.yaml", CrossEngineSettings)
+    grid = project.settings("cross_engine.yaml", CrossEngineSettings)
+    bars = project.settings("validation.yaml", ValidationSettings)
     for name in parsed.cells:
-        if name not in settings.cells:
-            raise UnknownNameError("cell", name, tuple(settings.cells))
+        if name not in grid.cells:
+            raise UnknownNameError("cell", name, tuple(grid.cells))
     if parsed.seeds is not None:
-        simulation = dataclasses.replace(settings.simulation, seeds=parsed.seeds)
-        settings = dataclasses.replace(settings, simulation=simulation)
+        grid = dataclasses.replace(grid, simulation=dataclasses.replace(grid.simulation, seeds=parsed.seeds))
     folder = robot_folder(project, parsed.robot)
     one = deployed(folder, policy_of(parsed.policy, folder))
     if parsed.ankle_kd is not None:
         one = with_ankle_kd(one, parsed.ankle_kd)
-    found = cross_engine(one, settings, pool=ClipPool(workers=parsed.workers), only=tuple(parsed.cells))
+    found = cross_engine(one, grid, bars, pool=ClipPool(workers=parsed.workers), only=tuple(parsed.cells))
     print(text_table(["cell", "engine", "survival", "forward", "left", "turning", "height", "power [W]"], _rows(found)))
     print(f"{parsed.policy} on {folder}: {'passed' if found.passed else 'failed'}")
     for reason in found.reasons:
         print(f"  {reason}")
-    if not any(cell.required for cell in found.cells):
-        print("  no cell is required: nothing was shown")
     for text in (text for cell in found.cells if cell.required for text in cell.explained):
         print(f"  explained by the armature on the links: {text}")
+    for name, why in found.not_required.items():
+        print(f"  not required  {name}: {why}")
+    required = len(found.cells) - len(found.not_required)
+    failed = f"{len(found.failed_cells)} of {required} required cells failed"
+    print(failed if required else "no cell is required: nothing was shown")
     if parsed.json:
         said = {"policy": digest(one.policy), **found.to_dict()}
         atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")

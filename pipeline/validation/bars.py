@@ -1,6 +1,6 @@
-"""What `data/validation.yaml` states: what each cell asks, in which unit, and where the number comes from.
+"""What `data/validation.yaml` states: what each verdict asks, in which unit, and where the number comes from.
 
-Its rules are written by hand; its cells are derived from a reference policy by `pipeline.validation.derive`.
+Its rules are written by hand; its bars are derived from a reference policy by `pipeline.validation.derive`.
 """
 
 from __future__ import annotations
@@ -91,14 +91,51 @@ class CellBars:
     bars: dict[str, Bar]
 
 
+UNKNOWN = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})
+"""Of a cell that the file doesn't know."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """How far the figures of two engines may be apart."""
+
+    at_most: float
+    unit: str
+    source: str
+    share: float = 0.0
+    """Of the speed; the larger of both holds."""
+
+    def __post_init__(self) -> None:
+        check(self, at_most=NOT_NEGATIVE, share=NOT_NEGATIVE)
+
+    def of(self, speed: float) -> float:
+        """The tolerance of a walk at this speed [m/s]."""
+        return max(self.at_most, self.share * speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Of the means over a cell's seeds in MuJoCo and in DART."""
+
+    velocity: Tolerance
+    """Forward and lateral."""
+    yaw_rate: Tolerance
+    height: Tolerance
+    """Of the root."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ValidationSettings:
     """The whole file."""
 
     margins: dict[str, Margin]
     required: Required
+    agreement: Agreement
     reference: Reference
     cells: dict[str, CellBars]
+    """What `mujoco_validation` asks."""
+    engines: dict[str, CellBars]
+    """What `cross_engine_validation` asks of each walk in MuJoCo and in DART."""
 
 
 def derived(runs: Sequence[Sequence[Measured]], margins: dict[str, Margin], required: Required) -> dict[str, CellBars]:
@@ -111,15 +148,28 @@ def _cell_bars(same: Sequence[Measured], margins: dict[str, Margin], required: R
     bars = {}
     for name in same[0].cell.figures:
         values = [value for value in (one.figure(name) for one in same) if value is not None]
-        if not values or len(values) < len(same):
-            continue
-        lower = FIGURES[name].lower_is_better
-        worst = max(values) if lower else min(values)
-        bar = round(margins[name].bar(worst, lower), 4)
-        source = f"reference's worst {worst:.4g} of {sum(len(one.trials) for one in same)} trials, and the margin"
-        side = {"at_most": bar} if lower else {"at_least": max(bar, 0.0)}
-        bars[name] = Bar(unit=FIGURES[name].unit, source=source, **side)
+        if values and len(values) == len(same):
+            trials = f"{sum(len(one.trials) for one in same)} trials"
+            bars[name] = bar_of(name, max(values) if FIGURES[name].lower_is_better else min(values), trials, margins)
     return CellBars(required=not reasons, why="; ".join(dict.fromkeys(reasons)), bars=bars)
+
+
+def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> Bar:
+    """The bar of a figure for the reference's worst of so many trials."""
+    lower = FIGURES[name].lower_is_better
+    bar = round(margins[name].bar(worst, lower), 4)
+    side = {"at_most": bar} if lower else {"at_least": max(bar, 0.0)}
+    source = f"reference's worst {worst:.4g} of {trials}, and the margin"
+    return Bar(unit=FIGURES[name].unit, source=source, **side)
+
+
+def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
+    """Of each figure of tracking whose error is too large for a command of this size, a sentence."""
+    return [
+        f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
+        for name, error in errors.items()
+        if error > max(required.error_share * sizes[name], required.least_error)
+    ]
 
 
 def _failures(one: Measured, required: Required) -> list[str]:
@@ -133,9 +183,5 @@ def _failures(one: Measured, required: Required) -> list[str]:
         return [f"the reference falls in {len(one.fallen)} of {len(one.trials)}"]
     wanted = one.cell.trials[0].command.last
     asked = {"speed_error": (wanted.forward**2 + wanted.lateral**2) ** 0.5, "yaw_rate_error": abs(wanted.yaw_rate)}
-    found = []
-    for name, size in asked.items():
-        error = one.figure(name) if name in judged else None
-        if error is not None and error > max(required.error_share * size, required.least_error):
-            found.append(f"the reference misses the command by {error:.2f} {FIGURES[name].unit}")
-    return found
+    errors = {name: error for name in asked if name in judged and (error := one.figure(name)) is not None}
+    return missed(errors, asked, required)

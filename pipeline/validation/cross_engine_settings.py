@@ -1,4 +1,4 @@
-"""What `data/cross_engine.yaml` states: the grid, the bars of each cell, and how far engines may differ."""
+"""What `data/cross_engine.yaml` states: the grid that is walked. What must hold `data/validation.yaml` says."""
 
 from __future__ import annotations
 
@@ -25,21 +25,6 @@ class SimulationSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgreementSettings:
-    """Largest difference of a cell's figures between two engines."""
-
-    velocity_m_s: float
-    velocity_share: float
-    """Of the speed in MuJoCo; the larger of both holds."""
-    yaw_rate_rad_s: float
-    height_m: float
-
-    def __post_init__(self) -> None:
-        names = ("velocity_m_s", "velocity_share", "yaw_rate_rad_s", "height_m")
-        check(self, **dict.fromkeys(names, POSITIVE))
-
-
-@dataclass(frozen=True, kw_only=True)
 class Segment:
     """A stretch of one wanted velocity."""
 
@@ -55,7 +40,7 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True)
 class PushSettings:
-    """A constant force at the trunk's centre of mass."""
+    """A push by the model `force`: a constant force at the trunk's centre of mass."""
 
     start_s: float
     impulse: tuple[float, float]
@@ -73,17 +58,10 @@ class Cell:
     segments: tuple[Segment, ...]
     measured_s: float
     """How much of the end figures are means over [s]."""
-    required: bool = True
-    """Whether it must be survived; the others are run and listed."""
-    compared: bool = True
-    """Whether engines must agree in its figures; survival is always compared where required."""
-    velocity_error_m_s: float | None = None
-    """Largest distance of the velocity from the last command; None is not asked."""
-    yaw_rate_error_rad_s: float | None = None
     push: PushSettings | None = None
 
     def __post_init__(self) -> None:
-        check(self, measured_s=POSITIVE, velocity_error_m_s=POSITIVE, yaw_rate_error_rad_s=POSITIVE)
+        check(self, measured_s=POSITIVE)
 
     @property
     def seconds(self) -> float:
@@ -95,5 +73,4 @@ class CrossEngineSettings:
     """The whole file."""
 
     simulation: SimulationSettings
-    agreement: AgreementSettings
     cells: dict[str, Cell]

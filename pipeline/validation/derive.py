@@ -1,7 +1,8 @@
 """Derive the bars from a reference policy: `python -m pipeline.validation.derive POLICY.npz [--robot FOLDER]`.
 
-Measures the full suite with each ankle damping that `data/validation.yaml` names, and writes the file's cells anew: the
-worst figure of all trials with the margin of its kind. Rules and margins stay as they are.
+Walks what each verdict walks, with each ankle damping that `data/validation.yaml` names, and writes the file's bars
+anew: the worst figure of all trials with the margin of its kind. Rules and margins stay as they are; so do the bars of
+parts that are not asked for.
 """
 
 from __future__ import annotations
@@ -17,38 +18,49 @@ import yaml
 
 from pipeline.batch import ClipPool
 from pipeline.deployment import digest, load_policy
-from pipeline.errors import PipelineError
+from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
-from pipeline.validation.bars import Reference, ValidationSettings, derived
+from pipeline.validation.bars import CellBars, Reference, ValidationSettings, derived
 from pipeline.validation.cells import Cell
+from pipeline.validation.cross_engine import cross_engine
+from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
+from pipeline.validation.engine_bars import engine_bars
 from pipeline.validation.measure import Measured, measure
 from pipeline.validation.numbers_file import read_numbers, write_numbers
 from pipeline.validation.suites import full
 
 FILE = Path("data/validation.yaml")
+GRID = Path("data/cross_engine.yaml")
+CELLS, ENGINES = "cells", "engines"
+PARTS = (CELLS, ENGINES)
 HEADER = """\
-# What a policy has to do in MuJoCo. `margins` and `required` are written by hand. `reference` and `cells` are derived:
+# What a policy has to do. `margins`, `required` and `agreement` are written by hand, `reference` and the bars derived:
 #     {command}
-# A figure's bar is the reference policy's worst over all trials with the margin of that figure. A cell that the
-# reference policy does not do itself is not required, and says why.
+# `cells` is what is asked in MuJoCo, `engines` of each walk of cross_engine.yaml in MuJoCo and in DART. A figure's bar
+# is the reference policy's worst over all trials with the margin of that figure. A cell that the reference policy does
+# not do itself is not required, and says why.
 """
 
 
-def derive(path: Path, one: Deployed, runs: Sequence[Sequence[Measured]], command: str) -> None:
-    """Write the cells of a settings file anew from measurements of the reference policy."""
+def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], command: str) -> None:
+    """Write parts of a settings file anew: bars derived from the reference policy."""
     rules = settings.read(path, ValidationSettings)
     reference = Reference(
         policy=digest(one.policy), robot=one.robot.digest, ankle_kd=rules.reference.ankle_kd, command=command
     )
-    found = dataclasses.replace(rules, reference=reference, cells=derived(runs, rules.margins, rules.required))
-    atomic.write_text(path, text_of(found))
+    known = dataclasses.replace(rules.reference, command=command)
+    left = [part for part in PARTS if part not in found]
+    if left and reference != known:
+        problem = f"its {', '.join(left)} are of another policy or robot, and would stay beside the new bars."
+        raise FileError(path, problem, "Derive all parts.")
+    atomic.write_text(path, text_of(dataclasses.replace(rules, reference=reference, **found)))
 
 
 def text_of(found: ValidationSettings) -> str:
     """The settings as the text of their file."""
     plain: dict[str, Any] = settings.plain(found)
-    for cell in plain["cells"].values():
+    for cell in (cell for part in PARTS for cell in plain[part].values()):
         cell["bars"] = {
             name: {key: value for key, value in bar.items() if value is not None} for name, bar in cell["bars"].items()
         }
@@ -72,16 +84,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("policy", type=Path, help="npz of the reference policy")
     parser.add_argument("--robot", type=Path, default=Path("data/adapted_robot/t1"), help="folder of the robot")
     parser.add_argument("--file", type=Path, default=FILE, help="settings file to rewrite")
+    parser.add_argument("--grid", type=Path, default=GRID, help="what is walked in several engines")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="bars to derive")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for one each core")
     parser.add_argument("--numbers", type=Path, help="JSON that keeps what was measured; what it has is not run again")
     given = parser.parse_args(arguments)
     try:
         rules = settings.read(given.file, ValidationSettings)
-        one = deployed(given.robot, load_policy(given.policy))
-        cells, pool = full(one.robot), ClipPool(workers=given.workers)
-        runs = [measured_again(with_ankle_kd(one, kd), cells, pool, given.numbers) for kd in rules.reference.ankle_kd]
+        one, pool = deployed(given.robot, load_policy(given.policy)), ClipPool(workers=given.workers)
+        damped = [with_ankle_kd(one, kd) for kd in rules.reference.ankle_kd]
+        found = {}
+        if CELLS in given.parts:
+            cells = full(one.robot)
+            runs = [measured_again(each, cells, pool, given.numbers) for each in damped]
+            found[CELLS] = derived(runs, rules.margins, rules.required)
+        if ENGINES in given.parts:
+            grid = settings.read(given.grid, CrossEngineSettings)
+            walked = [cross_engine(each, grid, rules, pool=pool) for each in damped]
+            found[ENGINES] = engine_bars(walked, grid, rules)
         command = f"python -m pipeline.validation.derive {given.policy} --robot {given.robot}"
-        derive(given.file, one, runs, command)
+        derive(given.file, one, found, command)
     except PipelineError as error:
         print(error, file=sys.stderr)
         return 1

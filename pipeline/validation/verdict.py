@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import UNKNOWN, Bar, CellBars, ValidationSettings
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import Measured
 
@@ -89,10 +89,9 @@ def judge(
     measured: Sequence[Measured], settings: ValidationSettings, *, suite: str, policy: str, robot: str
 ) -> Verdict:
     """Hold each cell against its bars. A cell that the file doesn't know is not required, and says so."""
-    unknown = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})
     cells = []
     for one in measured:
-        bars = settings.cells.get(one.cell.name, unknown)
+        bars = settings.cells.get(one.cell.name, UNKNOWN)
         reasons = [_reason(one, name, bar) for name, bar in bars.bars.items()]
         cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(each for each in reasons if each is not None)))
     return Verdict(suite=suite, policy=policy, robot=robot, cells=tuple(cells))
@@ -116,7 +115,7 @@ def _cell(cell: CellVerdict) -> dict[str, Any]:
         "trials": len(one.trials),
         "fell": list(one.fallen),
         "figures": {name: one.figure(name) for name in one.cell.figures},
-        "bars": {name: str(bar) for name, bar in cell.bars.bars.items()},
+        "bars": {name: {"asked": str(bar), "source": bar.source} for name, bar in cell.bars.bars.items()},
         "spread": {name: one.spread(name) for name in shown if one.spread(name)},
         "reasons": [str(reason) for reason in cell.reasons],
     }

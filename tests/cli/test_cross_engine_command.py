@@ -35,6 +35,7 @@ def test_the_verdict_is_told_with_every_reason(still: Path, tmp_path: Path, caps
     assert "still.npz on" in said and ": failed" in said
     reasons = json.loads(told.read_text())["reasons"]
     assert reasons and all("'walk_0.6' seed 0" in reason and "for 0.6, 0, off by 0.6" in reason for reason in reasons)
+    assert "1 of 2 required cells failed" in said
     assert {reason.split(": ")[0].split(" in ")[1] for reason in reasons} == {"MuJoCo", "DART"}
 
 
@@ -46,4 +47,6 @@ def test_an_unknown_cell_is_one_sentence(still: Path, capsys: pytest.CaptureFixt
 def test_of_cells_that_are_not_required_nothing_passes(still: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["cross-engine", str(still), "--cells", "right_0.4", "--seeds", "1", "--workers", "1"]) == 3
     said = capsys.readouterr().out
-    assert ": failed\n  no cell is required: nothing was shown" in said
+    assert ": failed\n" in said
+    assert "not required  right_0.4: the reference " in said
+    assert said.endswith("no cell is required: nothing was shown\n")

@@ -16,6 +16,7 @@ from pipeline.simulation.plant import PlantState
 from pipeline.simulation.sensors import PerfectSensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation import cross_engine as comparison
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
@@ -28,6 +29,11 @@ from tests.factories.policies import random_policy, still_policy
 @pytest.fixture(scope="module")
 def settings(root: Path) -> CrossEngineSettings:
     return read(root / "data" / "cross_engine.yaml", CrossEngineSettings)
+
+
+@pytest.fixture(scope="module")
+def rules(root: Path) -> ValidationSettings:
+    return read(root / "data" / "validation.yaml", ValidationSettings)
 
 
 @pytest.fixture
@@ -62,27 +68,33 @@ def fell(after_s: float) -> Figures:
     return walked(fell_s=after_s, forward_m_s=nan, lateral_m_s=nan, yaw_rate_rad_s=nan, height_m=nan)
 
 
-def a_cell(**changes) -> Cell:
-    segment = Segment(seconds=1.0, command=(0.5, 0.0, 0.0))
-    return Cell(**{"segments": (segment,), "measured_s": 0.5, **changes})
+A_CELL = Cell(segments=(Segment(seconds=1.0, command=(0.5, 0.0, 0.0)),), measured_s=0.5)
+
+
+def asked(required: bool = True, **at_most: float) -> CellBars:
+    """Bars of a cell by figure."""
+    bars = {name: Bar(unit="unit", source="test", at_most=value) for name, value in at_most.items()}
+    return CellBars(required=required, why="" if required else "the reference falls", bars=bars)
 
 
 def judged(
     monkeypatch: pytest.MonkeyPatch,
     still: Deployed,
     settings: CrossEngineSettings,
-    cell: Cell,
+    rules: ValidationSettings,
+    bars: CellBars,
     **by_engine: Figures | list[Figures],
 ):
     """The verdict where engines would find these figures, one a seed."""
     rows = {engine: each if isinstance(each, list) else [each] for engine, each in by_engine.items()}
     monkeypatch.setattr(comparison, "walk_cell", lambda deployed, engine, cell, seed, simulation: rows[engine][seed])
     simulation = dataclasses.replace(settings.simulation, seeds=len(next(iter(rows.values()))))
-    return cross_engine(still, dataclasses.replace(settings, simulation=simulation, cells={"walk": cell}))
+    grid = dataclasses.replace(settings, simulation=simulation, cells={"walk": A_CELL})
+    return cross_engine(still, grid, dataclasses.replace(rules, engines={"walk": bars}))
 
 
-def test_the_grid_has_what_pure_forward_walking_misses(settings: CrossEngineSettings):
-    required = [cell for cell in settings.cells.values() if cell.required]
+def test_the_grid_has_what_pure_forward_walking_misses(settings: CrossEngineSettings, rules: ValidationSettings):
+    required = [cell for name, cell in settings.cells.items() if rules.engines[name].required]
     commands = np.array([segment.command for cell in required for segment in cell.segments])
     assert not commands[0].any()
     for axis in range(3):
@@ -92,7 +104,18 @@ def test_the_grid_has_what_pure_forward_walking_misses(settings: CrossEngineSett
     assert {np.sign(cell.push.impulse).tobytes() for cell in required if cell.push} >= {
         np.sign(each).tobytes() for each in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     }
-    assert all(cell.velocity_error_m_s is not None for cell in required)
+
+
+def test_each_cell_of_the_grid_has_bars_with_unit_and_source_or_says_why_not(
+    settings: CrossEngineSettings, rules: ValidationSettings
+):
+    assert list(rules.engines) == list(settings.cells)
+    for name, cell in rules.engines.items():
+        assert cell.required == (not cell.why), name
+        assert not cell.required or set(cell.bars) == {"falls", "speed_error", "yaw_rate_error"}, name
+        assert all(bar.unit and "reference's worst" in bar.source for bar in cell.bars.values()), name
+    assert sum(cell.required for cell in rules.engines.values()) >= 18
+    assert all(each.unit and each.source for each in vars(rules.agreement).values())
 
 
 def test_a_command_is_slewed_from_where_the_last_one_had_come_to():
@@ -117,21 +140,24 @@ def test_seeds_start_near_the_default_pose_in_any_direction(still: Deployed, set
     assert np.ptp(yaws) > 2.0
 
 
-def test_engines_that_agree_pass(monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings):
+def test_engines_that_agree_pass(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
     result = judged(
-        monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked(forward_m_s=0.56)
+        monkeypatch, still, settings, rules, asked(), mujoco=walked(), bridge=walked(), dart=walked(forward_m_s=0.56)
     )
     assert result.passed and result.reasons == ()
 
 
 def test_a_disagreement_names_both_figures_and_where_it_comes_from(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     result = judged(
         monkeypatch,
         still,
         settings,
-        a_cell(),
+        rules,
+        asked(),
         mujoco=walked(),
         bridge=walked(forward_m_s=0.48),
         dart=walked(forward_m_s=0.40, height_m=0.685),
@@ -145,35 +171,37 @@ def test_a_disagreement_names_both_figures_and_where_it_comes_from(
 
 
 def test_a_difference_that_the_bridge_has_too_is_the_armatures_and_is_listed(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     """.09 m/s from the armature on the links, .01 from contact: the policy is not to blame."""
     engines = {"mujoco": walked(), "bridge": walked(forward_m_s=0.41), "dart": walked(forward_m_s=0.40)}
-    result = judged(monkeypatch, still, settings, a_cell(), **engines)
+    result = judged(monkeypatch, still, settings, rules, asked(), **engines)
     assert result.passed
     (said,) = result.to_dict()["explained"]
     assert said.startswith("cell 'walk': forward velocity 0.500 m/s in MuJoCo and 0.400 in DART")
     simulation = dataclasses.replace(settings.simulation, seeds=1)
-    alone = dataclasses.replace(settings, simulation=simulation, cells={"walk": a_cell()})
-    assert not cross_engine(still, alone, engines=(MUJOCO, DART)).passed  # without a bridge nothing is explained
+    alone = dataclasses.replace(settings, simulation=simulation, cells={"walk": A_CELL})
+    bars = dataclasses.replace(rules, engines={"walk": asked()})
+    assert not cross_engine(still, alone, bars, engines=(MUJOCO, DART)).passed  # without a bridge nothing is explained
 
 
 def test_fast_walks_may_differ_by_their_share(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     fast = {"mujoco": walked(forward_m_s=1.5), "bridge": walked(forward_m_s=1.5)}
-    assert judged(monkeypatch, still, settings, a_cell(), **fast, dart=walked(forward_m_s=1.61)).passed
-    assert not judged(monkeypatch, still, settings, a_cell(), **fast, dart=walked(forward_m_s=1.63)).passed
+    assert judged(monkeypatch, still, settings, rules, asked(), **fast, dart=walked(forward_m_s=1.61)).passed
+    assert not judged(monkeypatch, still, settings, rules, asked(), **fast, dart=walked(forward_m_s=1.63)).passed
 
 
 def test_every_fall_is_a_reason_and_is_not_averaged(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     result = judged(
         monkeypatch,
         still,
         settings,
-        a_cell(),
+        rules,
+        asked(),
         mujoco=[walked(), walked(forward_m_s=9.0)],
         bridge=[walked(), fell(0.3)],
         dart=[walked(), fell(0.7)],
@@ -184,52 +212,55 @@ def test_every_fall_is_a_reason_and_is_not_averaged(
 
 
 def test_a_walk_that_ignores_its_command_fails_where_engines_agree(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
-    cell = a_cell(velocity_error_m_s=0.2, yaw_rate_error_rad_s=0.1)
+    cell = asked(speed_error=0.2, yaw_rate_error=0.1)
     lazy = walked(forward_m_s=0.0, yaw_rate_rad_s=0.2)
-    result = judged(monkeypatch, still, settings, cell, mujoco=lazy, bridge=lazy, dart=lazy)
+    result = judged(monkeypatch, still, settings, rules, cell, mujoco=lazy, bridge=lazy, dart=lazy)
     assert result.reasons[0] == (
-        "cell 'walk' seed 0 in MuJoCo: walks 0.00, 0.00 m/s for 0.5, 0, off by 0.500, allowed is 0.2"
+        "cell 'walk' seed 0 in MuJoCo: walks 0.00, 0.00 m/s for 0.5, 0, off by 0.500, asked is at most 0.2 unit"
     )
-    assert "turns 0.20 rad/s for 0, off by 0.200, allowed is 0.1" in result.reasons[1]
+    assert "turns 0.20 rad/s for 0, off by 0.200, asked is at most 0.1 unit" in result.reasons[1]
     assert len(result.reasons) == 4
 
 
 def test_what_is_not_required_is_listed_and_fails_nothing(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
-    cell = a_cell(required=False)
-    result = judged(monkeypatch, still, settings, cell, mujoco=walked(), bridge=walked(), dart=fell(0.2))
+    cell = asked(required=False)
+    result = judged(monkeypatch, still, settings, rules, cell, mujoco=walked(), bridge=walked(), dart=fell(0.2))
     assert result.reasons == ()
-    asked = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked())
-    assert dataclasses.replace(result, cells=(*result.cells, *asked.cells)).passed
-    assert result.to_dict()["not_required"] == {"walk": ["cell 'walk' seed 0 in DART: fell after 0.20 s"]}
+    well = judged(monkeypatch, still, settings, rules, asked(), mujoco=walked(), bridge=walked(), dart=walked())
+    assert dataclasses.replace(result, cells=(*result.cells, *well.cells)).passed
+    said = ["the reference falls", "cell 'walk' seed 0 in DART: fell after 0.20 s"]
+    assert result.to_dict()["not_required"] == {"walk": said}
 
 
 def test_where_nothing_is_required_nothing_passes(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     well = {"mujoco": walked(), "bridge": walked(), "dart": walked()}
-    assert not judged(monkeypatch, still, settings, a_cell(required=False), **well).passed
-    assert judged(monkeypatch, still, settings, a_cell(), **well).passed
+    assert not judged(monkeypatch, still, settings, rules, asked(required=False), **well).passed
+    assert judged(monkeypatch, still, settings, rules, asked(), **well).passed
 
 
 def test_a_bridge_that_falls_hides_no_disagreement_and_explains_none(
-    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
 ):
     engines = {"mujoco": walked(), "bridge": fell(0.4), "dart": walked(forward_m_s=0.40)}
-    result = judged(monkeypatch, still, settings, a_cell(), **engines)
+    result = judged(monkeypatch, still, settings, rules, asked(), **engines)
     assert result.reasons == (
         "cell 'walk': forward velocity 0.500 m/s in MuJoCo and 0.400 in DART, 0.100 apart, allowed is 0.070",
     )
     assert result.cells[0].explained == ()
 
 
-def test_the_picture_shows_falls(monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings):
+def test_the_picture_shows_falls(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
     """A PNG, and another one where a robot fell."""
-    stood = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=walked())
-    fallen = judged(monkeypatch, still, settings, a_cell(), mujoco=walked(), bridge=walked(), dart=fell(0.2))
+    stood = judged(monkeypatch, still, settings, rules, asked(), mujoco=walked(), bridge=walked(), dart=walked())
+    fallen = judged(monkeypatch, still, settings, rules, asked(), mujoco=walked(), bridge=walked(), dart=fell(0.2))
     pictures = [cross_engine_plots(each) for each in (stood, fallen)]
     assert all(each.startswith(b"\x89PNG") for each in pictures)
     assert pictures[0] != pictures[1]
@@ -270,9 +301,11 @@ def test_faults_of_strength_scale_what_they_say(still: Deployed):
 
 
 @pytest.mark.shared
-def test_the_published_policy_passes_a_fast_subset(published: Deployed, settings: CrossEngineSettings):
+def test_the_published_policy_passes_a_fast_subset(
+    published: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
     """Forwards and round a corner: all engines, and the velocities of the notes."""
-    result = cross_engine(published, one_seed(settings), only=("walk_0.6", "arc_left"))
+    result = cross_engine(published, one_seed(settings), rules, only=("walk_0.6", "arc_left"))
     assert result.passed, result.reasons
     walk_cell = result.cells[0]
     assert walk_cell.mean(MUJOCO, "forward_m_s") == pytest.approx(0.504, abs=0.02)
@@ -291,10 +324,10 @@ def test_a_walk_in_dart_gives_the_same_bits_again(published: Deployed, settings:
 @pytest.mark.shared
 @pytest.mark.parametrize(("fault", "cell"), [("60 % torque", "walk_1.0"), ("half Kp", "stand")])
 def test_weak_motors_pass_mujoco_and_fall_in_dart(
-    published: Deployed, settings: CrossEngineSettings, fault: str, cell: str
+    published: Deployed, settings: CrossEngineSettings, rules: ValidationSettings, fault: str, cell: str
 ):
     """What the second engine is for."""
-    result = cross_engine(FAULTS[fault](published), one_seed(settings), only=(cell,), engines=(MUJOCO, DART))
+    result = cross_engine(FAULTS[fault](published), one_seed(settings), rules, only=(cell,), engines=(MUJOCO, DART))
     assert result.cells[0].survival(MUJOCO) == 1.0
     assert result.cells[0].survival(DART) == 0.0
     assert not result.passed
@@ -312,14 +345,18 @@ def test_weak_motors_pass_mujoco_and_fall_in_dart(
         ("action scale halved", "walk_0.6"),
     ],
 )
-def test_planted_faults_fail_a_required_cell(published: Deployed, settings: CrossEngineSettings, fault: str, cell: str):
-    result = cross_engine(FAULTS[fault](published), one_seed(settings), only=(cell,), engines=(MUJOCO, DART))
+def test_planted_faults_fail_a_required_cell(
+    published: Deployed, settings: CrossEngineSettings, rules: ValidationSettings, fault: str, cell: str
+):
+    result = cross_engine(FAULTS[fault](published), one_seed(settings), rules, only=(cell,), engines=(MUJOCO, DART))
     assert not result.passed
     assert any(f"cell '{cell}'" in reason for reason in result.reasons)
 
 
 @pytest.mark.shared
-def test_a_normalizer_left_out_fails_where_there_was_one(published: Deployed, settings: CrossEngineSettings):
+def test_a_normalizer_left_out_fails_where_there_was_one(
+    published: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
     """The published policy has none; given one, it is the same function, and without it another."""
     rng = np.random.default_rng(0)
     size = published.policy.observation_size
@@ -327,14 +364,16 @@ def test_a_normalizer_left_out_fails_where_there_was_one(published: Deployed, se
     observation = rng.normal(size=size)
     np.testing.assert_allclose(policy.act(observation), published.policy.act(observation), atol=1e-9)
     fault = FAULTS["normalizer left out"](dataclasses.replace(published, policy=policy))
-    assert not cross_engine(fault, one_seed(settings), only=("walk_0.6",), engines=(MUJOCO, DART)).passed
+    assert not cross_engine(fault, one_seed(settings), rules, only=("walk_0.6",), engines=(MUJOCO, DART)).passed
 
 
 @pytest.mark.shared
-def test_a_gyro_in_the_world_frame_passes_straight_on(published: Deployed, settings: CrossEngineSettings):
+def test_a_gyro_in_the_world_frame_passes_straight_on(
+    published: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
     """From a start that faces x: why the grid turns."""
     fault = FAULTS["gyro in the world frame"](published)
-    assert cross_engine(fault, one_seed(settings), only=("walk_0.6",), engines=(MUJOCO, DART)).passed
+    assert cross_engine(fault, one_seed(settings), rules, only=("walk_0.6",), engines=(MUJOCO, DART)).passed
 
 
 def state_of(quat_w: np.ndarray, ang_vel_b: list[float]) -> PlantState:

@@ -13,6 +13,7 @@ from pipeline.deployment import deployment_task
 from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.bars import CellBars, ValidationSettings
 from pipeline.validation.cross_engine import CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_trials import fall_log, first_falls, write_falls
@@ -32,20 +33,30 @@ def limp(robot: Robot) -> Deployed:
 
 @pytest.fixture(scope="module")
 def settings(root: Path) -> CrossEngineSettings:
-    """Standing for a second and a half, required and not."""
+    """Standing for a second and a half, twice."""
     whole = read(root / "data" / "cross_engine.yaml", CrossEngineSettings)
     cell = Cell(segments=(Segment(seconds=1.5, command=(0.0, 0.0, 0.0)),), measured_s=0.5)
-    cells = {"stand": cell, "stand_too": dataclasses.replace(cell, required=False)}
+    cells = {"stand": cell, "stand_too": cell}
     return dataclasses.replace(whole, simulation=dataclasses.replace(whole.simulation, seeds=2), cells=cells)
 
 
 @pytest.fixture(scope="module")
-def found(limp: Deployed, settings: CrossEngineSettings) -> CrossEngineResult:
-    return cross_engine(limp, settings, engines=(MUJOCO, DART))
+def rules(root: Path) -> ValidationSettings:
+    """The first is required, the second not."""
+    whole = read(root / "data" / "validation.yaml", ValidationSettings)
+    spared = CellBars(required=False, why="test", bars={})
+    return dataclasses.replace(whole, engines={"stand": whole.engines["stand"], "stand_too": spared})
 
 
-def test_parallel_processes_find_the_same_bits(limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult):
-    spread = cross_engine(limp, settings, engines=(MUJOCO, DART), pool=ClipPool(workers=2))
+@pytest.fixture(scope="module")
+def found(limp: Deployed, settings: CrossEngineSettings, rules: ValidationSettings) -> CrossEngineResult:
+    return cross_engine(limp, settings, rules, engines=(MUJOCO, DART))
+
+
+def test_parallel_processes_find_the_same_bits(
+    limp: Deployed, settings: CrossEngineSettings, rules: ValidationSettings, found: CrossEngineResult
+):
+    spread = cross_engine(limp, settings, rules, engines=(MUJOCO, DART), pool=ClipPool(workers=2))
     assert spread.to_dict() == found.to_dict()
 
 

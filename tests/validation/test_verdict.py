@@ -8,7 +8,17 @@ import pytest
 
 from pipeline.files import settings
 from pipeline.robot import Robot
-from pipeline.validation.bars import Bar, CellBars, Margin, Reference, Required, ValidationSettings, derived
+from pipeline.validation.bars import (
+    Agreement,
+    Bar,
+    CellBars,
+    Margin,
+    Reference,
+    Required,
+    Tolerance,
+    ValidationSettings,
+    derived,
+)
 from pipeline.validation.cells import SURVIVING
 from pipeline.validation.derive import text_of
 from pipeline.validation.figures import FIGURES
@@ -29,13 +39,21 @@ MARGINS = {
 }
 REQUIRED = Required(error_share=0.3, least_error=0.15, survival=0.75, source="test")
 
+AGREEMENT = Agreement(
+    velocity=Tolerance(at_most=0.07, share=0.08, unit="m/s", source="test"),
+    yaw_rate=Tolerance(at_most=0.06, unit="rad/s", source="test"),
+    height=Tolerance(at_most=0.01, unit="m", source="test"),
+)
+
 
 def _settings(*reference: Measured) -> ValidationSettings:
     return ValidationSettings(
         margins=MARGINS,
         required=REQUIRED,
+        agreement=AGREEMENT,
         reference=Reference(policy="p", robot="r", ankle_kd=(1.0,), command="derive"),
         cells=derived([reference], MARGINS, REQUIRED),
+        engines={},
     )
 
 
