@@ -66,7 +66,8 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
-    """What the manifest keeps: passed, failed, or null and why it was not run; what stood in stands by its own name."""
+    """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing, or failed to
+    run. What stood in stands by its own name; one that failed to run is told too."""
     own = verdicts[webots]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
     return {
@@ -74,7 +75,12 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
         "policy": policy,
         "passed": own.status == "passed" if own.judged else None,
         "reasons": list(own.reasons),
-        "not_run": [] if own.judged else [own.status],
+        "not_run": [] if own.judged or own.failed_to_run else [own.status],
+        "failed_to_run": [
+            each.status if name == webots else f"{name}: {each.status}"
+            for name, each in verdicts.items()
+            if each.failed_to_run
+        ],
         "webots": own.to_dict(),
         **{name: each["status"] for name, each in others.items()},
         "stand_ins": others,
@@ -103,7 +109,7 @@ def _checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCh
             asset_key=plan.key,
             check_name=WALKS,
             passed=webots.status == "passed",
-            severity=dg.AssetCheckSeverity.WARN,
+            severity=dg.AssetCheckSeverity.ERROR if webots.failed_to_run else dg.AssetCheckSeverity.WARN,
             metadata=found,
         ),
     ]

@@ -22,7 +22,7 @@ from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, run_stand_in, verdict
 
 FAILED = 3
-"""Exit code of a walk that fails; 1 is of one that could not be done."""
+"""Exit code of a walk that fails or was not run; 1 is of one that could not be done."""
 STAND_INS = {"mujoco": MUJOCO_STAND_IN, "ode": ODE_STAND_IN}
 
 
@@ -32,8 +32,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "webots-project",
         help="write a Webots project of a robot, and run it",
         description="Write PROTO, world and controller into a folder that Webots opens. With --run the walk of "
-        "data/webots.yaml is walked and judged. Exit code 0: written, or passed; 3: failed or not run; 1: could not "
-        "be done.",
+        "data/webots.yaml is walked and judged. Exit code 0: written, or passed; 3: failed, or not run as "
+        "the program is missing; 1: could not be done.",
     )
     parser.add_argument("--robot", metavar="NAME", default="t1", help="robot, adapted where it was")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder of the project")
@@ -82,4 +82,6 @@ def _walk(parsed: argparse.Namespace, project: Project, settings: WebotsSettings
         print(f"  {reason}")
     if parsed.json:
         atomic.write_text(parsed.json, json.dumps(said.to_dict(), indent=1, sort_keys=True, allow_nan=False) + "\n")
+    if said.failed_to_run:
+        return 1
     return 0 if said.status == "passed" else FAILED

@@ -1,7 +1,7 @@
 """What a person reads before a policy goes to a robot, as data: card, lineage, verdicts, pictures, what was not run.
 
 A check has passed only where its result says so in so many words, of this very policy, and is not outdated. All else is
-failed, outdated or not run, and the page says which; nothing that was not run counts as passed.
+failed, failed to run, outdated or not run, and the page says which; nothing without a verdict counts as passed.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ class Status(enum.Enum):
     FAILED = "failed"
     OUTDATED = "outdated"
     """It was run, but of another policy, or what it depends on has changed since."""
+    FAILED_TO_RUN = "failed to run"
+    """It was started and gave no verdict: it crashed, took too long, or what it said can't be read."""
     NOT_RUN = "not run"
 
 
@@ -44,6 +46,8 @@ class Verdict:
     """What fails or differs and is not asked for."""
     not_run: tuple[str, ...] = ()
     """Parts of it that were not run."""
+    failed_to_run: tuple[str, ...] = ()
+    """What of it was started and gave no verdict, and how that came."""
     facts: tuple[tuple[str, str], ...] = ()
     """What else its result says, name and value."""
     pictures: tuple[Picture, ...] = ()
@@ -66,10 +70,13 @@ class Dossier:
 
     @property
     def open_points(self) -> tuple[str, ...]:
-        """Why it can't be signed without a word: each check that has not passed, and each part that was not run."""
+        """Why it can't be signed without a word: each check that has not passed, each part that was not run or failed
+        to run."""
         if not self.policy:
             return ("there is no policy",)
-        points = [f"{each.name}: {each.status.value}" for each in self.verdicts if each.status is not Status.PASSED]
+        told = (Status.PASSED, Status.FAILED_TO_RUN)
+        points = [f"{each.name}: {each.status.value}" for each in self.verdicts if each.status not in told]
+        points += [f"{each.name}: {text}" for each in self.verdicts for text in each.failed_to_run]
         points += [f"{each.name}: not run: {text}" for each in self.verdicts for text in each.not_run]
         return tuple(points) if self.verdicts else ("nothing was checked",)
 
@@ -81,8 +88,8 @@ def judged(
 
     Args:
         name: of the check
-        result: what it stored: `passed` (true, false, or null where it was not run), `policy` (digest), and `reasons`,
-            `not_required`, `not_run` where there are any; None where nothing is stored
+        result: what it stored: `passed` (true, false, or null where there is no verdict), `policy` (digest), and
+            `reasons`, `not_required`, `not_run`, `failed_to_run` where there are any; None where nothing is stored
         policy: digest of the policy that is to be signed
         outdated: why its result no longer holds, empty where it does
         pictures: that it made
@@ -92,8 +99,9 @@ def judged(
     reasons = _texts(result.get("reasons"))
     parts = _texts(result.get("not_run", result.get("not run")))
     spared = _texts(result.get("not_required", result.get("not required")))
-    status, why = _status(result, policy, outdated)
-    if status is Status.NOT_RUN:
+    broken = _texts(result.get("failed_to_run"))
+    status, why = _status(result, policy, outdated, bool(broken))
+    if status in (Status.NOT_RUN, Status.FAILED_TO_RUN):
         reasons, parts = (*parts, *reasons), ()
     return Verdict(
         name=name,
@@ -101,14 +109,15 @@ def judged(
         reasons=(*why, *reasons),
         not_required=spared,
         not_run=parts,
+        failed_to_run=broken,
         facts=_facts(result),
         pictures=tuple(pictures),
     )
 
 
-def _status(result: Mapping[str, Any], policy: str, outdated: str) -> tuple[Status, tuple[str, ...]]:
+def _status(result: Mapping[str, Any], policy: str, outdated: str, broken: bool) -> tuple[Status, tuple[str, ...]]:
     passed, of = result.get("passed"), result.get("policy")
-    if passed is None:
+    if passed is None and not broken:
         return Status.NOT_RUN, ()
     if of is None:
         return Status.OUTDATED, ("its result does not say of which policy it is",)
@@ -116,6 +125,8 @@ def _status(result: Mapping[str, Any], policy: str, outdated: str) -> tuple[Stat
         return Status.OUTDATED, (f"it is of the policy {str(of)[:12]}, not of {policy[:12]}",)
     if outdated:
         return Status.OUTDATED, (outdated,)
+    if passed is None:
+        return Status.FAILED_TO_RUN, ()
     return (Status.PASSED if passed is True else Status.FAILED), ()
 
 
@@ -130,7 +141,7 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(str(each) for each in value)
 
 
-_OWN = ("passed", "policy", "reasons", "not_required", "not required", "not_run", "not run", "stage")
+_OWN = ("passed", "policy", "reasons", "not_required", "not required", "not_run", "not run", "failed_to_run", "stage")
 
 
 def _facts(result: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:

@@ -17,6 +17,7 @@ COLOURS = {
     Status.PASSED: "#1b7f3b",
     Status.FAILED: "#b3261e",
     Status.OUTDATED: "#9a6700",
+    Status.FAILED_TO_RUN: "#b3261e",
     Status.NOT_RUN: "#9a6700",
 }
 KINDS = ("png", "gif")
@@ -42,6 +43,7 @@ def page(dossier: Dossier) -> str:
         "<h2>Verdicts</h2>",
         *(_verdict(each) for each in dossier.verdicts),
         _section("Pictures", "".join(map(_figure, dossier.pictures)) or "<p>None.</p>"),
+        _section("What failed to run", _list(_failed_to_run(dossier))),
         _section("What was not run", _list(_not_run(dossier))),
     ]
     content = "\n".join(body)
@@ -64,6 +66,7 @@ def _verdict(verdict: Verdict) -> str:
     parts = [f"<h3>{escape(verdict.name)} {badge}</h3>"]
     for title, texts in (
         ("Reasons", verdict.reasons),
+        ("Failed to run", verdict.failed_to_run),
         ("Not run", verdict.not_run),
         ("Not required", verdict.not_required),
     ):
@@ -73,6 +76,10 @@ def _verdict(verdict: Verdict) -> str:
         parts.append(_pairs(verdict.facts))
     parts += [_figure(each) for each in verdict.pictures]
     return f"<section>{''.join(parts)}</section>"
+
+
+def _failed_to_run(dossier: Dossier) -> tuple[str, ...]:
+    return tuple(f"{each.name}: {text}" for each in dossier.verdicts for text in each.failed_to_run)
 
 
 def _not_run(dossier: Dossier) -> tuple[str, ...]:

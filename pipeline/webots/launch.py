@@ -28,7 +28,8 @@ from pipeline.webots.settings import WebotsSettings
 
 WEBOTS_FLAGS = ("--batch", "--mode=fast", "--no-rendering", "--minimize", "--stdout", "--stderr")
 WEBOTS_NOT_FOUND = "webots not found"
-FINISHED, NOT_RUN, TIMED_OUT, CRASHED = "finished", "not run", "timed out", "crashed"
+FINISHED, NOT_RUN = "finished", "not run"
+NO_START, TIMED_OUT, CRASHED = "did not start", "timed out", "crashed"
 NO_RESULT, GARBAGE, STALE = "no result", "garbage", "stale result"
 PORT_TRIES = 3
 TAKEN = ("address already in use", "could not listen", "port is already")
@@ -43,7 +44,7 @@ class Outcome:
     """What came of a launch."""
 
     status: str
-    """`finished`, with a result, or why there is none."""
+    """`finished`, with a result; `not run`, where the program is missing; else how it failed to run."""
     reason: str = ""
     """A sentence; empty where it finished."""
     result: WalkResult | None = None
@@ -77,7 +78,7 @@ def launch(
     environment: Mapping[str, str] | None = None,
 ) -> Outcome:
     """Run the project in `program`, which takes Webots' flags; on another port where its port was taken meanwhile."""
-    outcome = Outcome(status=NOT_RUN, reason="it was not started")
+    outcome = Outcome(status=NO_START, reason="it was not tried")
     for _ in range(PORT_TRIES):
         command = [*program, *WEBOTS_FLAGS, f"--port={free_port()}", str(project.world)]
         outcome = _try(command, project, settings, environment)
@@ -112,7 +113,7 @@ def _try(
                 start_new_session=True,
             )
         except OSError as error:
-            return Outcome(status=NOT_RUN, reason=f"{command[0]} does not start ({error.strerror})")
+            return Outcome(status=NO_START, reason=f"{command[0]}: {error.strerror}")
         try:
             exit_status: int | None = process.wait(settings.limit_s)
         except subprocess.TimeoutExpired:

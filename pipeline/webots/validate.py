@@ -23,6 +23,7 @@ LABELS = {
     ODE_STAND_IN: "ODE (Webots' engine family, upstream; stand-in, not Webots)",
 }
 PASSED, FAILED = "passed", "failed"
+FAILED_TO_RUN = "failed to run"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +32,19 @@ class WebotsVerdict:
 
     engine: str
     status: str
-    """`passed`, `failed`, or why nothing was judged, as `not run: webots not found`."""
+    """`passed`, `failed`, or why nothing was judged: `not run: webots not found` where the program is missing,
+    `failed to run: timed out, it was ended after 300 s` where it is there and gave no result."""
     reasons: tuple[str, ...] = ()
     result: WalkResult | None = None
 
     @property
     def judged(self) -> bool:
         return self.status in (PASSED, FAILED)
+
+    @property
+    def failed_to_run(self) -> bool:
+        """Whether the program is there and gave no result."""
+        return self.status.startswith(FAILED_TO_RUN)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types. The name of the run is left out: it is another each time."""
@@ -69,8 +76,10 @@ def run_stand_in(engine: str, project: Project, settings: WebotsSettings) -> Out
 
 def verdict(engine: str, outcome: Outcome, settings: WebotsSettings) -> WebotsVerdict:
     """An outcome held against the bars."""
+    if outcome.status == NOT_RUN:
+        return WebotsVerdict(engine=engine, status=f"{NOT_RUN}: {outcome.reason}")
     if outcome.status != FINISHED or outcome.result is None:
-        return WebotsVerdict(engine=engine, status=f"{outcome.status}: {outcome.reason}")
+        return WebotsVerdict(engine=engine, status=f"{FAILED_TO_RUN}: {outcome.status}, {outcome.reason}")
     reasons = tuple(_reasons(outcome.result, settings))
     return WebotsVerdict(engine=engine, status=FAILED if reasons else PASSED, reasons=reasons, result=outcome.result)
 

@@ -1,13 +1,15 @@
-"""What the assets of other engines store: a missing Webots is told as not run, and no stand-in as Webots."""
+"""What the assets of other engines store: a missing Webots is not run, a broken one failed to run."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import dagster as dg
 import pytest
 
-from assets.webots import stored_verdict
-from pipeline.release.dossier import Status, judged
+from assets.plan import engine_plans
+from assets.webots import _checks, stored_verdict
+from pipeline.release.dossier import Dossier, Status, judged
 from pipeline.webots.validate import MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict
 
 
@@ -20,16 +22,53 @@ def stored(status: str, reasons: tuple[str, ...] = ()) -> dict[str, Any]:
     return stored_verdict("webots_validation", "d1", verdicts, WEBOTS)
 
 
-@pytest.mark.parametrize(
-    "status", ["not run: webots not found", "timed out: it was ended after 300 s", "garbage: the result is empty"]
-)
-def test_what_webots_did_not_judge_is_not_run_though_a_stand_in_passed(status: str):
-    said = stored(status)
-    assert said["passed"] is None
-    assert said["not_run"] == [status]
+def test_a_missing_webots_is_not_run_though_a_stand_in_passed():
+    said = stored("not run: webots not found")
+    assert (said["passed"], said["not_run"], said["failed_to_run"]) == (None, ["not run: webots not found"], [])
     page = judged("webots_validation", said, "d1")
     assert page.status is Status.NOT_RUN
-    assert status in page.reasons
+    assert page.reasons == ("not run: webots not found",)
+
+
+@pytest.mark.parametrize(
+    "status",
+    [
+        "failed to run: did not start, /opt/webots: Permission denied",
+        "failed to run: timed out, it was ended after 300 s",
+        "failed to run: crashed, it died of SIGSEGV",
+        "failed to run: garbage, the result is empty",
+    ],
+)
+def test_a_webots_that_breaks_is_neither_missing_nor_a_verdict(status: str):
+    said = stored(status)
+    assert (said["passed"], said["not_run"], said["failed_to_run"]) == (None, [], [status])
+    found = judged("webots_validation", said, "d1")
+    assert found.status is Status.FAILED_TO_RUN
+    dossier = Dossier(title="t", policy="d1", card=(), lineage=(), verdicts=(found,))
+    assert dossier.open_points == (f"webots_validation: {status}",)
+
+
+def test_a_stand_in_that_breaks_is_told_beside_the_verdict_of_webots():
+    verdicts = {
+        WEBOTS: WebotsVerdict(engine=WEBOTS, status="passed"),
+        MUJOCO_STAND_IN: WebotsVerdict(engine=MUJOCO_STAND_IN, status="failed to run: crashed, it died of SIGABRT"),
+    }
+    found = judged("webots_validation", stored_verdict("webots_validation", "d1", verdicts, WEBOTS), "d1")
+    assert found.status is Status.PASSED
+    assert found.failed_to_run == ("mujoco stand-in: failed to run: crashed, it died of SIGABRT",)
+
+
+@pytest.mark.parametrize(
+    ("status", "severity"),
+    [
+        ("failed to run: crashed, it died of SIGSEGV", dg.AssetCheckSeverity.ERROR),
+        ("not run: webots not found", dg.AssetCheckSeverity.WARN),
+        ("failed", dg.AssetCheckSeverity.WARN),
+    ],
+)
+def test_the_check_of_a_webots_that_breaks_is_an_error(status: str, severity: dg.AssetCheckSeverity):
+    _, walks = _checks(engine_plans("t1")[1], (), WebotsVerdict(engine=WEBOTS, status=status))
+    assert (walks.passed, walks.severity) == (False, severity)
 
 
 def test_a_pass_in_webots_is_one_and_a_failure_has_its_reasons():

@@ -44,3 +44,16 @@ def test_a_missing_webots_is_said_and_is_no_pass(
         "reasons": [],
         "result": None,
     }
+
+
+def test_a_webots_that_breaks_could_not_be_done(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    program = tmp_path / "webots"
+    program.write_text("#!/bin/sh\necho no licence\nexit 4\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert main(["webots-project", "--out", str(tmp_path / "project"), "--run", "webots"]) == 1
+    said = capsys.readouterr().out
+    assert "Webots: failed to run: crashed, it ended with status 4: no licence" in said

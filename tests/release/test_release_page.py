@@ -78,6 +78,8 @@ def test_a_check_that_passed_on_this_policy_has_passed():
         (result(policy=None), "", Status.OUTDATED, "does not say of which policy"),
         (result(), "its code changed", Status.OUTDATED, "its code changed"),
         (result(passed=None, policy="b" * 64), "stale", Status.NOT_RUN, ""),
+        (result(passed=None, policy="b" * 64, failed_to_run=["crashed"]), "", Status.OUTDATED, "of the policy bbbb"),
+        (result(passed=None, failed_to_run=["crashed"]), "its code changed", Status.OUTDATED, "its code changed"),
     ],
 )
 def test_nothing_else_has_passed(stored, outdated, status, why):
@@ -98,6 +100,20 @@ def test_a_part_that_was_not_run_keeps_the_page_from_being_ready():
     assert "Not ready to sign" in text
     section = said(text).split("What was not run")[1]
     assert "no hardware log walks at 0.6 m/s" in section
+
+
+def test_what_failed_to_run_is_neither_failed_nor_missing_and_keeps_the_page_from_being_ready():
+    broken = "failed to run: timed out, it was ended after 120 s"
+    found = judged("webots", result(passed=None, failed_to_run=[broken]), POLICY)
+    assert (found.status, found.failed_to_run, found.not_run) == (Status.FAILED_TO_RUN, (broken,), ())
+    assert dossier(found).open_points == (f"webots: {broken}",)
+    text = said(page(dossier(found)))
+    assert "Not ready to sign: 1 failed to run." in text
+    assert broken in text.split("What failed to run")[1].split("What was not run")[0]
+    assert broken not in text.split("What was not run")[1]
+    beside = judged("webots", result(failed_to_run=["mujoco stand-in: failed to run: crashed"]), POLICY)
+    assert beside.status is Status.PASSED
+    assert dossier(beside).open_points == ("webots: mujoco stand-in: failed to run: crashed",)
 
 
 def test_without_checks_or_policy_it_is_not_ready():

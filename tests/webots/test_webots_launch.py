@@ -77,7 +77,7 @@ def test_a_missing_webots_is_not_run_and_never_passed(
     outcome = launch_webots(project, short_walk)
     said = verdict(WEBOTS, outcome, short_walk)
     assert said.status == "not run: webots not found"
-    assert not said.judged and said.result is None
+    assert not said.judged and not said.failed_to_run and said.result is None
 
 
 def test_webots_is_found_on_the_path_or_in_its_home(tmp_path: Path):
@@ -104,9 +104,16 @@ def test_webots_itself_is_started_where_it_is_found(
     assert said == f"[python]\nCOMMAND = {sys.executable}\n"  # one that has numpy
 
 
-def test_a_program_that_does_not_start_is_not_run(project: Project, short_walk: WebotsSettings):
-    outcome = launch(["/nowhere/webots"], project, short_walk)
-    assert (outcome.status, outcome.reason) == ("not run", "/nowhere/webots does not start (No such file or directory)")
+def test_a_program_that_does_not_start_failed_to_run(tmp_path: Path, project: Project, short_walk: WebotsSettings):
+    """It was found, so it is not missing."""
+    program = tmp_path / "webots"
+    program.write_bytes(b"no program")
+    program.chmod(0o755)
+    outcome = launch([str(program)], project, short_walk)
+    assert (outcome.status, outcome.reason) == ("did not start", f"{program}: Exec format error")
+    said = verdict(WEBOTS, outcome, short_walk)
+    assert said.status == f"failed to run: did not start, {program}: Exec format error"
+    assert said.failed_to_run and not said.judged
 
 
 def test_a_program_that_hangs_is_ended_with_all_that_it_started(
@@ -133,7 +140,7 @@ time.sleep(600)
     while any(is_running(pid) for pid in started) and time.monotonic() < until:
         time.sleep(0.05)
     assert not any(is_running(pid) for pid in started)
-    assert verdict(WEBOTS, outcome, short_walk).status == "timed out: it was ended after 3 s"
+    assert verdict(WEBOTS, outcome, short_walk).status == "failed to run: timed out, it was ended after 3 s"
 
 
 def test_children_do_not_outlive_a_program_that_ends(tmp_path: Path, project: Project, short_walk: WebotsSettings):
@@ -174,7 +181,9 @@ def test_what_went_wrong_is_said(
 ):
     outcome = run(tmp_path, project, short_walk, code)
     assert (outcome.status, outcome.reason) == (status, reason)
-    assert verdict(WEBOTS, outcome, short_walk).status == f"{status}: {reason}"
+    said = verdict(WEBOTS, outcome, short_walk)
+    assert said.status == f"failed to run: {status}, {reason}"
+    assert said.failed_to_run and not said.judged and said.result is None
 
 
 @pytest.mark.parametrize(
@@ -194,6 +203,7 @@ def test_garbage_is_called_garbage(
     outcome = run(tmp_path, project, short_walk, code)
     assert outcome.status == "garbage"
     assert reason in outcome.reason
+    assert verdict(WEBOTS, outcome, short_walk).failed_to_run
 
 
 def test_garbage_bytes_are_called_garbage(tmp_path: Path, project: Project, short_walk: WebotsSettings):
