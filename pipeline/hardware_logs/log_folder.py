@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,8 @@ QUARANTINE = "quarantine"
 PACKED = {".zstd", ".zst", ".gz", ".zip", ".tar", ".bag"}
 QUIET_S = 3.0
 """A file that is whole by its format and was not written for so long is complete."""
+FURTHER_TRIAL = re.compile(r"\+[0-9]+$")
+"""End of the name of a log's second trial and those after it."""
 STALE_S = 60.0
 """A file that is not whole by its format and was not written for so long is what there is of it."""
 
@@ -25,7 +29,7 @@ class LogFile:
     """A log, and the YAML file beside it."""
 
     name: str
-    """Path below the folder without suffix, or with it where two logs would have one name."""
+    """Path below the folder without suffix, or with it where two logs or a trial would have that name too."""
     path: Path
     sidecar: Path | None
     content: str
@@ -73,6 +77,20 @@ def is_complete(path: Path, now_s: float) -> bool:
     return age_s > STALE_S or (age_s > QUIET_S and is_whole(path))
 
 
+def names_of(paths: list[Path]) -> list[str]:
+    """What logs at these relative paths are called: no two alike, and none as a further trial of another one.
+
+    A log is called after its path without suffix. It keeps the suffix where another one differs in that alone, and
+    where what is left would read as a further trial (`x+2` is the second of `x`) or as another log's name with suffix.
+    """
+    stems = [path.with_suffix("").as_posix() for path in paths]
+    taken = Counter(stems)
+    return [
+        stem if taken[stem] == 1 and not FURTHER_TRIAL.search(stem) and Path(stem).suffix not in SUFFIXES else str(path)
+        for path, stem in zip(map(Path.as_posix, paths), stems, strict=True)
+    ]
+
+
 class Digests:
     """Digests of files, remembered by size and time of change in a file of their own."""
 
@@ -108,13 +126,11 @@ def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tupl
     """
     found, waiting, digests = [], [], Digests(cache)
     paths = list_logs(folder)
-    stems = [path.relative_to(folder).with_suffix("").as_posix() for path in paths]
-    for path, stem in zip(paths, stems, strict=True):
+    for path, name in zip(paths, names_of([path.relative_to(folder) for path in paths]), strict=True):
         try:
             if not is_complete(path, time.time() if now_s is None else now_s):
                 waiting.append(path)
                 continue
-            name = stem if stems.count(stem) == 1 else path.relative_to(folder).as_posix()
             sidecar = path.with_suffix(".yaml")
             beside = sidecar if sidecar.is_file() else None
             content = digests.of(path)

@@ -2,8 +2,11 @@
 
 import os
 import time
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.hardware_logs import mcap_bytes
 from pipeline.hardware_logs.log_folder import (
@@ -14,6 +17,7 @@ from pipeline.hardware_logs.log_folder import (
     is_complete,
     is_whole,
     list_logs,
+    names_of,
     packed_files,
 )
 from tests.factories.damaged_logs import bag_bytes
@@ -97,6 +101,29 @@ def test_logs_of_one_name_keep_their_suffixes(logs, tmp_path):
     assert [log.name for log in found] == ["walk.db3", "walk.mcap"]
     assert all(log.sidecar is not None for log in found)
     assert waiting == []
+
+
+NAMES = {
+    "walk.mcap": "walk",
+    "walk+2.mcap": "walk+2.mcap",
+    "walk+two.mcap": "walk+two",
+    "day+2/walk.mcap": "day+2/walk",
+    "run.db3": "run.db3",
+    "run.mcap": "run.mcap",
+    "run.mcap.mcap": "run.mcap.mcap",
+    "+2.mcap": "+2.mcap",
+}
+
+
+def test_a_name_is_of_one_log_and_of_no_further_trial_of_another():
+    assert names_of([Path(name) for name in NAMES]) == list(NAMES.values())
+
+
+@given(st.sets(st.from_regex(r"(a/)?[ab+2]{1,3}(\+[12]){0,2}(\.mcap|\.db3){1,2}", fullmatch=True), max_size=30))
+def test_whatever_logs_are_called_their_trials_have_names_of_their_own(files):
+    names = names_of([Path(file) for file in sorted(files)])
+    trials = [trial for name in names for trial in (name, *(f"{name}+{number}" for number in range(2, 23)))]
+    assert len(set(trials)) == len(trials)
 
 
 def test_digests_are_remembered_until_the_file_changes(logs, tmp_path):
