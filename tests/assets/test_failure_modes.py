@@ -22,7 +22,7 @@ def project(tmp_path, monkeypatch) -> Project:
 
 
 def test_a_trial_is_looked_at_once_and_again_when_a_threshold_changes(project, robot, tmp_path):
-    (trial,) = trials_in(ROOT / "data/hardware_logs/side_left_fall.mcap", robot)
+    (trial,) = trials_in(ROOT / "data/hardware_logs/demo/side_left_fall.mcap", robot)
     path = tmp_path / "trial.parquet"
     write_trial(path, trial)
     numbers = {"robot": "t1", "policy_digest": trial.policy_digest, "log": "side_left_fall"}

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.feedback.change import ChangeError, allowed_range, check_bounds
+from pipeline.feedback.trust import is_demonstration, trusted
 from tests.factories.trial_reports import LEFT_CELL, RULES, failure, proposal, report, saturated, values
 
 
@@ -15,7 +16,7 @@ def test_one_log_moves_a_weight_by_its_step_and_no_further():
     found = values(proposal(report(1, failure(), failure(time_s=5.0), failure("stumble"))))
     assert found[("weights", LEFT_CELL)] == RULES.weights.per_log
     assert found[("selection", "side_left")] == RULES.selection.per_log
-    assert found[("augmentation", "side_left")] == RULES.augmentation.first
+    assert found[("augmentation", "time_scale of side_left")] == RULES.augmentation["time_scale"].first
 
 
 def test_each_further_log_moves_it_on_up_to_the_bound():
@@ -73,6 +74,30 @@ def test_simulated_logs_count_until_there_is_a_real_one_of_the_robot():
     found = proposal(simulated, report(2))
     assert found.changes == ()
     assert any("there are logs of a real t1" in sentence for sentence in found.silent)
+
+
+@pytest.mark.parametrize("changed", [{"policy": ""}, {"integrity": "unverified"}, {"robot": "k1"}])
+def test_a_real_log_that_cannot_count_silences_no_simulated_one(changed):
+    simulated = report(1, failure(), simulated=True)
+    found = proposal(simulated, dataclasses.replace(report(2, failure()), **changed))
+    assert any(each.robot == "t1" and each.section == "weights" for each in found.changes)
+
+
+def test_a_real_log_of_a_policy_whose_logs_do_not_count_silences_no_simulated_one():
+    rules = dataclasses.replace(RULES, trust=dataclasses.replace(RULES.trust, policies=("a*",)))
+    simulated, real = report(1, failure(), simulated=True), report(2, failure(), policy="b" * 64)
+    assert [each.trial for each in trusted([simulated, real], rules)[0]] == [simulated.trial]
+    assert [each.trial for each in trusted([simulated, real], RULES)[0]] == [real.trial]
+
+
+def test_the_demonstration_counts_until_there_is_another_log_that_counts():
+    shown = report(1, failure(), simulated=True, file="demo/fall")
+    assert values(proposal(shown)) and all(is_demonstration(each) for each in proposal(shown).changes)
+    assert values(proposal(shown, report(2, policy=""))), "a log that cannot count changes nothing"
+    for own in (report(2, failure(), simulated=True), report(2, simulated=True)):
+        found = proposal(shown, own)
+        assert not any(is_demonstration(each) for each in found.changes)
+        assert any("it is of the demonstration, and there are other logs" in each for each in found.silent)
 
 
 def test_a_fall_that_only_the_robots_message_tells_moves_nothing():

@@ -106,7 +106,7 @@ def test_the_command_writes_the_same_log_twice_and_a_wrong_joint_is_named(tmp_pa
 
 def test_the_shipped_logs_are_what_their_commands_make(robot, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
-    shipped = ROOT / "data/hardware_logs"
+    shipped = ROOT / "data/hardware_logs/demo"
     stated = json.loads((shipped / "made_by.json").read_text())
     assert {path.name for path in shipped.glob("*.mcap")} == set(stated)
     for name, arguments in stated.items():
