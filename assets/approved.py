@@ -2,7 +2,8 @@
 
 A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
 unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
-parts are empty, and nothing of the hardware's is looked at.
+parts are empty, and nothing of the hardware's is looked at. A part of that file that can't be used has a version of its
+own, so that what heeds it is stale and fails with the sentence that says why; nothing else does.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ import dagster as dg
 
 from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch import Manifest
-from pipeline.feedback.approved import lineage, part_of, part_version, read_changes
-from pipeline.feedback.change import Change
+from pipeline.errors import PipelineError
+from pipeline.feedback.approved import Approvals, lineage, part_of, part_version, read_approvals
+from pipeline.feedback.change import SECTIONS, Change
 from pipeline.feedback.rules import FeedbackRules
-from pipeline.files import settings
+from pipeline.files import digest, settings
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
 
@@ -34,9 +36,12 @@ PARTS: dict[str, str] = {
 SHARED_PARTS = ("selection",)
 """Sections that all robots share."""
 
+BROKEN = "broken-"
+"""What the version of a part that can't be used begins with."""
+
 SAYS = {
     "selection": "seconds of skills, for KP1",
-    "augmentation": "further playing speeds of skills, for KP4",
+    "augmentation": "perturbations of the clips of skills, for KP4",
     "weights": "factors on command cells, for KP5",
     "motors": "torque limits that the robot showed, for its model",
     "randomization": "ranges that training draws from",
@@ -65,18 +70,23 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
     ]
 
 
-def approved_changes(project: Project) -> tuple[Change, ...]:
-    """All approved changes, held against the rules. Raises SettingsError."""
+def approvals_of(project: Project) -> Approvals:
+    """All that is approved, held against the rules; what can't be used is told and raises nothing."""
     if not project.approved_feedback.is_file():
-        return ()
-    return read_changes(
-        project.approved_feedback, settings.read(project.settings("feedback_rules.yaml"), FeedbackRules)
-    )
+        return Approvals()
+    try:
+        rules = settings.read(project.settings("feedback_rules.yaml"), FeedbackRules)
+    except PipelineError as error:
+        return Approvals(faults=dict.fromkeys(SECTIONS, error))
+    return read_approvals(project.approved_feedback, rules)
 
 
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:
-    """The approved changes of a section for a robot."""
-    return part_of(approved_changes(project), section, None if section in SHARED_PARTS else robot)
+    """The approved changes of a section for a robot. Raises PipelineError where they can't be used."""
+    approvals = approvals_of(project)
+    if section in approvals.faults:
+        raise approvals.faults[section]
+    return part_of(approvals.changes, section, None if section in SHARED_PARTS else robot)
 
 
 def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest:
@@ -91,15 +101,23 @@ def told(part: Sequence[Change]) -> dict[str, Any]:
 
 def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str, Any]]]:
     """Version of each part, and what is noted of it in the history."""
-    changes = approved_changes(project)
+    approvals = approvals_of(project)
     found = {}
     for section in PARTS:
         for robot in (None,) if section in SHARED_PARTS else project.robots:
-            part = part_of(changes, section, robot)
-            logs = sorted({each.log for change in part for each in change.witnesses})
-            facts: dict[str, Any] = {"changes": len(part)}
-            if part:
-                lines = "\n".join(f"- {change.text()}" for change in part)
-                facts |= {"what": dg.MetadataValue.md(lines), "logs": ", ".join(logs)}
-            found[approved_key(section, robot)] = (part_version(part), facts)
+            fault = approvals.faults.get(section)
+            part = part_of(approvals.changes, section, robot)
+            version = part_version(part) if fault is None else f"{BROKEN}{digest.of_json(str(fault))[:16]}"
+            found[approved_key(section, robot)] = (version, _facts(part, fault))
     return found
+
+
+def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any]:
+    if fault is not None:
+        return {"can't be used": str(fault)}
+    facts: dict[str, Any] = {"changes": len(part)}
+    if part:
+        logs = sorted({each.log for change in part for each in change.witnesses})
+        lines = "\n".join(f"- {change.text()}" for change in part)
+        facts |= {"what": dg.MetadataValue.md(lines), "logs": ", ".join(logs)}
+    return facts

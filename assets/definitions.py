@@ -4,6 +4,7 @@ from typing import Any
 
 import dagster as dg
 
+from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.engine_assets import engine_assets
 from assets.failure_modes import failure_modes
@@ -13,7 +14,7 @@ from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.policy_assets import policy_assets, training_jobs
 from assets.project import PROJECT
-from assets.recuration import approve_feedback, approved_feedback_sensor, nightly_recuration, recurate
+from assets.recuration import approved_feedback_sensor, nightly_recuration, recurate
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
@@ -36,7 +37,7 @@ for _robot in PROJECT.robots:
 
 defs = dg.Definitions(
     assets=_assets,
-    jobs=[ingest_logs, recurate, approve_feedback, *training_jobs(PROJECT.robots)],
+    jobs=[ingest_logs, recurate, approve_feedback, take_back_feedback, *training_jobs(PROJECT.robots)],
     sensors=[hardware_log_sensor, approved_feedback_sensor],
     schedules=[nightly_recuration],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},

@@ -4,13 +4,15 @@ hardware_trials → failure_modes → curation_feedback ⇢ a person approves �
                        └→ sim_to_real_report
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import dagster as dg
 import pandas as pd
 
-from assets.approved import PROPOSAL, approved_changes
+from assets.approved import PROPOSAL, approvals_of
 from assets.failure_modes import declared, reports_of, result_of
+from assets.feedback_page import FeedbackPage
 from assets.plainly import plainly
 from assets.plan import FIELD
 from assets.project import PROJECT
@@ -36,10 +38,11 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
-    data/feedback/proposed.yaml to approved.yaml.
+    data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
     from pipeline.feasibility import FeasibilitySettings
-    from pipeline.feedback.approved import write_changes
+    from pipeline.feedback.approved import entries_of, write_entries
+    from pipeline.feedback.change import proposal_digest
     from pipeline.feedback.propose import propose
     from pipeline.feedback.rules import FeedbackRules
     from pipeline.selection import Curation
@@ -48,62 +51,36 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     commands = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings).balance.commands
     bounds = settings.read(PROJECT.settings("curation.yaml"), Curation).windows.bounds
     proposal = propose(reports_of(failure_modes), rules, commands, bounds)
-    found = write_changes(PROJECT.proposed_feedback, proposal.changes)
-    if proposal.changes and not rules.approval.required:
-        write_changes(PROJECT.approved_feedback, proposal.changes, by="the rules, which ask for no approval")
+    found = proposal_digest(proposal.changes)
+    write_entries(PROJECT.proposed_feedback, entries_of(proposal.changes, found), head="proposed")
+    if not rules.approval.required:
+        _let_take_effect(proposal.changes, found)
     manifest = Manifest(
         stage=FEEDBACK.name,
         entries=(),
         judged=(),
         settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
     )
-    approved = approved_changes(PROJECT)
-    pending = [each for each in proposal.changes if each not in approved]
+    page = FeedbackPage.of(proposal, approvals_of(PROJECT))
     check = dg.AssetCheckResult(
         asset_key=PROPOSAL,
         check_name=NOTHING_PENDING,
-        passed=not pending,
+        passed=page.nothing_waits,
         severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": f"{len(pending)} changes wait for approval" if pending else "nothing waits"},
+        metadata={"found": page.sentence()},
     )
-    metadata = _proposal_metadata(found, proposal, approved, pending)
-    context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes, {len(pending)} pending")
-    return result_of(FEEDBACK, manifest, metadata, [check])
+    context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
+    return result_of(FEEDBACK, manifest, page.metadata(found), [check])
 
 
-def _proposal_metadata(found: str, proposal: Any, approved: Any, pending: Any) -> dict[str, Any]:
-    rows = [
-        {
-            "part": each.section,
-            "robot": each.robot,
-            "what": each.what,
-            "from": each.before,
-            "to": each.value,
-            "bound": each.bound,
-            "approved": each in approved,
-            "logs": ", ".join(sorted({witness.log for witness in each.witnesses})),
-            "simulated": all(witness.simulated for witness in each.witnesses),
-            "because": "; ".join(witness.said for witness in each.witnesses),
-        }
-        for each in proposal.changes
-    ]
-    table = pd.DataFrame(rows, columns=None if rows else ["part"])
-    silent = "\n".join(f"- {sentence}" for sentence in proposal.silent) or "nothing"
-    how = f'{{"ops": {{"approve": {{"config": {{"proposal": "{found}", "by": "YOUR NAME"}}}}}}}}'
-    return {
-        "proposal": found or "none",
-        "changes": len(rows),
-        "changes pending": len(pending),
-        "changes approved": len(approved),
-        "how to approve": dg.MetadataValue.md(
-            f"Launch the job `approve_feedback` with\n\n    {how}\n\nor copy data/feedback/proposed.yaml to "
-            "data/feedback/approved.yaml."
-            if pending
-            else "nothing waits"
-        ),
-        "proposes nothing": dg.MetadataValue.md(silent),
-        "what is proposed": table_of(table, list(table)),
-    }
+def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
+    """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
+    from pipeline.feedback.approved import entries_of, write_entries
+    from pipeline.feedback.trust import is_demonstration
+
+    approved = approvals_of(PROJECT).changes
+    kept = [each for each in changes if not is_demonstration(each) or each in approved]
+    write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))
 
 
 @dg.asset(**declared(REPORT, "mujoco"), ins={"failure_modes": dg.AssetIn(FAILURES.key)})

@@ -1,7 +1,5 @@
 """Notices logs that were dropped into data/hardware_logs and are complete, and has them ingested."""
 
-import itertools
-
 import dagster as dg
 
 from assets.external import note_external
@@ -9,11 +7,10 @@ from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, TRIALS
 from assets.project import PROJECT
+from assets.run_tries import MAX_TRIES, tries
 from pipeline.errors import PipelineError
 
 EVERY_S = 30
-MAX_RUNS = 3
-"""Runs in a row that may fail for the same logs."""
 LOGS_TAG = "booster_lab/logs"
 """Tag of a run: the content of the folder that it was started for."""
 
@@ -40,15 +37,15 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
     tags = last_tags(context.instance, TRIALS.key)
     known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
     mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
-    runs = context.instance.get_runs(filters=dg.RunsFilter(job_name=ingest_logs.name, tags=mark), limit=MAX_RUNS)
-    if any(not run.is_finished for run in runs):
+    runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
+    found = tries(context.instance, PROJECT, runs, lambda run: not run.is_success)
+    if found.at_work:
         return dg.SkipReason(f"a run was started for these {count} logs")
-    failed = list(itertools.takewhile(lambda run: not run.is_success, runs))
-    if known and not failed:
+    if known and not found.in_vain:
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
-    if len(failed) >= MAX_RUNS:
+    if found.in_vain >= MAX_TRIES:
         return dg.SkipReason(
-            f"{len(failed)} runs for these {count} logs failed; look at the last, or start one by hand"
+            f"{found.in_vain} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
         )
     try:
         note_external(context.instance, PROJECT)

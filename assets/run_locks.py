@@ -16,13 +16,14 @@ from assets.bootstrap import BOOTSTRAP_TAG
 
 @contextmanager
 def alive(folder: Path, run_id: str) -> Iterator[None]:
-    """Say that a run is alive for as long as the context lasts."""
+    """Say that a run is alive for as long as the context lasts. Its file is locked from when it has its name."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / run_id
-    with path.open("w") as stream:
+    path, draft = folder / run_id, folder / f".{run_id}"
+    with draft.open("w") as stream:
         fcntl.flock(stream, fcntl.LOCK_EX)
         stream.write(f"process {os.getpid()}")
         stream.flush()
+        draft.rename(path)
         try:
             yield
         finally:
@@ -31,7 +32,7 @@ def alive(folder: Path, run_id: str) -> Iterator[None]:
 
 def tell_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
     """Report as failed the started runs whose process is gone, and what they had started; their ids."""
-    dead = {path.name for path in folder.glob("*") if not _is_held(path)}
+    dead = {path.name for path in folder.glob("*") if not path.name.startswith(".") and _is_dead(path)}
     started = instance.get_runs(filters=dg.RunsFilter(statuses=[dg.DagsterRunStatus.STARTED]))
     told = [run for run in started if run.run_id in dead or run.tags.get(BOOTSTRAP_TAG) in dead]
     for run in told:
@@ -41,12 +42,16 @@ def tell_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
     return [run.run_id for run in told]
 
 
-def _is_held(path: Path) -> bool:
+def is_held(path: Path) -> bool:
+    """Whether a living process holds a run's file."""
+    return path.is_file() and not _is_dead(path)
+
+
+def _is_dead(path: Path) -> bool:
+    """Whether a file is there that nobody holds; one that just went is of a run that just ended."""
     try:
         with path.open() as stream:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except FileNotFoundError:
-        return True
-    return False
+    except (BlockingIOError, FileNotFoundError):
+        return False
+    return True

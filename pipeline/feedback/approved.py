@@ -1,86 +1,186 @@
-"""The file of approved changes: read whole, held against the rules, and split by what each part feeds.
+"""The file of approved changes: an entry a section, each held against the rules by itself, and what each part feeds.
 
-`data/feedback/proposed.yaml` has the same form, so that copying it is approving it. A digest in the file ties the text
-to the proposal that was looked at: a change edited by hand must state its own.
+`data/feedback/proposed.yaml` has the same form, so that copying it is approving all of it. An entry names the proposal
+that was looked at and bears a digest of its own changes: one that was edited by hand must state its own. A fault in one
+section leaves the others as they are.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from pipeline.errors import SettingsError
+from pipeline.errors import PipelineError, SettingsError
 from pipeline.feedback.change import SECTIONS, Change, ChangeError, check_bounds, proposal_digest
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import atomic, digest, settings
 
 EMPTY = "none"
 """Version of a part without changes."""
+LINEAGE = "feedback on "
+"""What the stage of approved changes in a manifest begins with; its section follows."""
 
 HEAD = {
     "proposed": "# What the rules propose from the failures in data/hardware_logs. Copying this file to approved.yaml "
-    "approves it;\n# so does the job approve_feedback. Written by the asset curation_feedback.\n",
-    "approved": "# Changes that a person approved, and the logs they rest on. Deleting this file takes them back.\n",
+    "approves it\n# all; so does the job approve_feedback. Written by the asset curation_feedback.\n",
+    "approved": "# Changes that a person approved, and the logs they rest on. An entry that is deleted is taken back, "
+    "all of it\n# with the file; so does the job take_back_feedback.\n",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChangeFile:
-    """Changes as a file holds them."""
+class SectionApproval:
+    """Changes of one section that were approved together."""
 
+    section: str
     proposal: str
-    """Digest of the changes."""
+    """Digest of the proposal that was looked at."""
     by: str = ""
-    """Who approved them."""
+    """Who approved them; empty in a proposal."""
+    digest: str
+    """Of these changes."""
     changes: tuple[Change, ...]
 
 
-def read_changes(path: Path, rules: FeedbackRules | None) -> tuple[Change, ...]:
-    """The changes of a file; none where it is not there. Raises SettingsError.
+@dataclass(frozen=True, kw_only=True)
+class ApprovalFile:
+    """`data/feedback/approved.yaml`, and the proposal that waits beside it."""
 
-    With rules, changes that they do not allow are an error too.
-    """
+    approvals: tuple[SectionApproval, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approvals:
+    """What is approved."""
+
+    entries: tuple[SectionApproval, ...] = ()
+    """As the file has them; none where it can't be read."""
+    faults: Mapping[str, PipelineError] = field(default_factory=dict)
+    """Sections that can't be used, and why."""
+
+    @property
+    def changes(self) -> tuple[Change, ...]:
+        """The changes of all sections that can be used."""
+        return tuple(each for entry in self.entries if entry.section not in self.faults for each in entry.changes)
+
+    @property
+    def readable(self) -> bool:
+        """Whether the entries are known, though sections may have faults."""
+        return bool(self.entries) or not self.faults
+
+
+def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
+    """What a file approves; nothing where it is not there. Its faults are told and raise nothing."""
     if not path.is_file():
-        return ()
-    held = settings.read(path, ChangeFile)
-    unknown = [each.section for each in held.changes if each.section not in SECTIONS]
-    if unknown:
-        raise SettingsError(path, f"unknown section '{unknown[0]}', there are: {', '.join(SECTIONS)}.")
-    if proposal_digest(held.changes) != held.proposal:
-        raise SettingsError(
-            path,
-            f"its changes are not those of proposal '{held.proposal}' but of '{proposal_digest(held.changes)}'.",
-            "Approve the proposal again, or state that digest if you changed it on purpose.",
-        )
+        return Approvals()
     try:
-        if rules is not None:
-            check_bounds(held.changes, rules)
+        entries = settings.read(path, ApprovalFile).approvals
+        for place, entry in enumerate(entries):
+            strange = [
+                name for name in (entry.section, *(each.section for each in entry.changes)) if name not in SECTIONS
+            ]
+            strange += [each.section for each in entry.changes if each.section != entry.section]
+            if strange:
+                problem = f"approvals[{place}] of '{entry.section}' has the section '{strange[0]}'"
+                raise SettingsError(path, f"{problem}, there are: {', '.join(SECTIONS)}.")
+    except (SettingsError, OSError) as error:
+        return Approvals(faults=dict.fromkeys(SECTIONS, _unreadable(path, error)))
+    faults = {section: _fault(path, section, entries, rules) for section in SECTIONS}
+    return Approvals(entries=entries, faults={section: fault for section, fault in faults.items() if fault})
+
+
+def _unreadable(path: Path, error: SettingsError | OSError) -> PipelineError:
+    told = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
+    return PipelineError(f"{told} Mend it, or delete it and approve again: without it nothing is approved.")
+
+
+def _fault(path: Path, section: str, entries: Sequence[SectionApproval], rules: FeedbackRules) -> SettingsError | None:
+    """Why a section can't be used, with the way on."""
+    own = [(place, entry) for place, entry in enumerate(entries) if entry.section == section]
+    for place, entry in own:
+        found = proposal_digest(entry.changes)
+        if found != entry.digest:
+            return SettingsError(
+                path,
+                f"approvals[{place}], '{section}': its changes do not have the digest '{entry.digest}' but '{found}'.",
+                f"State that one if you changed them on purpose; else {_way_on(section)}",
+            )
+    try:
+        check_bounds([change for _, entry in own for change in entry.changes], rules)
     except ChangeError as error:
-        raise SettingsError(path, f"{error}.", "Approve the current proposal, or delete the file.") from error
-    return held.changes
+        where = ", ".join(f"approvals[{place}]" for place, _ in own)
+        return SettingsError(path, f"{where}: {error}.", _way_on(section).capitalize())
+    return None
 
 
-def write_changes(path: Path, changes: Sequence[Change], *, by: str = "") -> str:
-    """Write a file of changes, or remove it where there are none; the digest."""
-    if not changes:
+def _way_on(section: str) -> str:
+    return (
+        f"approve '{section}' of the current proposal again (job approve_feedback), or take it back (job "
+        f"take_back_feedback, or delete the entry)."
+    )
+
+
+def entries_of(changes: Sequence[Change], proposal: str, by: str = "") -> tuple[SectionApproval, ...]:
+    """Changes as entries, one a section."""
+    return tuple(
+        SectionApproval(section=section, proposal=proposal, by=by, digest=proposal_digest(own), changes=own)
+        for section in SECTIONS
+        if (own := tuple(each for each in changes if each.section == section))
+    )
+
+
+def added(
+    earlier: Sequence[SectionApproval], new: Sequence[SectionApproval], *, whole: bool
+) -> tuple[SectionApproval, ...]:
+    """Earlier approvals and new ones over them; sections that the new ones do not name stay as they are.
+
+    Args:
+        whole: whether the new ones speak for their sections as a whole, so that what was approved of these before
+            goes; if not, only the same numbers give way
+    """
+    places = {_place(change) for entry in new for change in entry.changes}
+    sections = {entry.section for entry in new}
+    kept = []
+    for entry in earlier:
+        if entry.section not in sections:
+            kept.append(entry)
+            continue
+        left = () if whole else tuple(each for each in entry.changes if _place(each) not in places)
+        if left:
+            kept.append(dataclasses.replace(entry, changes=left, digest=proposal_digest(left)))
+    order = list(SECTIONS)
+    return tuple(sorted((*kept, *new), key=lambda entry: order.index(entry.section)))
+
+
+def _place(change: Change) -> tuple[str, str, str]:
+    return change.section, change.robot, change.what
+
+
+def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str = "approved") -> None:
+    """Write a file of approvals or of a proposal; remove it where there is nothing in it."""
+    if not entries:
         path.unlink(missing_ok=True)
-        return ""
-    found = proposal_digest(changes)
-    held: dict[str, Any] = {"proposal": found, **({"by": by} if by else {})}
-    held["changes"] = json.loads(json.dumps([each.to_dict() for each in changes]))
-    head = HEAD["approved" if by else "proposed"]
-    atomic.write_text(path, head + yaml.safe_dump(held, sort_keys=False, allow_unicode=True, width=120))
-    return found
+        return
+    rows = []
+    for entry in entries:
+        by = {"by": entry.by} if entry.by else {}
+        facts = {"section": entry.section, "proposal": entry.proposal, **by, "digest": entry.digest}
+        rows.append({**facts, "changes": json.loads(json.dumps([each.to_dict() for each in entry.changes]))})
+    text = yaml.safe_dump({"approvals": rows}, sort_keys=False, allow_unicode=True, width=120)
+    atomic.write_text(path, HEAD[head] + text)
 
 
 def part_of(changes: Sequence[Change], section: str, robot: str | None) -> tuple[Change, ...]:
-    """The changes of a section for a robot; None for what all robots share."""
-    return tuple(each for each in changes if each.section == section and robot in (None, each.robot))
+    """The changes of a section for a robot, None for what all robots share; in one order, however they came in."""
+    return tuple(
+        sorted((each for each in changes if each.section == section and robot in (None, each.robot)), key=_place)
+    )
 
 
 def part_version(part: Sequence[Change]) -> str:
@@ -92,4 +192,10 @@ def lineage(part: Sequence[Change], section: str) -> dict[str, Any]:
     """What a manifest says of the changes that took effect in it, by digest: each with the logs that it rests on."""
     if not part:
         return {}
-    return {part_version(part): {"stage": f"feedback on {section}", "changes": [each.to_dict() for each in part]}}
+    return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": [each.to_dict() for each in part]}}
+
+
+def heard(stages: Mapping[str, Any]) -> dict[str, str]:
+    """Section -> version of its part that took effect in a manifest with these stages."""
+    named = {version: str(facts.get("stage", "")) for version, facts in stages.items()}
+    return {stage.removeprefix(LINEAGE): version for version, stage in named.items() if stage.startswith(LINEAGE)}

@@ -1,13 +1,25 @@
 """What stages do with approved changes: nothing where there are none, and the logs behind them in their manifests."""
 
 import dagster as dg
+import pytest
 
-from assets.approved import PARTS, approved_changes, approved_key, approved_part, approved_versions, noting, told
+from assets.approved import (
+    BROKEN,
+    PARTS,
+    approvals_of,
+    approved_key,
+    approved_part,
+    approved_versions,
+    noting,
+    told,
+)
 from assets.bootstrap import _upstream
 from assets.project import Project
 from assets.variants import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
-from pipeline.feedback.approved import EMPTY, write_changes
+from pipeline.errors import SettingsError
+from pipeline.feedback.approved import EMPTY, entries_of, write_entries
+from tests.factories.feedback_project import feedback_project
 from tests.factories.trial_reports import failure, proposal, report
 
 
@@ -31,21 +43,44 @@ def test_without_a_file_every_part_is_empty_and_no_rules_are_read(tmp_path):
     (tmp_path / "robots/t1").mkdir(parents=True)
     (tmp_path / "robots/t1/robot.toml").write_text("")
     project = Project(tmp_path)
-    assert approved_changes(project) == ()
+    assert approvals_of(project).changes == ()
     assert {version for version, _ in approved_versions(project).values()} == {EMPTY}
     assert len(approved_versions(project)) == len(PARTS)
 
 
 def test_a_manifest_names_the_logs_of_what_took_effect(root, tmp_path):
-    project = Project(tmp_path)
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data/feedback_rules.yaml").write_text((root / "data/feedback_rules.yaml").read_text())
-    write_changes(project.approved_feedback, proposal(report(1, failure())).changes, by="a person")
+    project = feedback_project(root, tmp_path)
+    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
     part = approved_part(project, "weights", "t1")
     (stage,) = [each for each in noting(_manifest(), part, "weights").settings.values() if "changes" in each]
     assert stage["stage"] == "feedback on weights"
     assert stage["changes"][0]["witnesses"][0]["sha256"] == f"{1:064d}"
     assert "log001" not in _manifest().to_text()
+
+
+def test_a_section_that_cannot_be_used_has_a_version_of_its_own_and_stops_nothing_else(root, tmp_path):
+    project = feedback_project(root, tmp_path)
+    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
+    sound = approved_versions(project)
+    text = project.approved_feedback.read_text()
+    project.approved_feedback.write_text(text.replace("value: 1.25", "value: 1.2"))
+    broken = approved_versions(project)
+    changed = {key.to_user_string() for key in sound if sound[key][0] != broken[key][0]}
+    assert changed == {"approved_weights"}
+    version, facts = broken[dg.AssetKey(["approved_weights"])]
+    assert version.startswith(BROKEN) and "take it back" in facts["can't be used"]
+    with pytest.raises(SettingsError, match=r"approved.yaml: approvals\[2\], 'weights'"):
+        approved_part(project, "weights", "t1")
+    assert approved_part(project, "augmentation", "t1")
+
+
+def test_rules_that_cannot_be_read_fault_what_is_approved_by_their_name(root, tmp_path):
+    project = feedback_project(root, tmp_path)
+    write_entries(project.approved_feedback, entries_of(proposal(report(1, failure())).changes, "x", "a person"))
+    project.settings("feedback_rules.yaml").write_text("approval: 3\n")
+    assert all(version.startswith(BROKEN) for version, _ in approved_versions(project).values())
+    with pytest.raises(SettingsError, match=r"feedback_rules.yaml: .*'approval' is 3"):
+        approved_part(project, "motors", "t1")
 
 
 def test_parts_of_another_robot_have_its_prefix_and_windows_are_all_robots():
@@ -55,7 +90,7 @@ def test_parts_of_another_robot_have_its_prefix_and_windows_are_all_robots():
 
 
 def test_further_variants_join_those_that_are_there_and_no_clip_comes_twice():
-    joined = with_further_variants(_manifest("~mirror"), _manifest("~mirror", "~x0.85", "~x1.15"))
+    joined = with_further_variants(_manifest("~mirror"), _manifest("~mirror", "~x0.85", "~x1.15"), "walk")
     assert [each.clip for each in joined.entries] == ["walk", "walk~mirror", "walk~x0.85", "walk~x1.15"]
     (row,) = joined.judged
     assert row.pieces == ("walk", "walk~mirror", "walk~x0.85", "walk~x1.15")

@@ -21,9 +21,9 @@ from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.plan import TRIALS
 from assets.project import Project
 from assets.resources import StoreIOManager
-from pipeline.files import settings
+from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
-from tests.factories.robot_logs import POLICY, robot_log
+from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
 
 LONG_AGO_S = 3_600.0
 
@@ -212,15 +212,28 @@ def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
         assert "no new log" in tick(instance)
 
 
-def test_a_broken_file_of_approvals_is_told_by_the_sensor(project, log_bytes):
+def test_a_broken_file_of_approvals_keeps_no_log_from_being_ingested(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     project.approved_feedback.parent.mkdir()
-    project.approved_feedback.write_text("proposal: x\nchanges: 3\n")
+    project.approved_feedback.write_text("approvals: 3\n")
     with dg.instance_for_test() as instance:
-        said = tick(instance)
-        assert "no run can be started for these 1 logs" in said and "approved.yaml" in said
-        project.approved_feedback.unlink()
         assert isinstance(tick(instance), dict)
+        assert materialize(instance).success
+        noted = instance.get_latest_materialization_event(dg.AssetKey(["approved_weights"])).asset_materialization
+        assert "'approvals' is 3, wanted a list. Mend it, or delete it" in noted.metadata["can't be used"].value
+
+
+def test_a_log_called_like_the_second_trial_of_another_one_is_not_mistaken_for_it(project, log_bytes, robot):
+    times = every(3.0, 500)
+    silent = (times >= START_NS + 1.0e9) & (times < START_NS + 2.5e9)
+    paused = mcap_bytes(robot_log(robot, 3.0, low_state=low_states(robot, times[~silent])))
+    logs = {"x": drop(project, "x.mcap", paused), "x+2.mcap": drop(project, "x+2.mcap", log_bytes)}
+    found = {name: (read_trial(path), numbers) for name, path, numbers in trials_of(ingested(project).manifest)}
+    of_log = {name: numbers["log"] for name, (_, numbers) in found.items()}
+    assert of_log == {"x": "x", "x+2": "x", "x+2.mcap": "x+2.mcap"}
+    for name, (trial, numbers) in found.items():
+        assert trial.name == name
+        assert trial.log_digest == numbers["log_sha256"] == digest.of_file(logs[numbers["log"]])
 
 
 def test_logs_that_come_back_are_ingested_again_however_often(project, log_bytes):

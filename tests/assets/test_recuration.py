@@ -1,117 +1,215 @@
-"""Approval and what follows it: a proposal by its digest, databases that are behind, what runs by itself."""
+"""What follows an approval by itself: databases that are behind, runs that are tried again, and where that ends."""
 
 import json
+from contextlib import contextmanager
 
 import dagster as dg
 import pytest
 
-from assets import recuration
-from assets.approved import PARTS, approved_versions
-from assets.freshness import INPUT_VERSION_PREFIX
-from assets.plan import FIELD
+from assets import recuration, run_tries
+from assets.approval import approve_proposal, take_back_sections
+from assets.approved import PARTS, SHARED_PARTS, approved_part, noting
 from assets.project import Project
-from assets.recuration import ApprovalError, approve_proposal, approved_feedback_sensor, behind, nightly_recuration
+from assets.recuration import (
+    APPROVED_TAG,
+    MAX_NIGHTLY_TRIES,
+    approved_feedback_sensor,
+    behind,
+    nightly_recuration,
+    recurate,
+)
+from assets.run_locks import alive
+from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
-from pipeline.feedback.approved import read_changes
-from tests.factories.trial_reports import RULES, failure, proposal, report, saturated
+from pipeline.feedback.change import proposal_digest
+from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
+from tests.factories.trial_reports import proposal
+
+DATABASE = dg.AssetKey(["expert_db"])
+PENDING = proposal_digest(proposal(*two_falls()).changes)
 
 
 @pytest.fixture
-def project(root, tmp_path) -> Project:
-    """A project with settings, a robot, and a proposal of two logs in its store."""
-    (tmp_path / "data").mkdir()
-    for name in ("feedback_rules.yaml",):
-        (tmp_path / "data" / name).write_text((root / "data" / name).read_text())
-    (tmp_path / "robots/t1").mkdir(parents=True)
-    (tmp_path / "robots/t1/robot.toml").write_text("")
-    made = Project(tmp_path)
-    changes = proposal(*(report(number, failure(), saturated(36.0)) for number in range(2))).changes
-    stored = {f"{place:04d}": change.to_dict() for place, change in enumerate(changes)}
-    made.store.save("curation_feedback", Manifest(stage=FIELD[1].name, entries=(), judged=(), settings=stored))
+def project(root, tmp_path, monkeypatch) -> Project:
+    """A project with a proposal; sensor and schedule look at it."""
+    made = feedback_project(root, tmp_path)
+    propose_into(made, *two_falls())
+    monkeypatch.setattr(recuration, "PROJECT", made)
     return made
 
 
-def _pending(project: Project) -> str:
-    """The digest that a page would show."""
-    from pipeline.feedback.change import Change, Witness, proposal_digest
-
-    stored = json.loads(project.store.manifest_path("curation_feedback").read_text())["settings"]
-    changes = [
-        Change(**{**each, "witnesses": tuple(Witness(**one) for one in each["witnesses"])})
-        for _, each in sorted(stored.items())
-    ]
-    return proposal_digest(changes)
+def approve(project: Project, *sections: str) -> None:
+    approve_proposal(project, PENDING, "a person", sections=sections)
 
 
-def test_what_was_looked_at_is_what_is_approved(project):
-    count = approve_proposal(project, _pending(project), "a person")
-    approved = read_changes(project.approved_feedback, RULES)
-    assert len(approved) == count == 5
-    assert {change.section for change in approved} == set(PARTS)
+def write_database(project: Project) -> None:
+    """The manifest of a database as it is made from what is approved now."""
+    manifest = Manifest(stage="feasible_motions", entries=(), judged=(), settings={"0": {"stage": "x"}})
+    for section in PARTS:
+        robot = None if section in SHARED_PARTS else "t1"
+        if section != "randomization":
+            manifest = noting(manifest, approved_part(project, section, robot), section)
+    path = project.expert_db("t1") / "manifest.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"stages": manifest.settings}))
 
 
-def test_another_digest_approves_nothing(project):
-    with pytest.raises(ApprovalError, match="proposal 'beef' is not pending"):
-        approve_proposal(project, "beef", "a person")
-    with pytest.raises(ApprovalError, match="an approval needs a name"):
-        approve_proposal(project, _pending(project), " ")
-    assert not project.approved_feedback.exists()
+def tick(instance: dg.DagsterInstance) -> dg.RunRequest | str:
+    """What the sensor asks for, or why it asks for nothing."""
+    found = approved_feedback_sensor(dg.build_sensor_context(instance=instance))
+    if isinstance(found, dg.SkipReason):
+        return found.skip_message or ""
+    assert isinstance(found, dg.RunRequest)
+    return found
 
 
-def test_parts_and_policies_can_be_approved_alone(project):
-    approve_proposal(project, _pending(project), "a person", sections=("weights",))
-    assert {change.section for change in read_changes(project.approved_feedback, RULES)} == {"weights"}
-    approve_proposal(project, _pending(project), "a person", policies=("a" * 64,))
-    assert {change.section for change in read_changes(project.approved_feedback, RULES)} == set(PARTS)
-    with pytest.raises(ApprovalError, match="nothing was approved"):
-        approve_proposal(project, _pending(project), "a person", policies=("b" * 64,))
-
-
-def _materialized(instance: dg.DagsterInstance, project: Project) -> None:
-    """Note all stages as made from what is approved now."""
-    versions = {key.to_user_string(): version for key, (version, _) in approved_versions(project).items()}
-    for name in ("selected_motions", "augmented_motions", "feasible_motions", "adapted_robot"):
-        tags = {f"{INPUT_VERSION_PREFIX}{key}": version for key, version in versions.items()}
-        instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey([name]), tags=tags))
-
-
-def test_a_database_is_behind_from_an_approval_until_it_is_made(project, monkeypatch):
-    monkeypatch.setattr(recuration, "PROJECT", project)
+@contextmanager
+def reached(project: Project):
+    """A history in which all stages and the database have heard of what is approved now."""
     with dg.instance_for_test() as instance:
-        approve_proposal(project, _pending(project), "a person")
+        note_materialized(instance, project)
+        write_database(project)
+        assert behind(instance, project) == {}
+        yield instance
+
+
+def run_of(instance: dg.DagsterInstance, request: dg.RunRequest, status: dg.DagsterRunStatus) -> dg.DagsterRun:
+    """The run that the daemon makes of a request."""
+    from assets.definitions import defs
+
+    job = defs.resolve_job_def(recurate.name)
+    return instance.create_run_for_job(job, tags=dict(request.tags), status=status)
+
+
+def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
+    with dg.instance_for_test() as instance:
+        approve(project)
         assert behind(instance, project) == {}, "what was never made heeds it when it is made"
         project.approved_feedback.unlink()
-        _materialized(instance, project)
+        note_materialized(instance, project)
         assert behind(instance, project) == {}
-        approve_proposal(project, _pending(project), "a person", sections=("weights",))
-        assert list(behind(instance, project)) == [dg.AssetKey(["expert_db"])]
-        _materialized(instance, project)
+        approve(project, "weights")
+        assert behind(instance, project) == {DATABASE: "approved_weights changed"}
+        note_materialized(instance, project)
         assert behind(instance, project) == {}
 
 
-def test_the_sensor_starts_one_run_for_each_approval_and_the_schedule_skips_where_nothing_changed(project, monkeypatch):
-    monkeypatch.setattr(recuration, "PROJECT", project)
-    with dg.instance_for_test() as instance:
-        _materialized(instance, project)
-        sensor = dg.build_sensor_context(instance=instance)
-        assert isinstance(approved_feedback_sensor(sensor), dg.SkipReason)
+@pytest.mark.parametrize("section", ["selection", "augmentation", "weights", "motors"])
+def test_a_database_is_behind_while_it_does_not_say_that_it_heard(project, section):
+    with reached(project) as instance:
+        approve(project, section)
+        note_materialized(instance, project)
+        (why,) = behind(instance, project).values()
+        assert why.endswith("did not reach the database"), "the stages ran, and then the run died"
+        write_database(project)
+        assert behind(instance, project) == {}
+        take_back_sections(project, (section,), "a person")
+        note_materialized(instance, project)
+        assert list(behind(instance, project)) == [DATABASE], "what is taken back is in it still"
+
+
+def test_ranges_of_training_make_no_database_late(project):
+    with reached(project) as instance:
+        approve(project, "randomization")
+        assert behind(instance, project) == {}
+
+
+def test_the_sensor_and_the_schedule_ask_for_one_run_and_rest_when_it_is_through(project):
+    with reached(project) as instance:
         schedule = dg.build_schedule_context(instance=instance)
+        assert "no database is behind" in tick(instance)
         assert isinstance(nightly_recuration(schedule), dg.SkipReason)
-        approve_proposal(project, _pending(project), "a person", sections=("weights",))
-        asked = approved_feedback_sensor(sensor)
-        assert [request.asset_selection for request in asked.run_requests] == [[dg.AssetKey(["expert_db"])]]
-        again = approved_feedback_sensor(dg.build_sensor_context(instance=instance, cursor=asked.cursor))
-        assert isinstance(again, dg.SkipReason)
-        assert nightly_recuration(schedule).asset_selection == [dg.AssetKey(["expert_db"])]
+        approve(project, "weights")
+        request = tick(instance)
+        assert isinstance(request, dg.RunRequest) and request.asset_selection == [DATABASE]
+        assert nightly_recuration(schedule).asset_selection == [DATABASE]
+        run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
+        assert "a run was started for what is approved now (expert_db: approved_weights changed)" in tick(instance)
+        assert isinstance(nightly_recuration(schedule), dg.SkipReason)
+        note_materialized(instance, project)
+        write_database(project)
+        instance.report_run_canceled(run)
+        assert "no database is behind" in tick(instance)
 
 
-def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project, monkeypatch):
-    monkeypatch.setattr(recuration, "PROJECT", project)
+def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(project):
+    with reached(project) as instance:
+        approve(project, "weights")
+        for count in range(MAX_NIGHTLY_TRIES):
+            asked = tick(instance)
+            if count >= MAX_TRIES:
+                assert f"{count} runs for what is approved now came to nothing" in asked
+                asked = nightly_recuration(dg.build_schedule_context(instance=instance))
+            assert isinstance(asked, dg.RunRequest)
+            instance.report_run_failed(run_of(instance, asked, dg.DagsterRunStatus.STARTED))
+        last = nightly_recuration(dg.build_schedule_context(instance=instance))
+        assert "start the job recurate by hand" in last.skip_message
+        approve(project, "motors")
+        assert isinstance(tick(instance), dg.RunRequest), "something else is approved"
+
+
+def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
+    with reached(project) as instance:
+        approve(project, "weights")
+        for _ in range(MAX_TRIES):
+            request = tick(instance)
+            assert isinstance(request, dg.RunRequest)
+            run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
+        assert "came to nothing" in tick(instance)
+        run_of(instance, dg.RunRequest(), dg.DagsterRunStatus.SUCCESS)
+        assert isinstance(tick(instance), dg.RunRequest), "somebody started one by hand in between"
+
+
+def test_what_is_approved_again_after_it_was_taken_back_is_run_again(project):
+    with reached(project) as instance:
+        for _ in range(MAX_TRIES + 1):
+            approve(project, "weights")
+            request = tick(instance)
+            assert isinstance(request, dg.RunRequest)
+            run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
+            write_database(project)
+            note_materialized(instance, project)
+            take_back_sections(project, ("weights",), "a person")
+            request = tick(instance)
+            assert isinstance(request, dg.RunRequest)
+            run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
+            write_database(project)
+            note_materialized(instance, project)
+
+
+def test_a_run_whose_process_is_gone_is_told_failed_and_tried_again(project):
+    runs = project.store.root / "runs"
+    with reached(project) as instance:
+        approve(project, "weights")
+        request = tick(instance)
+        assert isinstance(request, dg.RunRequest)
+        run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
+        with alive(runs, run.run_id):
+            assert "a run was started" in tick(instance)
+        (runs / run.run_id).write_text("of a process that was killed, whose lock the system released")
+        again = tick(instance)
+        assert isinstance(again, dg.RunRequest) and again.tags[APPROVED_TAG] == request.tags[APPROVED_TAG]
+        assert instance.get_run_by_id(run.run_id).status == dg.DagsterRunStatus.FAILURE
+
+
+def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monkeypatch):
+    with reached(project) as instance:
+        approve(project, "weights")
+        request = tick(instance)
+        assert isinstance(request, dg.RunRequest)
+        run = run_of(instance, request, dg.DagsterRunStatus.STARTING)
+        assert "a run was started" in tick(instance)
+        monkeypatch.setattr(run_tries, "START_S", 0.0)
+        assert isinstance(tick(instance), dg.RunRequest)
+        with alive(project.store.root / "runs", run.run_id):
+            assert "a run was started" in tick(instance), "it has its lock"
+
+
+def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
     project.approved_feedback.parent.mkdir(parents=True, exist_ok=True)
-    project.approved_feedback.write_text("proposal: x\nchanges: 3\n")
+    project.approved_feedback.write_text("approvals: 3\n")
     with dg.instance_for_test() as instance:
-        skipped = approved_feedback_sensor(dg.build_sensor_context(instance=instance))
-        assert "approved.yaml" in skipped.skip_message
+        assert "approved.yaml: 'approvals' is 3" in tick(instance)
 
 
 def test_jobs_sensors_and_schedules_run_by_themselves_but_training_does_not():
@@ -121,6 +219,6 @@ def test_jobs_sensors_and_schedules_run_by_themselves_but_training_does_not():
     assert sensors["approved_feedback_sensor"] == sensors["hardware_log_sensor"] == dg.DefaultSensorStatus.RUNNING
     assert [each.default_status for each in defs.schedules] == [dg.DefaultScheduleStatus.RUNNING]
     jobs = {each.name for each in defs.jobs}
-    assert {"ingest_logs", "recurate", "approve_feedback", "train"} <= jobs
+    assert {"ingest_logs", "recurate", "approve_feedback", "take_back_feedback", "train"} <= jobs
     started = {name for each in (*defs.sensors, *defs.schedules) for name in [each.job_name]}
     assert started == {"ingest_logs", "recurate"}

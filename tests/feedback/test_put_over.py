@@ -5,10 +5,10 @@ import dataclasses
 import pytest
 
 from pipeline.actuators import ActuatorSettings, adapt
-from pipeline.augment import AugmentSettings
+from pipeline.augment import AugmentSettings, Strengths
 from pipeline.feedback.change import Change, Witness
 from pipeline.feedback.motor_limits import lowered
-from pipeline.feedback.wanted import further_speeds, wanted_seconds
+from pipeline.feedback.wanted import further_variants, wanted_seconds
 from pipeline.files import settings
 from tests.factories.trial_reports import CURATION, DATA
 
@@ -30,10 +30,25 @@ def test_seconds_of_a_skill_are_multiplied_and_the_others_stay():
 
 
 def test_a_skill_gets_the_playing_speeds_that_it_does_not_have_yet():
-    found = further_speeds([_change("augmentation", "side_left", 0.15, 0.0)], AUGMENT)
-    assert found["side_left"].time_scales == (0.85, 1.15)
-    assert further_speeds([_change("augmentation", "side_left", 0.1, 0.0)], AUGMENT) == {}
-    assert further_speeds([_change("augmentation", "stand", 0.15, 0.0)], AUGMENT) == {}
+    for what in ("time_scale of side_left", "side_left"):
+        found = further_variants([_change("augmentation", what, 0.15, 0.0)], AUGMENT)
+        assert found["side_left"].time_scales == (0.85, 1.15)
+        assert not list(found["side_left"].perturbations.each())
+    assert further_variants([_change("augmentation", "time_scale of side_left", 0.1, 0.0)], AUGMENT) == {}
+
+
+def test_a_skill_gets_the_perturbations_that_it_does_not_have_yet():
+    asked = [
+        _change("augmentation", "foot_lift of walk", 0.02, 0.0),
+        _change("augmentation", "trunk_lean of walk", -2.0, 0.0),
+        _change("augmentation", "step_length of run", 0.9, 1.0),
+    ]
+    found = further_variants(asked, AUGMENT)
+    assert list(found["walk"].perturbations.each()) == [("foot_lift", 0.02), ("trunk_lean", -2.0)]
+    assert list(found["run"].perturbations.each()) == [("step_length", 0.9)]
+    assert found["walk"].time_scales == () and found["walk"].mirror == AUGMENT.mirror
+    there = dataclasses.replace(AUGMENT, perturbations=Strengths(foot_lift=(0.02,), trunk_lean=(-2.0,)))
+    assert list(further_variants(asked, there)) == ["run"]
 
 
 def test_a_limit_is_lowered_with_its_motor_line_and_never_raised(robot):

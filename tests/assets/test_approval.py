@@ -1,0 +1,127 @@
+"""Approving: a proposal by its digest, sections that add up, and taking back, which never happens by the way."""
+
+import pytest
+
+from assets.approval import ApprovalError, approve_proposal, take_back_sections
+from assets.approved import PARTS, approvals_of, approved_part
+from assets.project import Project
+from pipeline.errors import PipelineError
+from tests.factories.feedback_project import feedback_project, propose_into, two_falls
+from tests.factories.trial_reports import failure, report
+
+OTHER = "b" * 64
+"""Another policy."""
+
+
+@pytest.fixture
+def project(root, tmp_path) -> Project:
+    return feedback_project(root, tmp_path)
+
+
+def sections(project: Project) -> set[str]:
+    return {change.section for change in approvals_of(project).changes}
+
+
+def test_what_was_looked_at_is_what_is_approved(project):
+    digest = propose_into(project, *two_falls())
+    count = approve_proposal(project, digest, "a person")
+    approvals = approvals_of(project)
+    assert len(approvals.changes) == count == 5
+    assert sections(project) == set(PARTS)
+    assert {(entry.proposal, entry.by) for entry in approvals.entries} == {(digest, "a person")}
+
+
+def test_another_digest_approves_nothing(project):
+    digest = propose_into(project, *two_falls())
+    with pytest.raises(ApprovalError, match="proposal 'beef' is not pending"):
+        approve_proposal(project, "beef", "a person")
+    with pytest.raises(ApprovalError, match="an approval needs a name"):
+        approve_proposal(project, digest, " ")
+    with pytest.raises(ApprovalError, match="nothing was approved"):
+        approve_proposal(project, digest, "a person", policies=(OTHER,))
+    assert not project.approved_feedback.exists()
+
+
+def test_approvals_of_sections_add_up_each_from_its_own_proposal(project):
+    first = propose_into(project, report(1, failure()))
+    approve_proposal(project, first, "one", sections=("weights",))
+    weights = approved_part(project, "weights", "t1")
+    second = propose_into(project, *two_falls())
+    approve_proposal(project, second, "another", sections=("motors",))
+    assert approved_part(project, "weights", "t1") == weights, "as it was approved, though more is proposed now"
+    approve_proposal(project, second, "another", sections=("selection", "augmentation"))
+    by = {entry.section: (entry.proposal, entry.by) for entry in approvals_of(project).entries}
+    assert by == {"weights": (first, "one")} | dict.fromkeys(
+        ("selection", "augmentation", "motors"), (second, "another")
+    )
+    approve_proposal(project, second, "another", sections=("weights",))
+    (change,) = approved_part(project, "weights", "t1")
+    assert change.value == 1.5625, "the section's last approval counts"
+
+
+def test_a_proposal_that_has_nothing_of_a_section_leaves_what_was_approved_of_it(project):
+    approve_proposal(project, propose_into(project, *two_falls()), "a person")
+    approve_proposal(project, propose_into(project, report(7, failure())), "a person")
+    assert sections(project) == set(PARTS), "motors and ranges are not proposed any more, but nobody took them back"
+    (change,) = approved_part(project, "weights", "t1")
+    assert change.value == 1.25
+
+
+def test_approvals_of_policies_add_up_within_a_section(project):
+    forward = failure(command=(0.8, 0.0, 0.0))
+    digest = propose_into(
+        project, report(1, failure()), report(2, forward, policy=OTHER, commands=((0.8, 0.0, 0.0, 5.0),))
+    )
+    approve_proposal(project, digest, "a person", policies=("a" * 64,), sections=("weights",))
+    (left,) = approved_part(project, "weights", "t1")
+    approve_proposal(project, digest, "a person", policies=(OTHER,), sections=("weights",))
+    part = approved_part(project, "weights", "t1")
+    assert len(part) == 2 and left in part
+
+
+def test_sections_are_taken_back_by_name_alone(project):
+    approve_proposal(project, propose_into(project, *two_falls()), "a person")
+    assert take_back_sections(project, ("motors", "weights"), "a person") == 2
+    assert sections(project) == set(PARTS) - {"motors", "weights"}
+    with pytest.raises(ApprovalError, match="nothing of 'motors' is approved; approved are: augmentation, rand"):
+        take_back_sections(project, ("motors",), "a person")
+    with pytest.raises(ApprovalError, match="no section is named"):
+        take_back_sections(project, (), "a person")
+    with pytest.raises(ApprovalError, match="needs a name"):
+        take_back_sections(project, ("selection",), "")
+    take_back_sections(project, tuple(sections(project)), "a person")
+    assert not project.approved_feedback.exists()
+
+
+def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(project):
+    digest = propose_into(project, *two_falls())
+    approve_proposal(project, digest, "a person")
+    path = project.approved_feedback
+    edited = path.read_text().replace("value: 1.5625", "value: 1.5")
+    path.write_text(edited)
+    with pytest.raises(PipelineError, match=r"'weights': its changes do not have the digest.*approve 'weights' of"):
+        approved_part(project, "weights", "t1")
+    assert approved_part(project, "motors", "t1"), "the other sections are as they were"
+    with pytest.raises(ApprovalError, match="nothing was approved, as what is approved of 'weights' can't be told"):
+        approve_proposal(project, digest, "a person", policies=("a" * 64,))
+    take_back_sections(project, ("weights",), "a person")
+    assert not approvals_of(project).faults
+    path.write_text(edited)
+    approve_proposal(project, digest, "a person", sections=("motors",))
+    assert set(approvals_of(project).faults) == {"weights"}, "approving another section hides nothing"
+    approve_proposal(project, digest, "a person", sections=("weights",))
+    assert not approvals_of(project).faults
+
+
+def test_nothing_is_written_over_a_file_that_cannot_be_read(project):
+    digest = propose_into(project, *two_falls())
+    path = project.approved_feedback
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("approvals: [\n")
+    for act in (
+        lambda: approve_proposal(project, digest, "a person"),
+        lambda: take_back_sections(project, ("weights",), "a person"),
+    ):
+        with pytest.raises(ApprovalError, match=r"approved.yaml, line 2: .*Mend it, or delete it and approve again"):
+            act()
+    assert path.read_text() == "approvals: [\n"
