@@ -66,7 +66,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
-    """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing, or failed to
+    """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
     run. What stood in stands by its own name; one that failed to run is told too."""
     own = verdicts[webots]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}

@@ -15,6 +15,13 @@ from pipeline.files import digest
 PACKAGE = Path(__file__).resolve().parent.parent
 BELOW_ALL_STAGES = ("batch", "clips", "files", "quality", "robot", "simulation")
 LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow", "pandas")
+"""Of every stage."""
+OWN_LIBRARIES = {
+    "dart": ("dartpy",),
+    "export": ("onnx", "onnxruntime", "torch"),
+    "training": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
+}
+"""By package: those of the stages alone that name it. Another version of them leaves all other answers as they are."""
 
 
 @functools.cache
@@ -24,5 +31,14 @@ def code_version(*packages: str) -> str:
     paths = sorted(PACKAGE.glob("*.py"))
     for folder in folders:
         paths += sorted(path for path in folder.rglob("*") if path.suffix in {".py", ".yaml"})
-    libraries = {name: metadata.version(name) for name in LIBRARIES}
+    own = {name for package in packages for name in OWN_LIBRARIES.get(package, ())}
+    libraries = {name: installed(name) for name in sorted({*LIBRARIES, *own})}
     return digest.of_json([digest.of_files(paths, PACKAGE), libraries])[:12]
+
+
+def installed(library: str) -> str:
+    """The version of a library; empty where it is not there."""
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return ""
