@@ -142,9 +142,11 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         retargeted_motions: Manifest,
         robot_model: Manifest,
     ):
-        """KP4: each clip and its mirrored and time-scaled variants."""
+        """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
         from pipeline.augment import AugmentSettings, process
-        from pipeline.feedback.wanted import further_speeds
+        from pipeline.augment.mirror import mirror_skill
+        from pipeline.augment.strengths import KINDS
+        from pipeline.feedback.wanted import further_variants
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
@@ -152,14 +154,16 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
         manifest = run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log)
         feedback = approved_part(PROJECT, "augmentation", plan.robot)
-        for skill, further in further_speeds(feedback, values).items():
-            entries = [entry for entry in retargeted_motions.entries if entry.numbers.get("skill") == skill]
+        for skill, further in further_variants(feedback, values).items():
+            sides = {skill, mirror_skill(skill)} if values.mirror else {skill}
+            entries = [entry for entry in retargeted_motions.entries if entry.numbers.get("skill") in sides]
             if entries:
                 more = stage_of(plan, partial(process, settings=further, robot=robot), further)
                 made = run_stage(more, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
-                manifest = with_further_variants(manifest, made)
+                manifest = with_further_variants(manifest, made, skill)
         manifest = noting(manifest, feedback, "augmentation")
-        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored"]) | told(feedback)
+        strengths = [each.number for each in KINDS.values()]
+        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | told(feedback)
         return materialized(plan, manifest, metadata)
 
     return augmented_motions

@@ -2,5 +2,6 @@
 
 from pipeline.augment.process import process
 from pipeline.augment.settings import AugmentSettings
+from pipeline.augment.strengths import Strengths
 
-__all__ = ["AugmentSettings", "process"]
+__all__ = ["AugmentSettings", "Strengths", "process"]

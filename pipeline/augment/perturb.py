@@ -77,7 +77,7 @@ def perturb(clip: RobotClip, robot: Robot, kind: str, strength: float, name: str
     gait = gait_of(clip, robot)
     course = _COURSES[kind](gait, strength)
     if _nothing_changed(gait, course):
-        text = f"{name.removeprefix(clip.name)} is not made: less than {100 * LEAST_CHANGE:g} cm would change."
+        text = f"is not made: less than {100 * LEAST_CHANGE:g} cm would change."
         return Reason(code="nothing_to_perturb", text=text, effect="noted", value=strength)
     legs = legs_of(robot)
     poses = Kinematics(robot).forward(course.root_pos_w, course.root_quat_w, clip.joint_pos)
@@ -92,7 +92,7 @@ def perturb(clip: RobotClip, robot: Robot, kind: str, strength: float, name: str
             (gait.poses.pos_w[:, foot] + course.foot_offset_w[:, side], gait.poses.quat_w[:, foot]),
             clip.joint_pos[:, leg.joints],
         )
-        within = _within_limits(clip, robot, leg, gait.contacts[:, side], found, name)
+        within = _within_limits(clip, robot, leg, gait.contacts[:, side], found)
         if isinstance(within, Reason):
             return within
         joint_pos[:, leg.joints] = within
@@ -222,7 +222,7 @@ def _nothing_changed(gait: Gait, course: Course) -> bool:
 
 
 def _within_limits(
-    clip: RobotClip, robot: Robot, leg: Leg, standing: Bool[np.ndarray, " t"], found: Reach, name: str
+    clip: RobotClip, robot: Robot, leg: Leg, standing: Bool[np.ndarray, " t"], found: Reach
 ) -> Float[np.ndarray, "t n"] | Reason:
     """A leg's joints within their limits, or what keeps the robot from the variant: a frame that the leg can't reach,
     or a joint beyond its limit.
@@ -230,11 +230,10 @@ def _within_limits(
     A foot in the air turns by what its ankle lacks, up to `MOST_TURNED`; one that stands does not. Where the original
     is beyond a limit the variant may be as far beyond it.
     """
-    variant = name.removeprefix(clip.name)
     if not found.reached.all():
         frame = int(np.argmax(found.miss))
         miss, foot = float(found.miss[frame]), robot.link_names[leg.links[-1]]
-        text = f"{variant} is not made: frame {frame}: {foot} stays {100 * miss:.2f} cm short of its place."
+        text = f"is not made: frame {frame}: {foot} stays {100 * miss:.2f} cm short of its place."
         return _rejected("unreachable", text, clip, frame, miss, 0.0, "m")
     before = clip.joint_pos[:, leg.joints]
     lower = np.minimum(robot.joint_lower[leg.joints], before.min(axis=0))
@@ -247,7 +246,7 @@ def _within_limits(
         return limited
     value, limit = float(found.joint_pos[frame, place]), float(limited[frame, place])
     joint = robot.joint_names[leg.joints[place]]
-    text = f"{variant} is not made: frame {frame}: {joint} would be at {value:.3f} rad, beyond its limit {limit:.3f}."
+    text = f"is not made: frame {frame}: {joint} would be at {value:.3f} rad, beyond its limit {limit:.3f}."
     return _rejected("joint_limit", text, clip, frame, value, limit, "rad")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from pipeline.augment.mirror import mirror_clip, mirror_numbers
 from pipeline.augment.perturb import perturb
 from pipeline.augment.settings import AugmentSettings
@@ -46,11 +48,11 @@ def _perturbed(originals: list[Piece], strengths: Strengths, robot: Robot) -> tu
         for piece in originals:
             clip, mark = piece.clip, f"{kind}{strength:g}"
             assert isinstance(clip, RobotClip)
+            variant = f"mirror~{mark}" if piece.numbers["mirrored"] else mark
             made = perturb(clip, robot, kind, strength, f"{clip.name}~{mark}")
             if isinstance(made, Reason):
-                reasons.append(made)
+                reasons.append(dataclasses.replace(made, text=f"{variant} {made.text}"))
                 continue
-            variant = f"mirror~{mark}" if piece.numbers["mirrored"] else mark
             numbers = {**perturbed_numbers(piece.numbers, kind, strength), "variant": variant}
             pieces.append(Piece(clip=made, numbers=numbers))
     return pieces, reasons

@@ -7,12 +7,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from pipeline.errors import PipelineError
-from pipeline.feedback.rules import FeedbackRules
+from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE, FeedbackRules
 from pipeline.files import digest
 
 SECTIONS: dict[str, str] = {
     "selection": "seconds of a skill, times",
-    "augmentation": "width of playing speeds of a skill",
+    "augmentation": "perturbation of a skill's clips",
     "weights": "weight of a command cell, times",
     "motors": "torque limit of a joint [N m]",
     "randomization": "end of a range that training draws from",
@@ -51,9 +51,9 @@ class Change:
     """One of `SECTIONS`."""
     robot: str
     what: str
-    """Command cell, skill, joint or range."""
+    """Command cell, skill, joint or range; of perturbations the kind and the skill, as `foot_lift of walk`."""
     value: float
-    """What it becomes; factors are 1 where nothing changes."""
+    """What it becomes; factors are 1 where nothing changes. Of playing speeds it is the width about 1."""
     before: float
     """What it is without."""
     bound: float
@@ -92,7 +92,8 @@ def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
     faults = [fault for each in changes for fault in _faults(each, rules)]
     seen: set[tuple[str, str, str]] = set()
     for each in changes:
-        place = (each.section, each.robot, each.what)
+        what = " of ".join(perturbation_of(each.what)) if each.section == "augmentation" else each.what
+        place = (each.section, each.robot, what)
         if place in seen:
             faults.append(f"{each.section} {each.what} of {each.robot} is there twice")
         seen.add(place)
@@ -107,12 +108,42 @@ def _faults(change: Change, rules: FeedbackRules) -> list[str]:
     allowed = allowed_range(change, rules)
     if allowed is None:
         return [f"{name} is nothing that data/feedback_rules.yaml has a rule for"]
-    if change.section == "randomization" and change.before != rules.randomization[change.what].start:
-        return [f"{name} is {change.before:g} before, but {rules.randomization[change.what].start:g} by the rules"]
+    start = _start(change, rules)
+    if start is not None and change.before != start:
+        return [f"{name} is {change.before:g} before, but {start:g} by the rules"]
     low, high = allowed
     if not low - 1e-9 <= change.value <= high + 1e-9:
         return [f"{name} is {change.value:g}; by {len(change.logs)} logs allowed is {low:g} to {high:g}"]
     return []
+
+
+def perturbation_of(what: str) -> tuple[str, str]:
+    """Kind and skill of a perturbation. A skill alone, as files have it that were approved when there was nothing else,
+    means its playing speeds."""
+    kind, _, skill = what.rpartition(" of ")
+    return kind or TIME_SCALE, skill
+
+
+def neutral(kind: str) -> float:
+    """The value of a change that would leave a perturbation of that kind away."""
+    return 0.0 if kind == TIME_SCALE else PERTURBATIONS[kind].neutral
+
+
+def _start(change: Change, rules: FeedbackRules) -> float | None:
+    """What the rules say that a change is without; None where they do not say."""
+    if change.section == "randomization":
+        return rules.randomization[change.what].start
+    return neutral(perturbation_of(change.what)[0]) if change.section == "augmentation" else None
+
+
+def _strengths_allowed(change: Change, rules: FeedbackRules) -> tuple[float, float] | None:
+    kind, _ = perturbation_of(change.what)
+    rule = rules.augmentation.get(kind)
+    if rule is None:
+        return None
+    ways = {answer.way for answer in rule.answers}
+    without, amount = neutral(kind), rule.amount(len(change.logs))
+    return without - amount * (LESS in ways), without + amount * bool({MORE, BOTH} & ways)
 
 
 def allowed_range(change: Change, rules: FeedbackRules) -> tuple[float, float] | None:
@@ -122,7 +153,7 @@ def allowed_range(change: Change, rules: FeedbackRules) -> tuple[float, float] |
         rule = rules.weights if change.section == "weights" else rules.selection
         return 1.0, min(rule.per_log**logs, rule.most)
     if change.section == "augmentation":
-        return 0.0, min(rules.augmentation.first + rules.augmentation.per_log * (logs - 1), rules.augmentation.most)
+        return _strengths_allowed(change, rules)
     if change.section == "motors":
         enough = logs >= rules.motors.least_logs
         return rules.motors.lowest * change.before if enough else change.before, change.before

@@ -6,7 +6,7 @@ once. A log that is there twice (the same bytes under two names) counts once, wi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,13 +17,14 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.balance_settings import CommandSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import VELOCITIES
-from pipeline.feedback.change import Change, Witness, allowed_range, check_bounds
-from pipeline.feedback.rules import FeedbackRules, MotorRule
+from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
+from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
 from pipeline.feedback.trust import doubt_of, trusted
+from pipeline.feedback.witnesses import NamedBy, Pair, grouped, witnesses_of
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
-Pair = tuple[TrialReport, Failure]
-NamedBy = Callable[[tuple[float, float, float]], str]
+STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")
+"""Kinds of perturbation that standing has nothing of."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,9 +59,9 @@ def propose(
         cell, skill = _cell_namer(commands), _skill_namer(skills)
         changes += _factors("weights", own, trials, rules, cell)
         changes += _factors("selection", own, trials, rules, skill)
-        changes += _widths(own, trials, rules, skill)
+        perturbed, undecided = _perturbations(own, trials, rules, skill)
         motors, doubts = _motors(own, rules.motors)
-        changes, silent = changes + motors, silent + doubts
+        changes, silent = [*changes, *perturbed, *motors], [*silent, *undecided, *doubts]
         changes += _ranges(own, rules)
     check_bounds(changes, rules)
     return Proposal(changes=tuple(changes), silent=tuple(silent))
@@ -86,65 +87,60 @@ def _skill_namer(bounds: SkillBounds) -> NamedBy:
     return skill
 
 
-def _grouped(
-    pairs: Iterable[Pair], trials: Sequence[TrialReport], kinds: tuple[str, ...], least_share: float, name: NamedBy
-) -> dict[str, list[Pair]]:
-    """Failures by what their command is called, where enough of the logs with such a command have one."""
-    groups: dict[str, list[Pair]] = {}
-    for report, failure in pairs:
-        if failure.kind in kinds and report.command_known and failure.command_known:
-            groups.setdefault(name(failure.command), []).append((report, failure))
-    tried: dict[str, set[str]] = {}
-    for report in trials:
-        for *command, _ in report.commands:
-            tried.setdefault(name((command[0], command[1], command[2])), set()).add(report.sha256)
-    return {
-        key: group
-        for key, group in sorted(groups.items())
-        if len(_logs(group)) >= least_share * len(tried.get(key, set()) | _logs(group))
-    }
-
-
-def _logs(group: Iterable[Pair]) -> set[str]:
-    return {report.sha256 for report, _ in group}
-
-
-def _witnesses(group: Iterable[Pair]) -> tuple[Witness, ...]:
-    """One a log: its surest failure."""
-    surest: dict[str, Pair] = {}
-    for report, failure in group:
-        if report.sha256 not in surest or failure.confidence > surest[report.sha256][1].confidence:
-            surest[report.sha256] = (report, failure)
-    return tuple(
-        Witness(
-            trial=report.trial,
-            log=report.file,
-            sha256=report.sha256,
-            policy=report.policy,
-            simulated=report.simulated,
-            said=failure.text(),
-        )
-        for report, failure in sorted(surest.values(), key=lambda pair: pair[0].trial)
-    )
-
-
 def _factors(
     section: str, pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy
 ) -> list[Change]:
     """Factors on command cells or skills."""
     rule = rules.weights if section == "weights" else rules.selection
-    groups = _grouped(pairs, trials, rule.kinds, rules.trust.least_share, name)
+    groups = grouped(pairs, trials, rule.kinds, rules.trust.least_share, name)
     return [_moved(section, group, key, rules, before=1.0, bound=rule.most) for key, group in groups.items()]
 
 
-def _widths(pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy) -> list[Change]:
-    """Widths of playing speeds of skills; standing has none."""
-    groups = _grouped(pairs, trials, rules.augmentation.kinds, rules.trust.least_share, name)
-    return [
-        _moved("augmentation", group, key, rules, before=0.0, bound=rules.augmentation.most)
-        for key, group in groups.items()
-        if key != "stand"
-    ]
+def _perturbations(
+    pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy
+) -> tuple[list[Change], list[str]]:
+    """Perturbations of the clips of skills, of each kind that a rule answers the failures of the skill with.
+
+    Where some failures ask for less and others for more of the same, neither is proposed.
+    """
+    changes, silent = [], []
+    for kind, rule in rules.augmentation.items():
+        asked: dict[str, dict[str, list[Pair]]] = {}
+        for answer in rule.answers:
+            fitting = [pair for pair in pairs if _answered(pair[1], answer)]
+            for skill, group in grouped(fitting, trials, answer.kinds, rules.trust.least_share, name).items():
+                asked.setdefault(skill, {}).setdefault(answer.way, []).extend(group)
+        for skill, ways in sorted(asked.items()):
+            if skill == STANDING and kind in OF_STEPS:
+                continue
+            if len(ways) > 1:
+                silent.append(f"{kind} of {skill} stays as it is: some failures ask for less of it, others for more")
+                continue
+            ((way, group),) = ways.items()
+            changes.append(_perturbation(kind, skill, way, group, rules))
+    return changes, silent
+
+
+def _answered(failure: Failure, answer: Answer) -> bool:
+    """Whether direction and cause of a failure are among those that are answered; its kind is asked for later."""
+    return (not answer.directions or failure.direction in answer.directions) and (
+        not answer.causes or failure.evidence.get("cause") in answer.causes
+    )
+
+
+def _perturbation(kind: str, skill: str, way: str, group: Sequence[Pair], rules: FeedbackRules) -> Change:
+    sign, without = -1.0 if way == LESS else 1.0, neutral(kind)
+    rule, witnesses = rules.augmentation[kind], witnesses_of(group)
+    logs = len({each.sha256 for each in witnesses})
+    return Change(
+        section="augmentation",
+        robot=group[0][0].robot,
+        what=f"{kind} of {skill}",
+        value=round(without + sign * rule.amount(logs), 6),
+        before=without,
+        bound=round(without + sign * rule.most, 6),
+        witnesses=witnesses,
+    )
 
 
 def _moved(
@@ -158,7 +154,7 @@ def _moved(
         value=before,
         before=before,
         bound=bound,
-        witnesses=_witnesses(group),
+        witnesses=witnesses_of(group),
     )
     allowed = allowed_range(change, rules)
     assert allowed is not None
@@ -190,7 +186,7 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
                 value=round(value, 3),
                 before=limit,
                 bound=round(rule.lowest * limit, 3),
-                witnesses=_witnesses(group),
+                witnesses=witnesses_of(group),
             )
         )
     return changes, silent

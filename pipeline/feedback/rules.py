@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pipeline.augment import strengths
 from pipeline.failures.failure import KINDS
-from pipeline.files.ranges import COUNT, PART, SHARE, Keys, OneOf, Pattern, Range, check
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, SHARE, Keys, OneOf, Pattern, Range, check
 
 SIMULATED = ("always", "never", "until_real")
+DIRECTIONS = ("forward", "backward", "left", "right")
+LESS, MORE, BOTH = "less", "more", "both"
+TIME_SCALE = "time_scale"
+PERTURBATIONS = {TIME_SCALE: strengths.Strength(0.5, 1.5, neutral=1.0), **strengths.KINDS}
+"""Kind of perturbation of KP4 -> strengths that it may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,16 +57,36 @@ class FactorRule:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WidthRule:
-    """A width that begins at `first` and grows by `per_log`, at most to `most`."""
+class Answer:
+    """Failures that a kind of perturbation answers, and to which side of the original."""
 
     kinds: tuple[str, ...]
+    directions: tuple[str, ...]
+    """Directions that the failure has to have; none: any."""
+    causes: tuple[str, ...]
+    """Causes that the failure's evidence has to name; none: any."""
+    way: str
+    """`less` or `more` of what is perturbed; `both` for playing speeds."""
+
+    def __post_init__(self) -> None:
+        check(self, kinds=OneOf(KINDS), directions=OneOf(DIRECTIONS), way=OneOf((LESS, MORE, BOTH)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerturbationRule:
+    """A kind of perturbation: beside the original it begins at `first` and grows by `per_log`, at most to `most`."""
+
+    answers: tuple[Answer, ...]
     first: float
     per_log: float
     most: float
 
     def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS), first=Range(0.01, 0.5), per_log=Range(0.0, 0.5), most=Range(0.01, 0.5))
+        check(self, first=POSITIVE, per_log=NOT_NEGATIVE, most=POSITIVE)
+
+    def amount(self, logs: int) -> float:
+        """How far from the original this many logs let it go."""
+        return min(self.first + self.per_log * (logs - 1), self.most)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,12 +129,13 @@ class FeedbackRules:
     trust: TrustRules
     weights: FactorRule
     selection: FactorRule
-    augmentation: WidthRule
+    augmentation: dict[str, PerturbationRule]
+    """Kind of perturbation -> when it is proposed, and how strongly."""
     motors: MotorRule
     randomization: dict[str, RangeRule]
 
     def __post_init__(self) -> None:
-        check(self, randomization=Keys(keys=Pattern(), values=_AnyRange()))
+        check(self, _unusable(self), randomization=Keys(keys=Pattern(), values=_AnyRange()))
 
 
 @dataclass(frozen=True)
@@ -120,3 +147,29 @@ class _AnyRange(Range):
         return (
             None if moved > 0.0 else f"moves by {value.per_log:g} a log, which is not from {value.start:g} to its bound"
         )
+
+
+def _unusable(rules: FeedbackRules) -> list[tuple[str, str]]:
+    """Faults of rules for perturbations that KP4 does not have, or not so strong or to that side."""
+    faults = []
+    for kind, rule in (getattr(rules, "augmentation", None) or {}).items():
+        key, allowed = f"augmentation.{kind}", PERTURBATIONS.get(kind)
+        if allowed is None:
+            faults.append((key, f"is no kind of perturbation, there are: {', '.join(PERTURBATIONS)}"))
+        if allowed is None or rule is None:
+            continue
+        for place, answer in enumerate(rule.answers):
+            ways = (BOTH,) if kind == TIME_SCALE else (LESS, MORE)
+            if answer.way not in ways:
+                faults.append((f"{key}.answers[{place}].way", f"is '{answer.way}', allowed is {' or '.join(ways)}"))
+                continue
+            for strength in _strengths(allowed.neutral, answer.way, rule.most):
+                problem = allowed.problem(strength)
+                if problem is not None:
+                    faults.append((f"{key}.most", f"makes a strength that {problem}"))
+    return faults
+
+
+def _strengths(neutral: float, way: str, amount: float) -> tuple[float, ...]:
+    less, more = round(neutral - amount, 6), round(neutral + amount, 6)
+    return {LESS: (less,), MORE: (more,), BOTH: (less, more)}[way]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from pipeline.augment import AugmentSettings
-from pipeline.feedback.change import Change
+from pipeline.augment import AugmentSettings, Strengths
+from pipeline.feedback.change import Change, neutral, perturbation_of
+from pipeline.feedback.rules import TIME_SCALE
 from pipeline.selection.curation import Curation
 
 
@@ -19,12 +20,27 @@ def wanted_seconds(curation: Curation, changes: Sequence[Change]) -> Curation:
     return dataclasses.replace(curation, most_seconds=most)
 
 
-def further_speeds(changes: Sequence[Change], settings: AugmentSettings) -> dict[str, AugmentSettings]:
-    """Skill -> settings that make its further playing speeds alone, beside those that all clips get."""
-    found = {}
+def further_variants(changes: Sequence[Change], settings: AugmentSettings) -> dict[str, AugmentSettings]:
+    """Skill -> settings that make its further variants alone, beside those that all clips get."""
+    found: dict[str, AugmentSettings] = {}
+    none = dataclasses.replace(settings, time_scales=(), perturbations=Strengths())
     for change in changes:
-        scales = tuple(round(1.0 + sign * change.value, 6) for sign in (-1.0, 1.0))
-        new = tuple(scale for scale in scales if scale not in settings.time_scales)
-        if new and change.what not in settings.unscaled_skills:
-            found[change.what] = dataclasses.replace(settings, time_scales=new)
+        kind, skill = perturbation_of(change.what)
+        own = found.get(skill, none)
+        more = _with_speeds(own, change.value, settings) if kind == TIME_SCALE else _with(own, kind, change, settings)
+        if more != own:
+            found[skill] = more
     return found
+
+
+def _with_speeds(own: AugmentSettings, width: float, settings: AugmentSettings) -> AugmentSettings:
+    scales = tuple(round(1.0 + sign * width, 6) for sign in (-1.0, 1.0))
+    new = tuple(scale for scale in scales if scale != 1.0 and scale not in settings.time_scales)
+    return dataclasses.replace(own, time_scales=(*own.time_scales, *new))
+
+
+def _with(own: AugmentSettings, kind: str, change: Change, settings: AugmentSettings) -> AugmentSettings:
+    if change.value == neutral(kind) or change.value in getattr(settings.perturbations, kind):
+        return own
+    strengths = {kind: (*getattr(own.perturbations, kind), change.value)}
+    return dataclasses.replace(own, perturbations=dataclasses.replace(own.perturbations, **strengths))

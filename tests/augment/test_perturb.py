@@ -230,7 +230,7 @@ def test_variants_that_are_not_made_are_reasons_and_the_others_go_on():
     asked = AugmentSettings(mirror=False, time_scales=(), unscaled_skills=(), perturbations=planned)
     outcome = process(walking(-0.8), {}, settings=asked, robot=ROBOT)
     assert [piece.numbers["variant"] for piece in outcome.pieces] == ["original", "step_length0.95"]
-    assert len(outcome.reasons) == 1 and outcome.reasons[0].text.startswith("~step_length1.3 is not made")
+    assert len(outcome.reasons) == 1 and outcome.reasons[0].text.startswith("step_length1.3 is not made: frame")
 
 
 @pytest.mark.parametrize("kind", KINDS)
