@@ -1,4 +1,4 @@
-"""KP5's evidence: the table of criteria beside the manifest, and what of it the asset's page shows."""
+"""KP5's evidence: the table of criteria, what of it the asset's page shows, and what rollouts tracked."""
 
 from typing import Any
 
@@ -30,3 +30,29 @@ def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str
         "criteria": table_of(by_criterion(table), BY_CRITERION),
         "margins, the worst first": table_of(worst_margins(table), MARGINS),
     }
+
+
+def references(manifest: Manifest) -> Any:
+    """The motions that rollouts among the clips of a manifest tracked, put into the store for any process."""
+    from pipeline.feasibility.reference import CONTENT, StoredReferences
+
+    wanted = {str(entry.numbers[CONTENT]): entry.numbers for entry in manifest.entries if entry.numbers.get(CONTENT)}
+    blobs = {}
+    for content, numbers in sorted(wanted.items()):
+        found = _reference(str(numbers["source"]), str(numbers["file"]))
+        if found is not None and found.content == content:
+            blobs[content] = PROJECT.store.put_clip(found.clip)
+    return StoredReferences(store=PROJECT.store, blobs=blobs)
+
+
+def _reference(source_name: str, file: str) -> Any:
+    """The motion that a source's file names, as it is now; None where it is none any more."""
+    from pipeline.errors import PipelineError
+    from pipeline.readers.tracked import load_reference, named_reference
+
+    try:
+        source = next(source for source in PROJECT.sources() if source.name == source_name)
+        named = named_reference(source.folder / file, source)
+        return None if named is None else load_reference(source.folder / file, source, named)
+    except (PipelineError, OSError, StopIteration):
+        return None

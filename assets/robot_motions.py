@@ -10,7 +10,7 @@ import pandas as pd
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
 from assets.approved import approved_key, approved_part, approved_specs, noting, told
 from assets.checks import check_specs
-from assets.criteria import thresholds, write_table
+from assets.criteria import references, thresholds, write_table
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
 from assets.plainly import plainly, told_plainly
@@ -199,7 +199,8 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-        stage = stage_of(plan, partial(process, settings=values, robot=robot), values, robot_files=robot.digest)
+        judged_by = {"settings": values, "robot": robot, "references": references(augmented_motions)}
+        stage = stage_of(plan, partial(process, **judged_by), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
         balanced = balance(manifest.entry_table(), values)
@@ -217,8 +218,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
-        ask_again = partial(recheck, settings=values, robot=robot)
-        again = stage_of(plan, ask_again, values, name="recheck", robot_files=robot.digest)
+        again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
         broken = [
             row.clip
             for row in run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged

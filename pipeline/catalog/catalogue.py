@@ -16,7 +16,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import digest
-from pipeline.readers import ReadMotion, Source, read_motion, refuse_outside_link
+from pipeline.readers import ReadMotion, Source, read_motion, read_reference, refuse_outside_link
 
 
 def catalogue_file(path: Path, name: str, source: Source, within: str, *, settings: CatalogSettings) -> Outcome:
@@ -32,6 +32,7 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
     statement = source.statement_of(path)
     read = read_motion(path, name, statement)
     read = dataclasses.replace(read, notes=(*read.notes, *source.notes_of(path)))
+    reference = read_reference(path, source, read.clip)
     outcome = catalogue(read, settings=settings, rate_is_stated=statement.fps is not None)
     origin: dict[str, Number] = {
         "source": source.name,
@@ -40,6 +41,8 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
         "licence": source.licence_of(path),
         "credit": source.credit,
     }
+    if reference is not None:
+        origin |= {"tracks": _within(reference.path, source), "tracks_content": reference.content}
     pieces = tuple(dataclasses.replace(piece, numbers={**origin, **piece.numbers}) for piece in outcome.pieces)
     return dataclasses.replace(outcome, pieces=pieces, numbers={**origin, **outcome.numbers})
 
@@ -59,6 +62,11 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
     rejected = any(reason.effect == "rejected" for reason in reasons)
     pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
     return Outcome(pieces=pieces, reasons=reasons, numbers=numbers)
+
+
+def _within(path: Path, source: Source) -> str:
+    """A file's path in its source's folder."""
+    return path.resolve().relative_to(source.folder.resolve()).as_posix()
 
 
 @dataclass(frozen=True, kw_only=True)

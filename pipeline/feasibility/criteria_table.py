@@ -118,7 +118,7 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
         "group": GROUP_OF[code],
         "criterion": code,
         "number": found.value,
-        "threshold": found.limit,
+        "threshold": _stated(origin) if found.not_applicable else found.limit,
         "sense": "at least" if found.lower else "at most",
         "unit": origin.unit,
         "verdict": verdict,
@@ -135,6 +135,11 @@ def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
     plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
     said = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
     return {**plain, **said, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
+
+
+def _stated(origin: Origin) -> float | None:
+    """The threshold that a criterion would have been held to, where it is the same for all."""
+    return float(origin.value) if isinstance(origin.value, (int, float)) else None
 
 
 def _margin(found: Found) -> float | None:

@@ -32,8 +32,10 @@ class Unit:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What is said of a number besides its value."""
+    """What is said of a number."""
 
+    value: Any
+    """As the file has it: a number, or a list of them."""
     unit: str
     source: str
     """One of `SOURCES`."""
@@ -59,7 +61,7 @@ def value_of(said: Any, unit: Unit, where: str, faults: list[str]) -> Any:
 
 
 def origins(said: Any, where: str = "") -> dict[str, Origin]:
-    """Unit and source of every number that bears them in a settings file, by its dotted name (`joints.limit_excess`).
+    """What is said of every number with unit and source in a settings file, by its dotted name (`joints.limit_excess`).
 
     Args:
         said: what `settings.read_yaml` gave, of a file that `settings.read` took
@@ -67,6 +69,6 @@ def origins(said: Any, where: str = "") -> dict[str, Origin]:
     if not isinstance(said, dict):
         return {}
     if set(said) == set(_KEYS):
-        return {where: Origin(unit=said["unit"], source=said["source"], why=said["why"])}
+        return {where: Origin(**said)}
     prefix = f"{where}." if where else ""
     return {name: found for key, each in said.items() for name, found in origins(each, f"{prefix}{key}").items()}

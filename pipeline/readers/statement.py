@@ -21,6 +21,8 @@ class Statement:
     """The ASF file of an AMC: its path, from the AMC's folder if relative."""
     body_model: str | None = None
     """Path of an SMPL body model of your own (`.npz`); a mean human skeleton is used without it."""
+    tracks: str | None = None
+    """The robot motion that a robot's recording tracked: its path, from the recording's folder."""
 
 
 NOTHING_STATED = Statement()

@@ -46,8 +46,8 @@ def test_the_settings_hold_the_bare_numbers(tmp_path):
 
 def test_unit_and_source_of_each_number_are_told_by_its_name(tmp_path):
     assert origins(settings.read_yaml(written(tmp_path, GOOD))) == {
-        "walk.speed": Origin(unit="m/s", source="lit", why="A person walks at half of it."),
-        "walk.share": Origin(unit="of frames", source="judge", why="Few, and more."),
+        "walk.speed": Origin(value=2, unit="m/s", source="lit", why="A person walks at half of it."),
+        "walk.share": Origin(value=[0.1, 0.2], unit="of frames", source="judge", why="Few, and more."),
     }
 
 
