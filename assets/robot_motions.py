@@ -19,8 +19,8 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import materialized, stage_of
-from assets.variants import with_further_variants
-from pipeline.batch import Manifest, run_stage
+from assets.variants import all_variants
+from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.files import settings
 
 EFFECTIVE_SECONDS = (
@@ -144,24 +144,18 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     ):
         """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
         from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.mirror import mirror_skill
         from pipeline.augment.strengths import KINDS
-        from pipeline.feedback.wanted import further_variants
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
-        stage = stage_of(plan, partial(process, settings=values, robot=robot), values)
-        manifest = run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log)
         feedback = approved_part(PROJECT, "augmentation", plan.robot)
-        for skill, further in further_variants(feedback, values).items():
-            sides = {skill, mirror_skill(skill)} if values.mirror else {skill}
-            entries = [entry for entry in retargeted_motions.entries if entry.numbers.get("skill") in sides]
-            if entries:
-                more = stage_of(plan, partial(process, settings=further, robot=robot), further)
-                made = run_stage(more, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
-                manifest = with_further_variants(manifest, made, skill)
-        manifest = noting(manifest, feedback, "augmentation")
+
+        def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
+            stage = stage_of(plan, partial(process, settings=wanted, robot=robot), wanted)
+            return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
+
+        manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
         strengths = [each.number for each in KINDS.values()]
         metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | told(feedback)
         return materialized(plan, manifest, metadata)
