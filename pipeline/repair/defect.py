@@ -76,6 +76,12 @@ class Findings:
             if defect.rot:
                 self.lost_rot[defect.start : defect.stop, bodies] = True
 
+    def with_more(self, defects: list[Defect]) -> Findings:
+        """These findings and others, as findings of their own."""
+        result = Findings(frame_count=self.frame_count)
+        result.add([*self.defects, *defects])
+        return result
+
     @property
     def cuts(self) -> list[int]:
         """Frames before which the motion breaks, sorted."""

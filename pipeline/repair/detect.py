@@ -11,13 +11,17 @@ from pipeline.repair.fill import fill
 from pipeline.repair.frozen import find_frozen
 from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.missing import find_missing
-from pipeline.repair.roughness import find_noise, find_spikes
+from pipeline.repair.roughness import find_spikes
 from pipeline.repair.settings import DetectionSettings
+from pipeline.repair.shaking import find_noise
 from pipeline.repair.swapped import find_swapped, swap_back
 from pipeline.repair.unsteadiness import Seen
 
 MOST_LOOKS = 4
 """How often small spikes are sought: a larger one hides what is beside it."""
+
+BESIDE = 3
+"""Frames between a stretch of one kind and one of another that touch each other, at most."""
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
@@ -31,13 +35,9 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
         pos_w, quat_w = swap_back(clip, swapped)
         clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
         seen = _bridged(clip, findings)
-    frozen = _new(find_frozen(seen, clip.fps, settings), findings)
-    if frozen:
-        findings.add(frozen)
-        seen = _bridged(clip, findings)
-    shaking = _new(find_noise(seen, clip.fps, settings), findings)
-    if shaking:
-        findings.add(shaking)
+    frozen, shaking = _frozen_and_shaking(clip, seen, findings, settings)
+    if frozen or shaking:
+        findings.add(frozen + shaking)
         seen = _bridged(clip, findings)
     broken = _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
     if broken:
@@ -52,6 +52,32 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
             break
         findings.add(jumps)
     return clip, findings
+
+
+def _frozen_and_shaking(
+    clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings
+) -> tuple[list[Defect], list[Defect]]:
+    """What stands still, and what shakes although that is bridged.
+
+    A joint that keeps a pose until it shakes, or from then on, did not jump out of it: that says nothing of the pose.
+    """
+    frozen = _new(find_frozen(seen, clip.fps, settings), findings)
+    if frozen:
+        seen = _bridged(clip, findings.with_more(frozen))
+    shaking = _new(find_noise(seen, clip.fps, settings), findings)
+    if not frozen or not shaking:
+        return frozen, shaking
+    kept = [one for one in frozen if not any(_touches(one, other) for other in shaking)]
+    if len(kept) == len(frozen):
+        return frozen, shaking
+    seen = _bridged(clip, findings.with_more(kept))
+    return kept, _new(find_noise(seen, clip.fps, settings), findings)
+
+
+def _touches(one: Defect, shaking: Defect) -> bool:
+    """Whether a joint's frozen stretch ends where shaking begins, or begins where it ends."""
+    beside = min(abs(one.stop - shaking.start), abs(one.start - shaking.stop)) <= BESIDE
+    return one.code in ("frozen_joint", "dropout") and beside
 
 
 def _bridged(clip: HumanClip, findings: Findings) -> Seen:

@@ -1,4 +1,4 @@
-"""How far each body is from where the frames around say: spikes too small to be jumps, and shaking.
+"""How far each body is from where the frames around say: spikes too small to be jumps.
 
 A gap of a few frames is bridged by a cubic through the two frames on either side, and what is there is held against
 it. For motion the miss goes with the fourth derivative, so it is far smaller than that of steps held against each
@@ -10,53 +10,18 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline import time_series
 from pipeline.repair.bridge_miss import REACH, interpolation_miss, size_of
 from pipeline.repair.defect import Defect, names
-from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import TOES
-from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
+from pipeline.repair.unsteadiness import Seen, limits, turn_limits
 
 LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
 """Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
-NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
-"""A body shakes where it misses by so many times what it does in a quarter of all frames."""
-FEWEST_FRAMES = 7
-"""Of a window that may be shaking."""
 TOE_SHARE = 1.5
 """Toes bend so fast when they land that their limit is this many times as large."""
 CLEAR = 3
 """A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
-
-
-def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
-    """Stretches in which a body shakes: most frames are off what their neighbours say (`noise`)."""
-    width = max(FEWEST_FRAMES, 2 * round(settings.noise_s * fps / 2.0) + 1)
-    if len(seen.pos_w) < width:
-        return []
-    turn, place = seen.misses
-    turn_limit = _turn_limits(settings.noise_turn, settings) * slow_rate(fps)
-    place_limit = np.full(place.shape[1], settings.noise_place)
-    place_limit[0] = settings.root_jump / 2.0
-    rough = turn > turn_limit
-    often = np.flatnonzero(rough.sum(axis=0) >= settings.noise_share * width)
-    if len(often):
-        usual = NOISE_SPREAD * np.percentile(turn[:, often], OFTEN_PERCENTILE, axis=0)
-        rough[:, often] = turn[:, often] > np.maximum(turn_limit[often], usual)
-    rough |= place > place_limit
-    bodies = np.flatnonzero(rough.sum(axis=0) >= settings.noise_share * width)
-    shaking = np.zeros_like(rough)
-    for index in bodies:
-        core = time_series.moving_mean(rough[:, index].astype(float), width) >= settings.noise_share - 1e-9
-        for start, stop in time_series.runs(core):
-            inside = start + np.flatnonzero(rough[start:stop, index])
-            if len(inside):
-                shaking[inside[0] : inside[-1] + 1, index] = True
-        shaking[:, index] = _grown(shaking[:, index], rough[:, index])
-    if not shaking.any():
-        return []
-    return spans("noise", "{names} shaking from frame to frame", shaking, pos=shaking, rot=shaking)
 
 
 def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
@@ -120,15 +85,3 @@ def _candidates(
 def _turn_limits(most: float, settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
     """Limits of a turn [rad] that are `most` where jumps have theirs, and smaller in proportion elsewhere."""
     return turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * (most / settings.angle_jump)
-
-
-def _grown(shaking: Bool[np.ndarray, " t"], rough: Bool[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
-    """Stretches with the rough frames that touch them, across up to two quiet ones."""
-    result = shaking.copy()
-    for start, stop in time_series.runs(shaking):
-        while start > 0 and rough[max(start - REACH - 1, 0) : start].any():
-            start = max(start - REACH - 1, 0) + int(np.argmax(rough[max(start - REACH - 1, 0) : start]))
-        while stop < len(rough) and rough[stop : stop + REACH + 1].any():
-            stop += 1 + int(np.flatnonzero(rough[stop : stop + REACH + 1])[-1])
-        result[start:stop] = True
-    return result
