@@ -118,7 +118,7 @@ def _pieces(
         labelled = smoothed(clip.cut(low, high, clip.name), skill, settings.smooth)
         feet = both_feet(labelled, floor.height)
         labelled = dataclasses.replace(labelled, contacts=label_contacts(feet, clip.fps, settings.contact))
-        skating = _inside(find_skating(feet, clip.fps, settings.contact), low, first, last)
+        skating = _inside(find_skating(feet, clip.body_pos_w[low:high], clip.fps, settings.contact), low, first, last)
         told += reasons.of_skating(skating, clip.fps, settings.contact)
         for start, stop in _between(skating, first, last):
             refused, piece = _piece(labelled, feet, start, stop, low, settings)

@@ -3,6 +3,9 @@
 At every moment of a walk some point of the feet is planted, and in a run one is in most of a stride. The slowest of
 the points that are near the ground therefore stands still again and again; where it does not for most of a second,
 the feet slide, whatever else they do.
+
+Where a glide begins is told by the whole body as well: every joint takes up the glide's velocity in one step. Nobody
+pushes off so fast; where such a kick is seen it is the edge, elsewhere it is where what the feet tell changes.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from scipy.ndimage import percentile_filter
 from pipeline import time_series
 from pipeline.repair.contacts import FootPoints
 from pipeline.repair.settings import ContactSettings
+from pipeline.repair.tree import Positions
 
 WINDOW_S, STILL_PERCENTILE = 0.8, 20.0
 """The slowest fifth of a window this long tells whether a foot stands in it [s]."""
@@ -33,6 +37,12 @@ LOOKS, STRAIGHT = 4, 0.7
 """A glide is sought from itself so often; it has a direction where the mean keeps this share of the speed."""
 NEAR = 0.5
 """A point stands, or glides along, that is this share of the glide off."""
+KICK_S = 0.4
+"""A kick is sought so far from where what the feet tell changes [s]."""
+KICK_OFF, MOST_BODIES = 0.6, 75.0
+"""Of so many per cent of the bodies the kick is no more than this share of the glide's velocity off it."""
+KEPT_S, KEPT = 0.05, 0.4
+"""And the pelvis keeps at least this share of it for this long [s]: a spike is a kick, too."""
 FAST = 9.0
 """Stands for a frame in which no point is near the ground [m/s]."""
 
@@ -46,8 +56,13 @@ class Skating:
     speed_m_s: float
 
 
-def find_skating(feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings) -> list[Skating]:
-    """Stretches of a clip in which no foot stands still although they are on the ground."""
+def find_skating(
+    feet: tuple[FootPoints, FootPoints], pos_w: Positions, fps: float, settings: ContactSettings
+) -> list[Skating]:
+    """Stretches of a clip in which no foot stands still although they are on the ground.
+
+    `feet` may be smoothed; `pos_w` are the bodies as they were recorded, in which a glide begins within a frame.
+    """
     speed = support_speed(feet, settings)
     width = min(2 * round(WINDOW_S * fps / 2.0) + 1, len(speed))
     usual = percentile_filter(speed, STILL_PERCENTILE, size=width, mode="nearest")
@@ -69,6 +84,8 @@ def find_skating(feet: tuple[FootPoints, FootPoints], fps: float, settings: Cont
         after = _most_told(told[middle:high])
         low, high = middle + 1 - before, middle + after
         low, high = 0 if low < rest else low, len(speed) if len(speed) - high < rest else high
+        if glide is not None:
+            low, high = _kicked(pos_w, glide, (low, high), fps)
         if result and low < result[-1].stop:
             low = result[-1].start
             result.pop()
@@ -81,6 +98,29 @@ def support_speed(feet: tuple[FootPoints, FootPoints], settings: ContactSettings
     height = np.concatenate([foot.height for foot in feet], axis=1)
     horizontal = np.concatenate([foot.horizontal for foot in feet], axis=1)
     return np.where(height < settings.height, np.minimum(horizontal, FAST), FAST).min(axis=1)
+
+
+def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, int], fps: float) -> tuple[int, int]:
+    """First frame of a glide and the first after it, moved to where all bodies take up and lose its velocity."""
+    velocity = np.diff(pos_w[..., :2], axis=0) * fps  # into frames 1 ...
+    change = np.diff(velocity, axis=0)  # into frames 2 ...
+    kick = change[1:-1] - 0.5 * (change[:-2] + change[2:])  # into frames 3 ...: more than before and after
+    reach, result, size = round(KICK_S * fps), [], float(np.linalg.norm(glide))
+    for edge, sign in zip(edges, (1.0, -1.0), strict=True):
+        first = max(edge - reach, 3)
+        near = np.linalg.norm(sign * kick[first - 3 : edge + reach - 2] - glide, axis=-1) / size
+        off = np.percentile(near, MOST_BODIES, axis=1) if len(near) else np.ones(0)
+        taken = sign * _change(velocity[:, 0] @ glide / size**2, first, len(off), max(1, round(KEPT_S * fps)))
+        off = np.where(taken > KEPT, off, np.inf)
+        inner = 0 < edge < len(pos_w) and len(off) > 0
+        result.append(first + int(off.argmin()) if inner and off.min() < KICK_OFF else edge)
+    return (result[0], result[1]) if result[0] < result[1] else edges
+
+
+def _change(speed: Float[np.ndarray, " s"], first: int, count: int, width: int) -> Float[np.ndarray, " n"]:
+    """Mean of `width` steps from that into each frame on, less that of those before, of frames `first` ..."""
+    frames = range(first, first + count)
+    return np.array([speed[k - 1 : k - 1 + width].mean() - speed[max(k - 1 - width, 0) : k - 1].mean() for k in frames])
 
 
 def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -18,7 +19,9 @@ from tests.factories.human_clips import walker
 SECONDS = 2.0
 """Length of a glide [s]."""
 RUN_AT_30_HZ_S = 0.2
-"""In a run at 30 Hz a stance has six frames, two of which are steady: there an edge may be off by this [s]."""
+"""In a run at 30 Hz a stance has six frames, two of them steady: told by feet alone an edge may be so far off [s]."""
+SLOWLY_S = 0.2
+"""A glide that gains its speed in this time shows no kick [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +29,24 @@ def settings(root) -> RepairSettings:
     return settings_files.read(root / "data" / "repair.yaml", RepairSettings)
 
 
-def gliding(clip: HumanClip, start: int, stop: int, velocity_m_s: tuple[float, float]) -> HumanClip:
-    """The clip with a velocity added in the frames [start, stop)."""
+@functools.cache
+def made(name: str, fps: float) -> HumanClip:
+    return generate(dataclasses.replace(RECIPES[name], name=name, fps=fps)).clip
+
+
+def gliding(
+    clip: HumanClip, start: int, stop: int, velocity_m_s: tuple[float, float], ramp_s: float = 0.0
+) -> HumanClip:
+    """The clip with a velocity added in the frames [start, stop), which comes and goes within `ramp_s`."""
     way = np.zeros((clip.frame_count, 1, 3))
-    way[start:stop, 0, :2] = np.array(velocity_m_s) / clip.fps
+    frames, ramp = np.arange(clip.frame_count), max(1.0, ramp_s * clip.fps)
+    share = np.clip(np.minimum(frames - start, stop - 1 - frames) / ramp + 0.5 * (ramp > 1.0) + (ramp == 1.0), 0.0, 1.0)
+    way[:, 0, :2] = share[:, None] * np.array(velocity_m_s) / clip.fps
     return dataclasses.replace(clip, body_pos_w=clip.body_pos_w + np.cumsum(way, axis=0))
 
 
 def found(clip: HumanClip, settings: RepairSettings) -> list[Skating]:
-    return find_skating(both_feet(clip, 0.0), clip.fps, settings.contact)
+    return find_skating(both_feet(clip, 0.0), clip.body_pos_w, clip.fps, settings.contact)
 
 
 def observable(contacts: np.ndarray, edge: int, off: float) -> tuple[float, float]:
@@ -47,18 +59,39 @@ def observable(contacts: np.ndarray, edge: int, off: float) -> tuple[float, floa
 @pytest.mark.parametrize("name", ["walk", "side_left", "run_easy"])
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
 @pytest.mark.parametrize("velocity_m_s", [(0.25, 0.0), (-0.2, 0.15), (0.0, 0.3)])
-def test_glide_is_told_where_it_begins_and_ends(name, fps, velocity_m_s, settings):
-    clip = generate(dataclasses.replace(RECIPES[name], name=name, fps=fps)).clip
-    assert clip.contacts is not None
-    off = RUN_AT_30_HZ_S * fps if (name, fps) == ("run_easy", 30.0) else max(2.0, 0.04 * fps)
+def test_glide_that_begins_at_once_is_told_to_the_frame(name, fps, velocity_m_s, settings):
+    clip = made(name, fps)
     for first_s in (2.0, 2.17, 2.31):
         start = round(first_s * fps)
         stop = start + round(SECONDS * fps)
         told = found(gliding(clip, start, stop, velocity_m_s), settings)
+        assert [(one.start, one.stop) for one in told] == [(start, stop)]
+
+
+@pytest.mark.parametrize("name", ["walk", "side_left", "run_easy"])
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+@pytest.mark.parametrize("velocity_m_s", [(0.0, 0.3)])
+def test_glide_that_begins_slowly_is_told_by_the_feet(name, fps, velocity_m_s, settings):
+    clip = made(name, fps)
+    assert clip.contacts is not None
+    off = SLOWLY_S / 2 * fps + (RUN_AT_30_HZ_S * fps if (name, fps) == ("run_easy", 30.0) else max(2.0, 0.04 * fps))
+    for first_s in (2.0, 2.17):
+        start = round(first_s * fps)
+        stop = start + round(SECONDS * fps)
+        told = found(gliding(clip, start, stop, velocity_m_s, ramp_s=SLOWLY_S), settings)
         assert len(told) == 1, told
         for edge, where in ((start, told[0].start), (stop, told[0].stop)):
             low, high = observable(clip.contacts, edge, off)
             assert low <= where <= high, (first_s, edge, told)
+
+
+def test_step_to_the_side_and_back_in_a_frame_is_no_kick(settings):
+    clip = generate(RECIPES["walk"]).clip
+    spoilt = gliding(clip, 150, 280, (0.25, 0.0), ramp_s=SLOWLY_S)
+    pos = spoilt.body_pos_w.copy()
+    pos[160, :, 0] += 0.25 / clip.fps
+    with_spike = found(dataclasses.replace(spoilt, body_pos_w=pos), settings)
+    assert [(one.start, one.stop) for one in with_spike] == [(one.start, one.stop) for one in found(spoilt, settings)]
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
