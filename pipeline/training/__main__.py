@@ -7,7 +7,7 @@
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error, never a silent change
     --num-envs N        environments (each GPU)
     --iterations N      of 24 steps each; with `--resume` counted from the beginning of the run
-    --minutes M         end after M minutes of training (of this process), whichever comes first
+    --minutes M         end after M minutes of training (those before a resume counted in), whichever comes first
     --seed S            of everything random
     --resume            go on from the newest checkpoint in `--out/checkpoints`; without one, start
     --list              print presets and options as JSON, and end

@@ -21,8 +21,10 @@ class AmpPpo(PPO):
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
-        self.iteration = 0
-        """Set by the run: how far it is."""
+        self.iteration = 0.0
+        """Set by the run: how far its schedules are."""
+        self.followed = 0.0
+        """Set by the run: the share of the commands that is reached."""
         self._synchronized = False
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -39,16 +41,25 @@ class AmpPpo(PPO):
         super().process_env_step(obs, (1.0 - share) * rewards + share * style, dones, extras)
 
     def style_share(self) -> float:
-        """Share of the style reward at this iteration."""
-        first, last = self._options.style_iterations
-        return self._options.style * min(
-            1.0, max(0.0, (self.iteration - first) / max(last - first, 1)) if last else 1.0
+        """Share of the style reward at this iteration, held back where the commands are not followed."""
+        options = self._options
+        return (
+            options.style * _grown(self.iteration, options.style_iterations) * _grown(self.followed, options.style_gate)
         )
+
+    def held_kl(self) -> float:
+        """The divergence that the learning rate is held to at this iteration."""
+        options = self._options
+        if not options.final_kl:
+            return options.desired_kl
+        share = _grown(self.iteration, options.final_iterations)
+        return options.desired_kl + (options.final_kl - options.desired_kl) * share
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""
         if self.discriminator is not None:
             self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
+        self.desired_kl = self.held_kl()
         return super().update()
 
     def take_step_figures(self) -> dict[str, float]:
@@ -61,6 +72,7 @@ class AmpPpo(PPO):
     def save(self) -> dict:
         """rsl-rl's states and the discriminator's. The replay is not kept: two iterations fill it anew."""
         state = super().save()
+        state["followed"] = self.followed
         if self.discriminator is not None:
             state["discriminator_state_dict"] = self.discriminator.network.state_dict()
             state["discriminator_optimizer_state_dict"] = self.discriminator.optimizer.state_dict()
@@ -69,6 +81,7 @@ class AmpPpo(PPO):
     def load(self, loaded_dict: dict, load_cfg: dict | None, strict: bool) -> bool:
         """Take up the states of `save`; only in a process that has not stepped yet."""
         result = super().load(loaded_dict, load_cfg, strict)
+        self.followed = float(loaded_dict.get("followed", 0.0))
         if self.discriminator is not None:
             self.discriminator.network.load_state_dict(loaded_dict["discriminator_state_dict"])
             self.discriminator.optimizer.load_state_dict(loaded_dict["discriminator_optimizer_state_dict"])
@@ -90,3 +103,9 @@ class AmpPpo(PPO):
             if parameter.grad is not None:
                 torch.distributed.all_reduce(parameter.grad)
                 parameter.grad /= self.gpu_world_size
+
+
+def _grown(value: float, span: tuple[float, float]) -> float:
+    """How far a value is from the first to the last of a span, 0..1; 1 where the span ends at 0."""
+    first, last = span
+    return min(1.0, max(0.0, (value - first) / max(last - first, 1e-9))) if last else 1.0

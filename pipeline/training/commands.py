@@ -16,7 +16,10 @@ FAST = (1.0, 2.0)
 FAST_YAW = 0.5
 """Largest yaw rate of half of the fast commands [rad/s]; the others go straight. For `paper`, no turning."""
 BALANCED = {"turn": 0.10, "side": 0.10, "straight": 0.15}
-"""Shares of commands on one axis alone in the balanced mixture; what is left after standing and fast is on all axes."""
+"""Shares of commands on one axis alone in the balanced mixture; what is left beside standing, fast and slow ones is on
+all axes."""
+SLOW = (0.2, 0.4)
+"""Speed of slow commands [m/s]."""
 
 
 def draw_commands(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
@@ -34,7 +37,17 @@ def draw_commands(count: int, options: Options, device: str | torch.device) -> t
             bound += BALANCED[name]
             others = [other for other in range(3) if other != axis]
             command[alone.nonzero(), torch.tensor(others, device=device)] = 0.0
+        slow = (kind >= bound) & (kind < bound + options.slow_share)
+        command[slow] = _slow(int(slow.sum()), device)
     return command
+
+
+def _slow(count: int, device: str | torch.device) -> torch.Tensor:
+    """Forward, back, left and right, nothing else."""
+    direction = torch.randint(4, (count,), device=device)
+    signed = _uniform(count, *SLOW, device) * torch.where(direction % 2 == 0, 1.0, -1.0)
+    ahead = direction < 2
+    return torch.stack([signed * ahead, signed * ~ahead, torch.zeros_like(signed)], dim=1)
 
 
 def _fast(command: torch.Tensor, options: Options) -> torch.Tensor:

@@ -3,7 +3,8 @@
 Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert,
 d_policy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length
 of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the
-achieved value on its axis, two seconds after the command at the earliest; learning_rate, action_std.
+achieved value on its axis, two seconds after the command at the earliest; followed (mean over these bins of achieved
+by commanded), style_share (of the style reward in the blend); learning_rate, action_std.
 """
 
 from __future__ import annotations
@@ -74,6 +75,16 @@ class Record:
         self._velocity.zero_()
         self._episodes.zero_()
         return figures
+
+
+def followed(figures: Mapping[str, float]) -> float | None:
+    """Mean over the bins of moving commands of what is achieved of the commanded, each 0..1; None without any."""
+    shares = [
+        min(1.0, max(0.0, figures[f"{name}_achieved"] / figures[f"{name}_commanded"]))
+        for name in BINS
+        if name != "stand" and figures[f"{name}_commanded"] > 0.0
+    ]
+    return sum(shares) / len(shares) if shares else None
 
 
 class Curves:

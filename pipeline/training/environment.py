@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
+import numpy as np
 import torch
 import warp as wp
 from mjlab.envs import ManagerBasedRlEnv, ManagerBasedRlEnvCfg
@@ -27,7 +28,7 @@ from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, grown, push_velocity
 from pipeline.training.readings import Readings
 from pipeline.training.reward_table import reward_cfg
-from pipeline.training.reward_terms import tracking
+from pipeline.training.reward_terms import motor_limit, tracking
 from pipeline.training.robot_entity import robot_entity
 from pipeline.training.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
@@ -58,7 +59,16 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.controlled_index = torch.from_numpy(robot.index(robot.controlled)).to(device)
         self.default_joint_pos = torch.from_numpy(robot.default_joint_pos).float().to(device)
         self.effort_limit = torch.from_numpy(robot.effort_limit).float().to(device)
+        self._stall_torque, self._no_load_speed = (
+            torch.from_numpy(np.nan_to_num(values, nan=np.inf)).float().to(device)
+            for values in (robot.saturation_effort, robot.no_load_speed)
+        )
         self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
+        self.stalled = torch.zeros(num_envs, dtype=torch.bool, device=device)
+        self.quiet = torch.arange(num_envs, device=device) < round(options.quiet_share * num_envs)
+        """Environments without noise and pushes."""
+        self.schedule: float | None = None
+        """The iteration that schedules are at, where they don't go by the environment's own steps."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
         self._kernels: torch.Tensor | None = None
@@ -73,7 +83,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
         span = (options.window - 1) * options.window_stride + 1
-        size = 18 + 2 * len(self.controlled_index)
+        size = 18 + 2 * len(self.controlled_index) + (3 if options.discriminator_command else 0)
         self._motion = torch.zeros(self.num_envs, span, size, device=self.device)
         self.record = Record(self.device)
         super().load_managers()
@@ -89,8 +99,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
         return cast(VelocityCommand, self.command_manager.get_term("velocity"))
 
     def iteration(self) -> float:
-        """How many iterations of training the environment has lived through."""
-        return self.common_step_counter / self.context.options.steps
+        """How many iterations of training the environment has lived through, or what the schedule says instead."""
+        lived = self.common_step_counter / self.context.options.steps
+        return lived if self.schedule is None else self.schedule
 
     def penalty_factor(self) -> float:
         """What penalties are multiplied by at this iteration."""
@@ -101,6 +112,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """What late rewards are multiplied by at this iteration."""
         first, last = self.context.options.late_iterations
         return min(1.0, max(0.0, (self.iteration() - first) / max(last - first, 1)))
+
+    def motor_limit(self, of: str) -> torch.Tensor:
+        """The motors' constant `limit`, or what the `line` leaves of it at their speed [N m]."""
+        read = self.readings
+        if of == "limit" or self.context.options.motors == "box":
+            return self.effort_limit
+        return motor_limit(read.torque, read.joint_vel, self.effort_limit, self._stall_torque, self._no_load_speed)
 
     def tracking_kernels(self) -> torch.Tensor:
         """How well the command is followed on each axis (n, 3), worked out once a step."""
@@ -120,7 +138,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         return result
 
     def motion_features(self) -> torch.Tensor:
-        """Features of the current states (n, f)."""
+        """Features of the current states (n, f), with the command where the discriminator sees it."""
         read, index = self.readings, self.controlled_index
         values = state_features(
             read.root_pos_w,
@@ -131,6 +149,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
             read.joint_vel[:, index],
             read.ends_pos_w,
         )
+        if self.context.options.discriminator_command:
+            values = torch.cat([values, self.command], dim=1)
         return torch.nan_to_num(values).clamp(-LARGEST, LARGEST)
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:

@@ -39,27 +39,66 @@ def cell_weights(expert: ExpertFrames, starts: np.ndarray, options: Options, see
     weights decide.
     """
     weight = frame_weights(expert, starts)
-    cells = np.round(expert.command[starts] / CELL).astype(int)
-    known, member = np.unique(cells, axis=0, return_inverse=True)
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        asked = draw_commands(CELL_SAMPLES, options, "cpu").numpy() / CELL
-    nearest = np.argmin(((asked[:, None] - known[None]) ** 2).sum(axis=-1), axis=1)
-    wanted = np.bincount(nearest, minlength=len(known)) / len(asked)
-    inside = np.bincount(member.ravel(), weights=weight, minlength=len(known))
-    result = weight / inside[member.ravel()] * wanted[member.ravel()]
+    asked = asked_commands(CELL_SAMPLES, options, seed)
+    nearest, member, count = _answers(expert, starts, asked)
+    wanted = np.bincount(nearest, minlength=count) / len(asked)
+    inside = np.bincount(member, weights=weight, minlength=count)
+    result = weight / inside[member] * wanted[member]
     return result / result.sum()
 
 
+def asked_commands(count: int, options: Options, seed: int) -> np.ndarray:
+    """Commands (count, 3) as the policy gets them."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return draw_commands(count, options, "cpu").numpy()
+
+
+def _answers(expert: ExpertFrames, starts: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """The cell that answers each of the asked commands, the cell that each start is in, and the number of cells."""
+    known, member = np.unique(np.round(expert.command[starts] / CELL).astype(int), axis=0, return_inverse=True)
+    chunks = np.array_split(asked / CELL, max(1, len(asked) // CELL_SAMPLES))
+    nearest = [np.argmin(((chunk[:, None] - known[None]) ** 2).sum(axis=-1), axis=1) for chunk in chunks]
+    return np.concatenate(nearest), member.ravel(), len(known)
+
+
+def answering_starts(
+    expert: ExpertFrames, starts: np.ndarray, asked: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """For each asked command a start of the nearest cell that has frames, drawn by the clips' weights."""
+    weight = frame_weights(expert, starts)
+    nearest, member, count = _answers(expert, starts, asked)
+    drawn = np.empty(len(asked), dtype=int)
+    for cell in range(count):
+        wanted, inside = nearest == cell, member == cell
+        share = weight[inside] / weight[inside].sum()
+        drawn[wanted] = rng.choice(starts[inside], int(wanted.sum()), p=share)
+    return drawn
+
+
 def expert_windows(expert: ExpertFrames, options: Options, seed: int) -> torch.Tensor:
-    """Feature windows (n, h, f), each of one clip."""
+    """Feature windows (n, h, f), each of one clip; with `discriminator_command` each frame has the command after it.
+
+    Drawn by cell, that is the command which the window answers, not the one its frames obey to the last digit: so that
+    the commands alone are distributed as the policy's and tell nothing of where a window comes from.
+    """
     span = (options.window - 1) * options.window_stride + 1
     starts = window_starts(expert, span)
-    by_cell = options.expert_by_cell
-    weight = cell_weights(expert, starts, options, seed) if by_cell else frame_weights(expert, starts)
-    drawn = np.random.default_rng(seed).choice(starts, options.expert_windows, p=weight)
+    rng = np.random.default_rng(seed)
+    if options.discriminator_command and options.expert_by_cell:
+        command = asked_commands(options.expert_windows, options, seed)
+        drawn = answering_starts(expert, starts, command, rng)
+    else:
+        by_cell = options.expert_by_cell
+        weight = cell_weights(expert, starts, options, seed) if by_cell else frame_weights(expert, starts)
+        drawn = rng.choice(starts, options.expert_windows, p=weight)
+        command = expert.command[drawn + span // 2]
     rows = drawn[:, None] + options.window_stride * np.arange(options.window)
-    return frame_features(torch.from_numpy(expert.frames))[torch.from_numpy(rows)]
+    windows = frame_features(torch.from_numpy(expert.frames))[torch.from_numpy(rows)]
+    if not options.discriminator_command:
+        return windows
+    given = torch.from_numpy(command).to(windows)[:, None].expand(-1, options.window, -1)
+    return torch.cat([windows, given], dim=2)
 
 
 class ReferenceStates:

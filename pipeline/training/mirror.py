@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import torch
 from tensordict import TensorDict
@@ -56,6 +56,6 @@ def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> to
 def augment(env, obs: TensorDict | None, actions: torch.Tensor | None) -> tuple[TensorDict | None, torch.Tensor | None]:
     """The samples and after them their mirror images, as rsl-rl asks for it; `env.mirror` knows the robot."""
     mirror: Mirror = env.mirror
-    both_obs = None if obs is None else cast(TensorDict, torch.cat([obs, mirror.observations(obs)]))  # type: ignore
+    both_obs = None if obs is None else cast(TensorDict, torch.cat([cast(Any, obs), mirror.observations(obs)]))
     both_actions = None if actions is None else torch.cat([actions, mirror.actions(actions)])
     return both_obs, both_actions

@@ -1,15 +1,16 @@
 """What the discriminator sees of a frame, worked out by one function for the expert and for the policy.
 
-60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq.
+60 numbers for 21 joints: q, hands and feet in the trunk's frame, trunk velocities in its own frame, dq. The option
+`discriminator_command` puts the command after them.
 """
 
 from __future__ import annotations
 
 import torch
 
-FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0}
-"""Least standard deviation [rad, m, m/s, rad/s, rad/s] that features are divided by: what hardly moves in the data
-must not outweigh all else."""
+FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0, "command": 0.3}
+"""Least standard deviation [rad, m, m/s, rad/s, rad/s, m/s and rad/s] that features are divided by: what hardly moves
+in the data must not outweigh all else."""
 
 CLIP = 10.0
 """Normalized features are cut here."""
@@ -49,9 +50,10 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
 
 
-def floors(joints: int) -> torch.Tensor:
+def floors(joints: int, command: bool = False) -> torch.Tensor:
     """The least standard deviation of each feature."""
     sizes = {"joint_pos": joints, "ends": 12, "lin_vel": 3, "ang_vel": 3, "joint_vel": joints}
+    sizes |= {"command": 3} if command else {}
     return torch.cat([torch.full((size,), FLOORS[name]) for name, size in sizes.items()])
 
 
@@ -60,7 +62,8 @@ class FeatureNormalizer:
 
     def __init__(self, expert: torch.Tensor, joints: int):
         self.mean = expert.mean(dim=0)
-        self.std = torch.maximum(expert.std(dim=0), floors(joints).to(expert))
+        command = expert.shape[1] > 18 + 2 * joints
+        self.std = torch.maximum(expert.std(dim=0), floors(joints, command).to(expert))
 
     def __call__(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows (n, h, f) as the discriminator takes them (n, h f)."""

@@ -54,7 +54,7 @@ class ActorHistory:
     def __init__(self, cfg: ObservationTermCfg, env):
         joints = len(env.policy_index)
         self._frames = torch.zeros(env.num_envs, HISTORY, 9 + 3 * joints, device=env.device)
-        self._scale = noise_scale(env.context.options.noise, joints).to(env.device)
+        self._scale = noise_scale(env.context.options.noise, joints).to(env.device) * ~env.quiet[:, None]
 
     def __call__(self, env) -> torch.Tensor:
         env.readings.fresh()

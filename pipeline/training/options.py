@@ -13,6 +13,11 @@ from pipeline.training.training_error import TrainingError
 class Options:
     """The defaults are the paper's where it states a number, else those of its references."""
 
+    # The run
+    run_iterations: int = 0
+    """Iterations that all schedules are written for: they stretch to the minutes of a run that is bound by minutes. 0:
+    they go by iterations."""
+
     # The world
     terrain: str = "plane"
     """`plane`, or `rough`: a heightfield of random roughness."""
@@ -32,6 +37,8 @@ class Options:
     """Of the commands."""
     fast_share: float = 0.35
     """Of the commands."""
+    slow_share: float = 0.0
+    """Of the commands, in the balanced mixture: .2 to .4 m/s forward, back or sideways, nothing else."""
     resample_s: tuple[float, float] = (8.0, 12.0)
     """Time between commands [s]."""
 
@@ -54,6 +61,8 @@ class Options:
     """Share of the three tracking terms' weight that their product has instead of their sum."""
     product_sigma2: float = 0.5
     """Width of the product's kernel: wide, so that it also leads from far off."""
+    progress: float = 0.0
+    """Weight of the share of the commanded speed and yaw rate that is reached: no bell, so it leads from anywhere."""
     mean_tracking: float = 0.0
     """Weight of tracking by the velocity averaged over .4 s, all axes at once."""
     mean_sigma2: float = 0.05
@@ -64,8 +73,12 @@ class Options:
     """Weight of steps and joint speed while the command is to stand."""
     single_stance: float = 0.0
     """Weight of the time on one foot (up to .4 s) while walking."""
+    single_stance_end_s: float = 0.0
+    """Who is on one foot for longer [s] is paid nothing; 0: is paid for ever."""
     saturation: float = 0.0
     """Weight of torque beyond .85 of a joint's limit."""
+    saturation_of: str = "limit"
+    """`limit`: of the constant one; `line`: of what the motor can give at its speed."""
 
     # Terminations
     max_tilt_deg: float = 60.0
@@ -82,6 +95,8 @@ class Options:
     """Of a command to move and to turn, whether following one half is not enough."""
     stall_s: float = 0.8
     """For this long [s], and not within this time of a new command."""
+    stall_penalty: float = 0.0
+    """What a stall costs, as a share of a fall."""
 
     # Where episodes start
     reference_share: float = 0.85
@@ -99,6 +114,8 @@ class Options:
     """Half the logarithm of the factor of the trunk's mass and inertia."""
     noise: tuple[float, float, float, float] = (0.2, 0.05, 0.01, 0.5)
     """Uniform noise of gyro [rad/s], gravity, joint positions [rad] and velocities [rad/s]."""
+    quiet_share: float = 0.0
+    """Environments without this noise and without pushes."""
 
     # Pushes
     push_interval_s: tuple[float, float] = (4.0, 8.0)
@@ -114,6 +131,8 @@ class Options:
     """Share of the style reward in the blend; 0 trains without a discriminator."""
     style_iterations: tuple[int, int] = (0, 0)
     """The share grows from 0 to its value between these iterations."""
+    style_gate: tuple[float, float] = (0.0, 0.0)
+    """Nor is it more than it grows to between these shares of the commands that are reached; 0, 0: whatever is."""
     alpha: float = 0.25
     beta: float = 0.1
     """Of r = alpha (1 + tanh(beta D))."""
@@ -121,6 +140,8 @@ class Options:
     """Frames the discriminator sees."""
     window_stride: int = 1
     """Control steps between these frames."""
+    discriminator_command: bool = False
+    """Whether the discriminator sees the command with each frame."""
     expert_by_cell: bool = False
     """Expert windows drawn so that their commands are distributed as the policy's, else by MotionWeight alone."""
     use_augmented: bool = True
@@ -146,6 +167,11 @@ class Options:
     learning_rate: float = 1e-3
     entropy: float = 0.005
     desired_kl: float = 0.01
+    """To which the learning rate is held …"""
+    final_kl: float = 0.0
+    """… until it falls to this; 0: it stays."""
+    final_iterations: tuple[int, int] = (1100, 1400)
+    """Between these iterations."""
     init_std: float = 0.6
     hidden: tuple[int, ...] = (512, 256, 128)
     symmetry: bool = True

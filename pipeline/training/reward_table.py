@@ -12,6 +12,8 @@ from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.readings import CONTACT_FORCE
 
+ENDS = ("termination", "stalled")
+"""Rows that an episode ends with: at their full weight from the start."""
 PENALTY, LATE = "penalty", "late"
 """Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks."""
 
@@ -55,13 +57,19 @@ class TaskReward:
         """Every row's value, not weighted (n, rows)."""
         return torch.stack([row.value(env) for row in self.rows], dim=1)
 
+    def weights(self, env) -> torch.Tensor:
+        """Every row's weight at this iteration (rows,)."""
+        grown = self._weights[""] + env.penalty_factor() * self._weights[PENALTY]
+        return grown + env.late_factor() * self._weights[LATE]
+
     def __call__(self, env) -> torch.Tensor:
-        weights = self._weights[""] + env.penalty_factor() * self._weights[PENALTY]
-        return torch.nan_to_num(self.values(env)) @ (weights + env.late_factor() * self._weights[LATE])
+        self.paid = torch.nan_to_num(self.values(env)) * self.weights(env)
+        """What every row paid at the last step (n, rows)."""
+        return self.paid.sum(dim=1)
 
 
 def _ramp(row: Term) -> str:
-    return PENALTY if row.weight < 0.0 and row.name != "termination" else row.ramp
+    return PENALTY if row.weight < 0.0 and row.name not in ENDS else row.ramp
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
@@ -181,6 +189,20 @@ def _feet(options: Options) -> tuple[Term, ...]:
 def _added(options: Options) -> tuple[Term, ...]:
     return (
         Term(
+            name="progress",
+            equation="mean over what is asked for of clip(mean v . v_cmd / |v_cmd|^2, -1, 1)",
+            weight=options.progress,
+            value=lambda env: terms.progress(env.command, env.readings.mean_velocity),
+            added="bells are flat far from the command: from rest nothing led to 2 m/s, and nothing to .3",
+        ),
+        Term(
+            name="stalled",
+            equation="1[stalled]",
+            weight=-200.0 * options.stall_penalty,
+            value=lambda env: env.stalled.float(),
+            added="standing till the stall ends it was paid more than trying to walk and falling",
+        ),
+        Term(
             name="mean_tracking",
             equation="exp(-|v_cmd - mean v|^2 / mean_sigma2)",
             weight=options.mean_tracking,
@@ -199,14 +221,16 @@ def _added(options: Options) -> tuple[Term, ...]:
             name="single_stance",
             equation="1[c != 0, one foot] min(time on it, .4)",
             weight=options.single_stance,
-            value=lambda env: terms.single_stance(env.command, env.readings.contacts, env.readings.stance_time),
+            value=lambda env: terms.single_stance(
+                env.command, env.readings.contacts, env.readings.stance_time, options.single_stance_end_s
+            ),
             added="half the stride at twice the cadence was the fault of earlier runs",
         ),
         Term(
             name="saturation",
             equation="sum max(0, |tau| / limit - .85)",
             weight=-options.saturation,
-            value=lambda env: terms.saturation(env.readings.torque, env.effort_limit),
+            value=lambda env: terms.saturation(env.readings.torque, env.motor_limit(options.saturation_of)),
             added="leaves the motors a reserve",
         ),
     )

@@ -14,6 +14,8 @@ FORCE_SPAN = 400.0
 """Beyond it the cost stops growing here [N]."""
 FEET_APART = 0.2
 """[m]"""
+ASKED = 0.1
+"""Speed [m/s] and yaw rate [rad/s] from which on a command asks for them."""
 STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 
@@ -26,6 +28,16 @@ def tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> to
 def joint_tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
     """exp(-|c - v|^2 / sigma^2), all axes at once (n,)."""
     return torch.exp(-torch.square(command - velocity).sum(dim=1) / sigma2)
+
+
+def progress(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
+    """Share (n,) of the commanded speed and of the yaw rate that is reached, -1..1; the mean of those asked for."""
+    speed, turn = torch.linalg.norm(command[:, :2], dim=1), command[:, 2].abs()
+    along = (velocity[:, :2] * command[:, :2]).sum(dim=1) / torch.square(speed).clamp(min=1e-6)
+    turned = velocity[:, 2] * command[:, 2] / torch.square(turn).clamp(min=1e-6)
+    asked = torch.stack([speed > ASKED, turn > ASKED], dim=1)
+    reached = torch.stack([along, turned], dim=1).clamp(-1.0, 1.0) * asked
+    return reached.sum(dim=1) / asked.sum(dim=1).clamp(min=1)
 
 
 def square(value: torch.Tensor) -> torch.Tensor:
@@ -87,13 +99,28 @@ def standing_still(command: torch.Tensor, contacts: torch.Tensor, joint_vel: tor
     return stands * (lifted + 0.05 * torch.linalg.norm(joint_vel, dim=1))
 
 
-def single_stance(command: torch.Tensor, contacts: torch.Tensor, stance_time: torch.Tensor) -> torch.Tensor:
-    """How long the robot has been on one foot [s], up to STANCE_TIME, while told to move."""
-    single = contacts.sum(dim=1) == 1
+def single_stance(
+    command: torch.Tensor, contacts: torch.Tensor, stance_time: torch.Tensor, end_s: float = 0.0
+) -> torch.Tensor:
+    """How long the robot has been on one foot [s], up to STANCE_TIME, while told to move; 0 after `end_s`, if that is
+    not 0."""
+    time = stance_time.amin(dim=1)
+    single = (contacts.sum(dim=1) == 1) & (time <= (end_s or torch.inf))
     moves = (command.abs() > 1e-6).any(dim=1)
-    return torch.clamp(stance_time.amin(dim=1), max=STANCE_TIME) * (single & moves)
+    return torch.clamp(time, max=STANCE_TIME) * (single & moves)
 
 
 def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:
-    """Torque beyond .85 of the limits, as a share of them, summed over joints."""
-    return torch.clamp(torque.abs() / limit - 0.85, min=0.0).sum(dim=1)
+    """Torque beyond .85 of the limits, as a share of them and at most .5, summed over joints."""
+    return torch.clamp(torque.abs() / limit - 0.85, 0.0, 0.5).sum(dim=1)
+
+
+def motor_limit(
+    torque: torch.Tensor, joint_vel: torch.Tensor, limit: torch.Tensor, stall: torch.Tensor, no_load: torch.Tensor
+) -> torch.Tensor:
+    """What motors can give at their speed in the direction of their torque [N m], at least a tenth of the limit.
+
+    The line goes from the stall torque at standstill to 0 at the no-load speed; infinite: the limit at every speed.
+    """
+    slack = 1.0 - torch.sign(torque) * joint_vel / no_load
+    return torch.minimum(torch.maximum(stall * slack, 0.1 * limit), limit)

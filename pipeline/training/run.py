@@ -20,7 +20,7 @@ from rsl_rl.runners import OnPolicyRunner
 from pipeline.training.amp_ppo import AmpPpo
 from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
-from pipeline.training.curves import Curves
+from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.mirror import Mirror
@@ -28,6 +28,8 @@ from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 
 SAVE_EVERY = 100
+FOLLOW_RATE = 0.1
+"""How much an iteration weighs in the share of the commands that is reached."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +83,12 @@ class TrainingRun:
         limit = self.request.minutes
         reason = "iterations"
         while self.iteration < self.request.iterations:
-            if limit is not None and time.monotonic() - started > 60.0 * limit:
+            if limit is not None and before + time.monotonic() - started > 60.0 * limit:
                 reason = "minutes"
                 break
             begun = time.monotonic()
             self.runner.current_learning_iteration = self.iteration
-            self.algorithm.iteration = self.iteration
+            self.algorithm.iteration = self.env.schedule = self._scheduled(before + begun - started)
             self.runner.learn(1)
             self.iteration += 1
             now = time.monotonic()
@@ -95,6 +97,13 @@ class TrainingRun:
                 self.save()
         self.save()
         self._finish(reason, before + time.monotonic() - started)
+
+    def _scheduled(self, seconds: float) -> float:
+        """The iteration that schedules are at after some seconds of training, those of earlier processes among them."""
+        planned, minutes = self.request.options.run_iterations, self.request.minutes
+        if not planned or minutes is None:
+            return float(self.iteration)
+        return max(planned * seconds / (60.0 * minutes), planned * self.iteration / self.request.iterations)
 
     def save(self) -> None:
         """Checkpoint, policy and curves; only the first process writes."""
@@ -116,6 +125,7 @@ class TrainingRun:
 
     def _report(self, seconds: float, took: float) -> None:
         env_figures = self.env.record.take(self.env.step_dt)
+        self._follow(env_figures)
         figures = {**self.algorithm.take_step_figures()}
         amp = self.algorithm.discriminator
         figures |= amp.figures if amp is not None and amp.figures else dict.fromkeys(AMP_COLUMNS, float("nan"))
@@ -128,6 +138,8 @@ class TrainingRun:
             "steps_per_s": steps / took,
             **figures,
             **env_figures,
+            "followed": self.algorithm.followed,
+            "style_share": self.algorithm.style_share(),
             "learning_rate": self.algorithm.learning_rate,
             "action_std": std,
         }
@@ -137,6 +149,12 @@ class TrainingRun:
         if self.iteration % 10 == 0 or self.iteration < 10:
             self._curves.write()
         print(_line(row, self.request.iterations), flush=True)
+
+    def _follow(self, figures: dict[str, float]) -> None:
+        """Tell the algorithm which share of the commands is reached, averaged over some iterations."""
+        now, known = followed(figures), self.algorithm.followed
+        if now is not None:
+            self.algorithm.followed = known + FOLLOW_RATE * (now - known)
 
     def _write_config(self) -> None:
         if self.rank == 0:

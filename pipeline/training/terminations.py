@@ -45,7 +45,8 @@ class Stall:
         stalls = stands_though_told(env.command, env.readings.mean_velocity, options)
         stalls &= env.velocity_command.age > options.stall_s
         self._seconds = torch.where(stalls, self._seconds + env.step_dt, 0.0)
-        return self._seconds > options.stall_s
+        env.stalled = self._seconds > options.stall_s
+        return env.stalled
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
         self._seconds[slice(None) if env_ids is None else env_ids] = 0.0
