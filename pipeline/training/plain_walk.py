@@ -1,0 +1,251 @@
+"""A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with nothing but mjlab's stack.
+
+A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is what it is in
+`pipeline/validation`, whose own walk has more conditions and is held against this one in a test. No PyTorch is imported
+here: the processes that walk start quickly and need little memory.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+STEP_S, CONTROL_EVERY = 0.002, 10
+MEASURE_S = 6.0
+"""The last so many seconds are measured."""
+FORCE_S = 0.1
+HISTORY, ACTION_SCALE = 10, 0.25
+MIN_HEIGHT_M, MAX_TILT_COS = 0.45, 0.5
+SATURATED = 0.999
+AIR_S = 0.04
+"""A foot that was off the ground for at least this long is set down."""
+START_NOISE = 0.02
+"""Of the joints at the start, for other seeds than 0 [rad]."""
+
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """One trial."""
+
+    cell: str
+    """Trials of one cell are judged together."""
+    command: tuple[float, float, float]
+    seconds: float = 10.0
+    friction: float = 1.0
+    jump: bool = False
+    """The command comes at once, else at 1 m/s (rad/s) a second."""
+    push: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Impulse forward and to the left in the world [N s], and when [s]."""
+    seed: int = 0
+
+
+@functools.lru_cache(maxsize=1)
+def robot_of(bundle: Path) -> dict[str, Any]:
+    """The facts of `robot.json`, lists as arrays."""
+    facts = json.loads((bundle / "robot.json").read_text())
+    numbers = ("default_joint_pos", "kp", "kd", "effort_limit")
+    facts |= {name: np.array(facts[name], dtype=float) for name in numbers}
+    stall, no_load = (np.array(facts[name], dtype=float) for name in ("saturation_effort", "no_load_speed"))
+    known = np.isfinite(no_load)
+    facts["stall"] = np.where(known, stall, 1e3 * facts["effort_limit"])
+    facts["no_load"] = np.where(known, no_load, 1e6)
+    facts["policy_index"] = np.array([facts["joint_names"].index(name) for name in facts["policy_joints"]])
+    names = enumerate(facts["joint_names"])
+    facts["legs"] = np.array([at for at, name in names if any(part in name for part in ("Hip", "Knee", "Ankle"))])
+    return facts
+
+
+@functools.lru_cache(maxsize=4)
+def model_of(bundle: Path, friction: float) -> mujoco.MjModel:
+    """The robot on a plane; the soles' friction is the ground's."""
+    spec = mujoco.MjSpec.from_string((bundle / "robot.xml").read_text())
+    spec.option.timestep = STEP_S
+    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
+    ground.friction[0] = friction
+    model = spec.compile()
+    for name in robot_of(bundle)["shapes"]["feet"]:
+        model.geom(name).friction[0] = friction
+    return model
+
+
+class Network:
+    """A policy file's network in single precision."""
+
+    def __init__(self, path: Path):
+        with np.load(path, allow_pickle=False) as arrays:
+            count = sum(name.startswith("L") and name.endswith("_w") for name in arrays.files)
+            self.layers = [
+                tuple(arrays[f"L{number}_{part}"].astype(np.float32) for part in "wb") for number in range(count)
+            ]
+            self.mean = arrays["mean"].astype(np.float32)
+            self.scale = (arrays["std"] + arrays["eps"]).astype(np.float32)
+            self.kp, self.kd = arrays["kp"].astype(float), arrays["kd"].astype(float)
+
+    def act(self, observation: np.ndarray) -> np.ndarray:
+        """Of one observation (o,)."""
+        value = (observation - self.mean) / self.scale
+        for number, (weight, bias) in enumerate(self.layers):
+            value = weight @ value + bias
+            if number < len(self.layers) - 1:
+                value = np.where(value > 0.0, value, np.expm1(np.minimum(value, 0.0)))
+        return value
+
+
+@functools.lru_cache(maxsize=2)
+def network_of(path: Path, digest: str) -> Network:
+    """The network of a file; `digest` tells another content of the same path."""
+    return Network(path)
+
+
+class World:
+    """State of one walk: MuJoCo's, the policy's history, and what is written down."""
+
+    def __init__(self, bundle: Path, network: Network, walk: Walk):
+        self.facts, self.network, self.walk = robot_of(bundle), network, walk
+        self.model = model_of(bundle, walk.friction)
+        self.data = mujoco.MjData(self.model)
+        self.rest = self.facts["default_joint_pos"]
+        noise = np.random.default_rng(walk.seed).uniform(-1.0, 1.0, len(self.rest)) * (START_NOISE if walk.seed else 0)
+        self.data.qpos[:7] = [0.0, 0.0, self.facts["default_root_height"], 1.0, 0.0, 0.0, 0.0]
+        self.data.qpos[7:] = self.rest + noise
+        mujoco.mj_forward(self.model, self.data)
+        self.root = self.model.body(self.facts["root_link"]).id
+        self.feet = [self.model.site(name).id for name in self.facts["feet"]]
+        self.foot_bodies = [int(self.model.site_bodyid[foot]) for foot in self.feet]
+        index = self.facts["policy_index"]
+        self._history = np.zeros((HISTORY, 9 + 3 * len(index)), dtype=np.float32)
+        self._action, self.target = np.zeros(len(index)), self.rest.copy()
+
+    def decide(self) -> None:
+        """New joint targets of the network."""
+        data, index = self.data, self.facts["policy_index"]
+        goal, time = np.array(self.walk.command), data.time
+        command = goal if self.walk.jump else np.clip(goal, -time, time)
+        rotation = data.xmat[self.root].reshape(3, 3)
+        joints = data.qpos[7:][index] - self.rest[index]
+        frame = np.concatenate([data.qvel[3:6], -rotation[2], command, joints, data.qvel[6:][index], self._action])
+        self._history = np.vstack([self._history[1:], frame.astype(np.float32)])
+        self._action = self.network.act(self._history.ravel())
+        self.target = self.rest.copy()
+        self.target[index] += ACTION_SCALE * self._action
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest torque of each motor at its speed [N m]."""
+        facts, fall = self.facts, self.data.qvel[6:] / self.facts["no_load"]
+        limit = facts["effort_limit"]
+        return (
+            np.clip(facts["stall"] * (-1.0 - fall), -limit, limit),
+            np.clip(facts["stall"] * (1.0 - fall), -limit, limit),
+        )
+
+    def step(self) -> np.ndarray:
+        """One physics step; the torques [N m]."""
+        data, network = self.data, self.network
+        low, high = self.bounds()
+        torque = np.clip(network.kp * (self.target - data.qpos[7:]) - network.kd * data.qvel[6:], low, high)
+        data.qfrc_applied[6:] = torque
+        forward, left, start_s = self.walk.push
+        on = start_s <= data.time < start_s + FORCE_S
+        data.xfrc_applied[self.root, :2] = (forward / FORCE_S, left / FORCE_S) if on else (0.0, 0.0)
+        mujoco.mj_step(self.model, data)
+        return torque
+
+    @property
+    def fell(self) -> bool:
+        """Trunk too low or too much tilted."""
+        return bool(self.data.qpos[2] < MIN_HEIGHT_M or self.data.xmat[self.root][8] < MAX_TILT_COS)
+
+    def touching(self) -> list[bool]:
+        """Which feet touch the ground."""
+        pairs = {
+            (int(self.model.geom_bodyid[a]), int(self.model.geom_bodyid[b]))
+            for a, b in self.data.contact.geom[: self.data.ncon]
+        }
+        return [(0, foot) in pairs or (foot, 0) in pairs for foot in self.foot_bodies]
+
+
+def walked(bundle: Path, policy: Path, digest: str, walk: Walk) -> Figures:
+    """Figures of a walk over its last MEASURE_S; of one that fell, that it did, and of a push, whether it fell."""
+    world = World(bundle, network_of(policy, digest), walk)
+    steps, notes = round(walk.seconds / STEP_S), Notes(world)
+    first = steps - round(MEASURE_S / STEP_S) if not any(walk.push) else steps
+    for step in range(steps):
+        if step % CONTROL_EVERY == 0:
+            world.decide()
+        torque = world.step()
+        if world.fell:
+            return {"fell": 1.0, "fell_s": world.data.time}
+        if step >= max(first, 0):
+            notes.add_effort(torque)
+            if step % CONTROL_EVERY == CONTROL_EVERY - 1:
+                notes.add()
+    return {"fell": 0.0, **(notes.figures() if first < steps else {})}
+
+
+class Notes:
+    """What is written down of a walk: effort at each physics step, the rest at each control step."""
+
+    def __init__(self, world: World):
+        self._world, self._rows = world, []
+        self._effort: list[tuple[float, float]] = []
+        self._feet_before: np.ndarray | None = None
+
+    def add_effort(self, torque: np.ndarray) -> None:
+        """Power and saturation of the legs with these torques."""
+        world = self._world
+        low, high = world.bounds()
+        saturated = (torque >= SATURATED * np.abs(high)) | (torque <= -SATURATED * np.abs(low))
+        power = float(np.abs(torque * world.data.qvel[6:]).sum())
+        self._effort.append((power, float(saturated[world.facts["legs"]].mean())))
+
+    def add(self) -> None:
+        """The state."""
+        world, data = self._world, self._world.data
+        rotation = data.xmat[world.root].reshape(3, 3)
+        feet = data.site_xpos[world.feet][:, :2].copy()
+        moved = np.full(2, np.nan) if self._feet_before is None else np.linalg.norm(feet - self._feet_before, axis=1)
+        self._feet_before = feet
+        joints = [data.qpos[7 + world.facts["joint_names"].index(f"Left_{name}_Pitch")] for name in ("Hip", "Knee")]
+        heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints])
+
+    def figures(self) -> Figures:
+        """Means over what was written down."""
+        table = np.array(self._rows, dtype=float)
+        x, y, heading, vx, vy = table[:, :5].T
+        touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
+        power, saturated = np.mean(self._effort, axis=0)
+        cos, sin = np.cos(heading), np.sin(heading)
+        control_s = STEP_S * CONTROL_EVERY
+        turned = np.unwrap(heading)
+        stands = touch[1:] & touch[:-1]
+        slip = moved[1:][stands].mean() / control_s if stands.any() else 0.0
+        return {
+            "forward": float((vx * cos + vy * sin).mean()),
+            "lateral": float((vy * cos - vx * sin).mean()),
+            "yaw_rate": float((turned[-1] - turned[0]) / ((len(table) - 1) * control_s)),
+            "power": float(power),
+            "saturation": 100.0 * float(saturated),
+            "slip": float(slip),
+            "drift": float(np.hypot(x[-1] - x[0], y[-1] - y[0])),
+            "steps_per_min": 60.0 * sum(_set_down(touch[:, foot], control_s) for foot in (0, 1)) / MEASURE_S,
+            "hip_range": float(np.ptp(table[:, 9])),
+            "knee_range": float(np.ptp(table[:, 10])),
+        }
+
+
+def _set_down(touch: np.ndarray, control_s: float) -> int:
+    """How often a foot touches after AIR_S in the air."""
+    count, air_s = 0, 0.0
+    for on in touch:
+        count += int(on and air_s >= AIR_S - 1e-9)
+        air_s = 0.0 if on else air_s + control_s
+    return count
