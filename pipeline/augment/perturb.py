@@ -18,7 +18,8 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.augment.footholds import lift_in_swings, offset_by_stance
-from pipeline.augment.leg_solver import Leg, Reach, legs_of, reach
+from pipeline.augment.leg_limits import within_limits
+from pipeline.augment.leg_solver import Leg, legs_of, reach
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.command_velocity import STRIDE_S
@@ -37,12 +38,6 @@ WALKING_M_S = 0.05
 
 MOST_LOWERED = 0.03
 """[m] by which the root may be lowered so that the legs reach."""
-
-ANKLE_JOINTS, MOST_TURNED = 2, 0.1
-"""The last joints of a leg, and how far a foot in the air may turn where one of them ends [rad]."""
-
-LIMIT_SLACK = 1e-6
-"""Rounding of a joint at its limit [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +87,7 @@ def perturb(clip: RobotClip, robot: Robot, kind: str, strength: float, name: str
             (gait.poses.pos_w[:, foot] + course.foot_offset_w[:, side], gait.poses.quat_w[:, foot]),
             clip.joint_pos[:, leg.joints],
         )
-        within = _within_limits(clip, robot, leg, gait.contacts[:, side], found)
+        within = within_limits(clip, robot, leg, gait.contacts[:, side], found)
         if isinstance(within, Reason):
             return within
         joint_pos[:, leg.joints] = within
@@ -219,37 +214,3 @@ def _nothing_changed(gait: Gait, course: Course) -> bool:
     moved = max(np.abs(course.foot_offset_w).max(), np.abs(course.root_pos_w - gait.clip.root_pos_w).max())
     turned = np.max(rotation.angle_between(gait.clip.root_quat_w, course.root_quat_w))
     return bool(moved < LEAST_CHANGE and turned < LEAST_LEAN)
-
-
-def _within_limits(
-    clip: RobotClip, robot: Robot, leg: Leg, standing: Bool[np.ndarray, " t"], found: Reach
-) -> Float[np.ndarray, "t n"] | Reason:
-    """A leg's joints within their limits, or what keeps the robot from the variant: a frame that the leg can't reach,
-    or a joint beyond its limit.
-
-    A foot in the air turns by what its ankle lacks, up to `MOST_TURNED`; one that stands does not. Where the original
-    is beyond a limit the variant may be as far beyond it.
-    """
-    if not found.reached.all():
-        frame = int(np.argmax(found.miss))
-        miss, foot = float(found.miss[frame]), robot.link_names[leg.links[-1]]
-        text = f"is not made: frame {frame}: {foot} stays {100 * miss:.2f} cm short of its place."
-        return _rejected("unreachable", text, clip, frame, miss, 0.0, "m")
-    before = clip.joint_pos[:, leg.joints]
-    lower = np.minimum(robot.joint_lower[leg.joints], before.min(axis=0))
-    upper = np.maximum(robot.joint_upper[leg.joints], before.max(axis=0))
-    limited = np.clip(found.joint_pos, lower, upper)
-    beyond = np.abs(found.joint_pos - limited)
-    beyond[:, -ANKLE_JOINTS:] -= np.where(standing, 0.0, MOST_TURNED)[:, None]
-    frame, place = (int(index) for index in np.unravel_index(np.argmax(beyond), beyond.shape))
-    if beyond[frame, place] <= LIMIT_SLACK:
-        return limited
-    value, limit = float(found.joint_pos[frame, place]), float(limited[frame, place])
-    joint = robot.joint_names[leg.joints[place]]
-    text = f"is not made: frame {frame}: {joint} would be at {value:.3f} rad, beyond its limit {limit:.3f}."
-    return _rejected("joint_limit", text, clip, frame, value, limit, "rad")
-
-
-def _rejected(code: str, text: str, clip: RobotClip, frame: int, value: float, limit: float, unit: str) -> Reason:
-    place = {"start_s": frame / clip.fps, "stop_s": (frame + 1) / clip.fps}
-    return Reason(code=code, text=text, effect="rejected", value=value, limit=limit, unit=unit, **place)

@@ -98,9 +98,9 @@ def test_taking_an_approval_back_gives_the_same_result_as_before(kp4: Kp4):
 
 
 def test_a_perturbation_that_a_clip_cannot_follow_is_a_reason_beside_it(kp4: Kp4):
-    asked = dataclasses.replace(VALUES, perturbations=Strengths(step_length=(1.3,)))
+    asked = dataclasses.replace(VALUES, perturbations=Strengths(foot_lift=(0.08,)))
     made = kp4.make(asked, [entry for entry in kp4.retargeted.entries if entry.clip == "ahead"])
     rows = {row.clip: row for row in with_further_variants(kp4.variants(), made, "walk").judged}
     assert [reason["code"] for reason in rows["ahead"].reasons] == ["joint_limit"] * 2
-    assert rows["ahead"].reasons[1]["text"].startswith("mirror~step_length1.3 is not made: frame")
+    assert rows["ahead"].reasons[1]["text"].startswith("mirror~foot_lift0.08 is not made: frame")
     assert not rows["left"].reasons

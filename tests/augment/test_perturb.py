@@ -40,10 +40,6 @@ PLANNED = [
 ]
 
 
-PEAKS = {"step_length": 1.25, "step_width": 1.1, "foot_lift": 1.8, "trunk_lean": 1.05}
-"""Peak acceleration of joints over the original's; a lift of 2 cm in .4 s takes 3 m/s^2 by itself."""
-
-
 @functools.cache
 def walking(speed_m_s: float) -> RobotClip:
     """A person's walk on the robot."""
@@ -111,14 +107,21 @@ def test_feet_are_further_apart_by_the_stated_width():
     np.testing.assert_array_equal(new.root_quat_w, clip.root_quat_w)
 
 
-def test_each_swing_is_higher_by_the_stated_lift():
+def test_each_swing_is_higher_by_the_stated_lift_where_the_foot_is_highest():
     clip, new = walking(1.1), variant(1.1, "foot_lift", 0.02)
-    before, after = (sole_motion(each, ROBOT).height for each in (clip, new))
+    feet = [int(ROBOT.tree.site_link[ROBOT.site(foot)]) for foot in ROBOT.feet]
+    kinematics = Kinematics(ROBOT)
+    before, after = (
+        kinematics.forward(each.root_pos_w, each.root_quat_w, each.joint_pos).pos_w[:, feet, 2] for each in (clip, new)
+    )
     assert clip.contacts is not None
+    height = sole_motion(clip, ROBOT).height
     for side in range(2):
-        swings = time_series.runs(~clip.contacts[:, side])
-        for start, stop in swings[1:-1]:
-            assert after[start:stop, side].max() - before[start:stop, side].max() == pytest.approx(0.02, abs=1e-3)
+        for start, stop in time_series.runs(~clip.contacts[:, side])[1:-1]:
+            raised = after[start:stop, side] - before[start:stop, side]
+            assert raised.max() == pytest.approx(0.02, abs=1e-4)
+            assert raised[np.argmax(height[start:stop, side])] == pytest.approx(0.02, abs=1e-4)
+            assert raised.min() > -1e-4
 
 
 @pytest.mark.parametrize("lean_deg", [2.0, -2.0])
@@ -146,7 +149,7 @@ def test_nothing_jumps_where_a_foot_is_put_down_or_taken_up(kind: str, strength:
     def peak(values: np.ndarray) -> float:
         return float(np.abs(np.diff(values, n=2, axis=0)).max() * clip.fps**2)
 
-    assert peak(new.joint_pos) < PEAKS[kind] * peak(clip.joint_pos)
+    assert peak(new.joint_pos) < 1.1 * peak(clip.joint_pos)
     assert peak(new.root_pos_w) < 1.05 * peak(clip.root_pos_w)
     changed = np.abs(np.diff(new.joint_pos - clip.joint_pos, n=2, axis=0)).max(axis=1) * clip.fps**2
     for side in range(2):
@@ -163,6 +166,18 @@ def test_the_mirror_of_a_variant_is_the_variant_of_the_mirror(kind: str, strengt
     np.testing.assert_allclose(other.joint_pos, one.joint_pos, atol=2e-3)
     np.testing.assert_allclose(other.root_pos_w, one.root_pos_w, atol=1e-3)
     assert rotation.angle_between(other.root_quat_w, one.root_quat_w).max() < 1e-6
+
+
+def test_an_ankle_at_its_limit_lets_the_foot_turn_in_the_air_and_never_on_the_ground():
+    clip, new = walking(1.1), variant(1.1, "foot_lift", 0.02)
+    ankle = ROBOT.joint("Left_Ankle_Pitch")
+    assert clip.joint_pos[:, ankle].min() == pytest.approx(ROBOT.joint_lower[ankle], abs=1e-3), "it is at its limit"
+    feet = [Kinematics(ROBOT).forward(each.root_pos_w, each.root_quat_w, each.joint_pos).quat_w for each in (clip, new)]
+    foot = int(ROBOT.tree.site_link[ROBOT.site(ROBOT.feet[0])])
+    turned = rotation.angle_between(feet[0][:, foot], feet[1][:, foot])
+    assert clip.contacts is not None
+    assert turned[clip.contacts[:, 0]].max() < 1e-6
+    assert 0.02 < turned.max() < 0.15
 
 
 @pytest.mark.parametrize(("kind", "strength"), PLANNED)
