@@ -1,4 +1,4 @@
-"""`booster-lab inspect IN`: what a motion file is and what is wrong with it."""
+"""`booster-lab inspect IN`: what a motion file is and what is wrong with it; what KP5 said of a clip."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from typing import Any
 
 from pipeline.cli.chain import Chain
 from pipeline.cli.inspection import Inspection, inspect_file
+from pipeline.cli.judged_clips import as_text as judgement_text
+from pipeline.cli.judged_clips import clip_of, judged
 from pipeline.cli.project import find_project
 from pipeline.cli.statement_arguments import add_statement, statement_of
+from pipeline.cli.stored_clips import BARE_ROBOT
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.errors import FileError, PipelineError
 from pipeline.readers import Source, Statement, list_motion_files, refuse_outside_link
+from pipeline.readers.read_motion import SUFFIXES
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -23,9 +27,13 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         help="tell what a motion file is and what is wrong with it",
         description="Tell format, skeleton, unit, axes and rate of a motion file, its speeds, the windows of one skill "
         "in it, and everything that the project would repair, cut or refuse, with the reason. A folder gives a line a "
-        "file.",
+        "file. A clip that was made here (by name, or its file in the database) gives every criterion that the robot's "
+        "ability was judged by: number, threshold, unit, source, verdict.",
     )
-    parser.add_argument("input", metavar="IN", type=Path, help="a motion file, or a folder of them")
+    parser.add_argument(
+        "input", metavar="IN", type=Path, help="a motion file, a folder of them, or a clip that was made"
+    )
+    parser.add_argument("--robot", default=BARE_ROBOT, help="robot that the clip was made for")
     parser.add_argument("--json", action="store_true", help="print a JSON object (of a folder: a list of them)")
     add_statement(parser)
     parser.set_defaults(run=run)
@@ -35,12 +43,24 @@ def run(parsed: argparse.Namespace) -> int:
     """Print it. A file that can't be read is an error; in a folder it is a line."""
     chain = Chain(find_project())
     stated = statement_of(parsed)
+    if _is_clip(parsed.input):
+        name = clip_of(parsed.input) if parsed.input.is_file() else str(parsed.input)
+        rows = judged(chain.project, name, parsed.robot)
+        print(_json(rows) if parsed.json else judgement_text(rows))
+        return 0
     if parsed.input.is_dir():
         folder(parsed.input, chain, stated, parsed.json)
         return 0
     found = inspect_file(chain, parsed.input, stated)
     print(_json(found.to_dict()) if parsed.json else as_text(found))
     return 0
+
+
+def _is_clip(path: Path) -> bool:
+    """A file of the database, or what is neither a file nor named like one: the name of a clip."""
+    if path.exists():
+        return path.is_file() and path.suffix.lower() == ".json"
+    return path.suffix.lower() not in SUFFIXES
 
 
 def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:

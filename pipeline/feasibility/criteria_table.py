@@ -86,13 +86,13 @@ def belongs(path: Path, manifest: Path) -> bool:
         return False
 
 
-def read(path: Path, manifest: Path) -> pd.DataFrame:
-    """The table at `path`. Raises FileError where there is none, or another manifest's."""
+def read(path: Path, manifest: Path, asset: str = "feasible_motions") -> pd.DataFrame:
+    """The table at `path`. Raises FileError, with the asset to materialize, where there is none or it is another one's."""
     if not belongs(path, manifest):
         problem = (
-            "there is no table of criteria of what is stored." if not path.is_file() else "it is not of what is stored."
+            "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."
         )
-        raise FileError(path, problem, "Run: dagster asset materialize --select feasible_motions")
+        raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
     return pq.read_table(path).to_pandas()
 
 

@@ -1,0 +1,103 @@
+"""`booster-lab inspect` on clips that were made: every criterion, for a person and as JSON."""
+
+import dataclasses
+import json
+import logging
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
+from pipeline.cli.main import main
+from pipeline.feasibility import FeasibilitySettings, criteria_table, process
+from pipeline.feasibility.criteria import GROUP_OF
+from pipeline.files import settings
+from pipeline.files.sourced import origins
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing
+
+
+@pytest.fixture
+def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A checkout whose KP5 judged a clip that stands, its mirror image, and one sunk into the ground."""
+    (tmp_path / "robots").symlink_to(root / "robots")
+    store = Store(root=tmp_path / "data" / "store")
+    clip = standing(robot)
+    sunk = dataclasses.replace(clip, root_pos_w=clip.root_pos_w - np.array([0.0, 0.0, 0.05]))
+    clips = {"mine/stand@0-99": clip, "mine/stand@0-99~mirror": clip, "mine/sunk@0-99": sunk}
+    entries = tuple(Entry(clip=name, blob=store.put_clip(each), numbers={}) for name, each in clips.items())
+    limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
+    stage = Stage(name="feasible_motions", version="1", function=partial(process, settings=limits, robot=robot))
+    previous = Manifest(stage="augmented_motions", entries=entries, judged=())
+    made = run_stage(stage, previous, store, ClipPool(backend="sequential"), logging.getLogger("test"))
+    manifest, table = criteria_table.split(made, origins(settings.read_yaml(root / "data" / "feasibility.yaml")))
+    store.save("feasible_motions", manifest)
+    criteria_table.write(criteria_table.path_beside(store.manifest_path("feasible_motions")), table, manifest)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_clip_prints_every_criterion(project: Path, capsys):
+    assert main(["inspect", "mine/sunk@0-99"]) == 0
+    printed = capsys.readouterr().out
+    lines = printed.splitlines()
+    assert lines[0] == "mine/sunk@0-99, 0.00 to 2.00 s: does not go on like this"
+    assert all(any(code in line for line in lines) for code in GROUP_OF)
+    deepest = next(line for line in lines if " penetration_max " in line)
+    assert "0.0504" in deepest or "0.05" in deepest
+    assert "at most 0.03" in deepest and " broken " in deepest and "judge: " in deepest
+    assert "not applicable: no tracked rollout" in next(line for line in lines if "tracking_growth" in line)
+    assert any("penetration_max: frame" in line for line in lines[lines.index("  broken") :])
+
+
+def test_the_same_as_json(project: Path, capsys):
+    assert main(["inspect", "--json", "mine/stand@0-99"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["criterion"] for row in rows] == list(GROUP_OF)
+    assert all(list(row) == list(criteria_table.COLUMNS) for row in rows)
+    assert {row["verdict"] for row in rows} == {"holds", "not applicable"}
+    assert {row["piece"] for row in rows} == {"mine/stand@0-99"}
+
+
+def test_a_recording_prints_a_line_a_clip_made_of_it(project: Path, capsys):
+    assert main(["inspect", "mine"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == [
+        "clip",
+        "mine/stand@0-99",
+        "mine/stand@0-99~mirror",
+        "mine/sunk@0-99",
+    ]
+    assert lines[1].split()[1:] == ["2.00", "2.00", "nothing"]
+    assert lines[3].split()[1:3] == ["2.00", "0.00"]
+    assert "penetration_max" in lines[3]
+
+
+def test_a_file_of_the_database_is_the_clip_in_it(project: Path, capsys):
+    (project / "clip.json").write_text(json.dumps({"Clip": "mine/stand@0-99~mirror"}))
+    assert main(["inspect", "clip.json"]) == 0
+    assert capsys.readouterr().out.startswith("mine/stand@0-99~mirror, 0.00 to 2.00 s: goes on as")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("mine/sink@0-99", "neither a file nor a clip that was judged; near it are: mine/sunk@0-99"),
+        ("other.json", "other.json: not a clip of an expert database (JSONDecodeError)."),
+        ("gone.bvh", "gone.bvh: the file does not exist"),
+    ],
+)
+def test_what_is_no_clip_is_told_in_a_sentence(project: Path, capsys, name: str, said: str):
+    (project / "other.json").write_text("{")
+    assert main(["inspect", name]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_without_a_table_the_command_that_makes_one_is_told(project: Path, capsys):
+    (project / "data/store/manifests/feasible_motions.criteria.parquet").unlink()
+    assert main(["inspect", "mine/stand@0-99"]) == 1
+    assert "dagster asset materialize --select feasible_motions" in capsys.readouterr().err
+    assert main(["inspect", "--robot", "k1", "mine/stand@0-99"]) == 1
+    assert "dagster asset materialize --select k1/feasible_motions" in capsys.readouterr().err
