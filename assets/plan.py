@@ -138,7 +138,7 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
         Plan(
             name="limit_cycles",
             packages=("validation", "dart", "deployment", "actuators", "hardware_logs"),
-            settings_files=("limit_cycles.yaml",),
+            settings_files=("limit_cycles.yaml", "validation.yaml"),
             robot=robot,
             as_they_are=("hardware_trials",),
         ),
@@ -162,7 +162,12 @@ def engine_plans(robot: str) -> tuple[Plan, ...]:
             settings_files=("cross_engine.yaml", "validation.yaml"),
             robot=robot,
         ),
-        Plan(name="webots_validation", packages=(*walked, "webots"), settings_files=("webots.yaml",), robot=robot),
+        Plan(
+            name="webots_validation",
+            packages=(*walked, "webots"),
+            settings_files=("webots.yaml", "validation.yaml"),
+            robot=robot,
+        ),
     )
 
 

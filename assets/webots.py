@@ -40,16 +40,19 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     @plainly
     def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
+        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.webots_bars import allowed_of
         from pipeline.webots.checks import project_faults
         from pipeline.webots.settings import WebotsSettings
         from pipeline.webots.validate import WEBOTS, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
+        rules = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
         judged = judged_policy(config, exported_policy, robot)
         project = _written(robot, judged.deployed, values)
         faults = project_faults(project.world, judged.deployed.robot)
-        verdicts = validate(project, values)
+        verdicts = validate(project, values, allowed_of(rules.webots))
         stored = stored_verdict(plan.name, judged.digest, verdicts, WEBOTS)
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
         said = {each.engine: each.status for each in verdicts.values()}

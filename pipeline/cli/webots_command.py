@@ -14,11 +14,13 @@ from pipeline.files import atomic
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.read import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.validation.webots_bars import allowed_of
 from pipeline.webots.checks import project_faults
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project
-from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.settings import Allowed, WebotsSettings
 from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, run_stand_in, verdict
 
 FAILED = 3
@@ -57,7 +59,8 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.engine is None:
         print(f"open it with: webots {project.world}")
         return 0
-    return _walk(parsed, project, settings)
+    rules = checkout.settings("validation.yaml", ValidationSettings)
+    return _walk(parsed, project, settings, allowed_of(rules.webots))
 
 
 def _write(parsed: argparse.Namespace, folder: Path, settings: WebotsSettings) -> tuple[Project, Robot]:
@@ -72,11 +75,12 @@ def _write(parsed: argparse.Namespace, folder: Path, settings: WebotsSettings) -
     return write_project(parsed.out, source, one.task, one.envelope, one.policy, settings), one.robot
 
 
-def _walk(parsed: argparse.Namespace, project: Project, settings: WebotsSettings) -> int:
+def _walk(parsed: argparse.Namespace, project: Project, settings: WebotsSettings, allowed: dict[str, Allowed]) -> int:
     if parsed.engine == "webots":
-        said = verdict(WEBOTS, launch_webots(project, settings), settings)
+        said = verdict(WEBOTS, launch_webots(project, settings), settings, allowed)
     else:
-        said = verdict(STAND_INS[parsed.engine], run_stand_in(parsed.engine, project, settings), settings)
+        outcome = run_stand_in(parsed.engine, project, settings)
+        said = verdict(STAND_INS[parsed.engine], outcome, settings, allowed)
     print(f"{LABELS[said.engine]}: {said.status}")
     for reason in said.reasons:
         print(f"  {reason}")

@@ -43,10 +43,12 @@ class Required:
     """Errors up to this do not count [m/s or rad/s]."""
     survival: float
     """Least share of trials of a push or a perturbed start."""
+    period_difference: float
+    """Of strides in two engines, as a share: beyond it they are not the same gait."""
     source: str
 
     def __post_init__(self) -> None:
-        check(self, error_share=SHARE, least_error=NOT_NEGATIVE, survival=SHARE)
+        check(self, error_share=SHARE, least_error=NOT_NEGATIVE, survival=SHARE, period_difference=SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,6 +138,10 @@ class ValidationSettings:
     """What `mujoco_validation` asks."""
     engines: dict[str, CellBars]
     """What `cross_engine_validation` asks of each walk in MuJoCo and in DART."""
+    webots: dict[str, CellBars]
+    """What `webots_validation` asks of each segment of its walk."""
+    limit_cycles: dict[str, CellBars]
+    """What `limit_cycles` asks of DART against MuJoCo at each speed."""
 
 
 def derived(runs: Sequence[Sequence[Measured]], margins: dict[str, Margin], required: Required) -> dict[str, CellBars]:

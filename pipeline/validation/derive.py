@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,26 +22,37 @@ from pipeline.batch import ClipPool
 from pipeline.deployment import digest, load_policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
+from pipeline.robot.read import read_description
 from pipeline.validation.bars import CellBars, Reference, ValidationSettings, derived
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.engine_bars import engine_bars
+from pipeline.validation.limit_cycle_bars import limit_cycle_bars
+from pipeline.validation.limit_cycle_settings import LimitCycleSettings
+from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.measure import Measured, measure
 from pipeline.validation.numbers_file import read_numbers, write_numbers
 from pipeline.validation.suites import full
+from pipeline.validation.webots_bars import webots_bars
+from pipeline.webots.launch import NOT_RUN
+from pipeline.webots.project import write_project
+from pipeline.webots.result import WalkResult
+from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.validate import run_stand_in
 
 FILE = Path("data/validation.yaml")
 GRID = Path("data/cross_engine.yaml")
-CELLS, ENGINES = "cells", "engines"
-PARTS = (CELLS, ENGINES)
+WALK = Path("data/webots.yaml")
+CYCLES = Path("data/limit_cycles.yaml")
+CELLS, ENGINES, WEBOTS, LIMIT_CYCLES = PARTS = ("cells", "engines", "webots", "limit_cycles")
 HEADER = """\
 # What a policy has to do. `margins`, `required` and `agreement` are written by hand, `reference` and the bars derived:
 #     {command}
-# `cells` is what is asked in MuJoCo, `engines` of each walk of cross_engine.yaml in MuJoCo and in DART. A figure's bar
-# is the reference policy's worst over all trials with the margin of that figure. A cell that the reference policy does
-# not do itself is not required, and says why.
+# `cells` is what is asked in MuJoCo, `engines` of each walk of cross_engine.yaml in MuJoCo and in DART, `webots` of the
+# walk of webots.yaml, `limit_cycles` of strides in MuJoCo and DART. A figure's bar is the reference policy's worst over
+# all trials with the margin of that figure. What the reference policy does not do itself is not required, and says why.
 """
 
 
@@ -79,12 +92,30 @@ def measured_again(one: Deployed, cells: Sequence[Cell], pool: ClipPool, kept: P
     return tuple(known[cell.name] for cell in cells)
 
 
+def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSettings) -> dict[str, WalkResult]:
+    """The walk in each stand-in for Webots that there is, by its name. Raises FileError where one gives no result."""
+    walks = {}
+    for one, engine in itertools.product(damped, ("mujoco", "ode")):
+        with tempfile.TemporaryDirectory() as place:
+            source = read_description(folder)
+            project = write_project(Path(place), source, one.task, one.envelope, one.policy, plan)
+            outcome = run_stand_in(engine, project, plan)
+        if outcome.result is not None:
+            walks[f"the {engine} stand-in, ankle kd {float(one.task.kd[_ankle(one)]):g}"] = outcome.result
+        elif outcome.status != NOT_RUN:
+            raise FileError(project.world, f"the {engine} stand-in {outcome.status}: {outcome.reason}.")
+    return walks
+
+
+def _ankle(one: Deployed) -> int:
+    return next(index for index, name in enumerate(one.task.joint_names) if "Ankle" in name)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m pipeline.validation.derive", description=__doc__)
     parser.add_argument("policy", type=Path, help="npz of the reference policy")
     parser.add_argument("--robot", type=Path, default=Path("data/adapted_robot/t1"), help="folder of the robot")
     parser.add_argument("--file", type=Path, default=FILE, help="settings file to rewrite")
-    parser.add_argument("--grid", type=Path, default=GRID, help="what is walked in several engines")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="bars to derive")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for one each core")
     parser.add_argument("--numbers", type=Path, help="JSON that keeps what was measured; what it has is not run again")
@@ -99,9 +130,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             runs = [measured_again(each, cells, pool, given.numbers) for each in damped]
             found[CELLS] = derived(runs, rules.margins, rules.required)
         if ENGINES in given.parts:
-            grid = settings.read(given.grid, CrossEngineSettings)
+            grid = settings.read(GRID, CrossEngineSettings)
             walked = [cross_engine(each, grid, rules, pool=pool) for each in damped]
             found[ENGINES] = engine_bars(walked, grid, rules)
+        if WEBOTS in given.parts:
+            plan = settings.read(WALK, WebotsSettings)
+            found[WEBOTS] = webots_bars(stand_in_walks(damped, given.robot, plan), plan, rules)
+        if LIMIT_CYCLES in given.parts:
+            values = settings.read(CYCLES, LimitCycleSettings)
+            found[LIMIT_CYCLES] = limit_cycle_bars([limit_cycles(each, (), values, {}) for each in damped], rules)
         command = f"python -m pipeline.validation.derive {given.policy} --robot {given.robot}"
         derive(given.file, one, found, command)
     except PipelineError as error:

@@ -42,6 +42,9 @@ FIGURES = {
         Figure(name="saturation", unit="%", lower_is_better=True, says="leg joint samples at the torque envelope"),
         Figure(name="drift", unit="m", lower_is_better=True, says="way between first and last place"),
         Figure(name="steps", unit="steps", lower_is_better=True, says="feet set down"),
+        Figure(name="shape_distance", unit="of its size", lower_is_better=True, says="between limit cycles"),
+        Figure(name="period_difference", unit="share", lower_is_better=True, says="of strides in two engines"),
+        Figure(name="amplitude_difference", unit="share", lower_is_better=True, says="of hip or knee in two engines"),
     )
 }
 

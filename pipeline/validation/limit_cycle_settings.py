@@ -1,4 +1,4 @@
-"""What `data/limit_cycles.yaml` states: which walks are compared, and how far engines may differ."""
+"""What `data/limit_cycles.yaml` states: which walks are compared. What must hold `data/validation.yaml` says."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check
 class LimitCycleSettings:
     """What `data/limit_cycles.yaml` states."""
 
-    required_m_s: tuple[float, ...]
-    """Forward commands at which engines must agree."""
-    shown_m_s: tuple[float, ...]
-    """Those at which their difference is shown and not required."""
+    speeds_m_s: tuple[float, ...]
+    """Forward commands at which engines are compared."""
     seconds: float
     """Of a walk in simulation."""
     settled_s: float
@@ -25,22 +23,7 @@ class LimitCycleSettings:
     """How far the command of a log may be from the wanted one on any axis [m/s, rad/s]."""
     joints: dict[str, str]
     """`left_hip`, `left_knee`, `right_hip`, `right_knee` -> the robot's joint."""
-    max_shape_distance: float
-    """Between engines, in each plane."""
-    max_period_difference: float
-    """Between engines, as a share of the period."""
-    max_amplitude_difference: float
-    """Between engines, as a share of the amplitude."""
 
     def __post_init__(self) -> None:
-        positive = (
-            "required_m_s",
-            "shown_m_s",
-            "seconds",
-            "timestep_s",
-            "friction",
-            "command_tolerance",
-            "max_shape_distance",
-        )
-        more = ("max_period_difference", "max_amplitude_difference")
-        check(self, settled_s=NOT_NEGATIVE, **dict.fromkeys((*positive, *more), POSITIVE))
+        positive = ("speeds_m_s", "seconds", "timestep_s", "friction", "command_tolerance")
+        check(self, settled_s=NOT_NEGATIVE, **dict.fromkeys(positive, POSITIVE))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
+from pipeline.validation.bars import UNKNOWN, CellBars
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycles import (
@@ -38,6 +39,9 @@ class SpeedCycles:
 
     speed_m_s: float
     required: bool
+    """Whether engines must agree."""
+    why: str = ""
+    """Why not; empty where they must."""
     cycles: dict[str, LimitCycle] = field(default_factory=dict)
     """By record and leg, as `MuJoCo left`."""
     comparisons: tuple[Comparison, ...] = ()
@@ -67,6 +71,7 @@ class SpeedCycles:
         return {
             "speed_m_s": self.speed_m_s,
             "required": self.required,
+            "why": self.why,
             "cycles": self.rows(),
             "comparisons": [asdict(each) for each in self.comparisons],
             "missing": list(self.missing),
@@ -74,15 +79,32 @@ class SpeedCycles:
         }
 
 
-def limit_cycles(deployed: Deployed, trials: Iterable[Trial], settings: LimitCycleSettings) -> tuple[SpeedCycles, ...]:
-    """At each speed: the cycles of both legs in each engine and in each log of that command, held against MuJoCo's."""
+def limit_cycles(
+    deployed: Deployed, trials: Iterable[Trial], settings: LimitCycleSettings, bars: Mapping[str, CellBars]
+) -> tuple[SpeedCycles, ...]:
+    """At each speed: the cycles of both legs in each engine and in each log of that command, held against MuJoCo's.
+
+    Args:
+        deployed: what walks
+        trials: logs of robots
+        settings: the walks
+        bars: of each speed by `name_of`; a speed without is not required
+    """
     logs = list(trials)
     return tuple(
-        _at_speed(deployed, logs, speed, settings) for speed in sorted({*settings.required_m_s, *settings.shown_m_s})
+        _at_speed(deployed, logs, speed, settings, bars.get(name_of(speed), UNKNOWN))
+        for speed in sorted(settings.speeds_m_s)
     )
 
 
-def _at_speed(deployed: Deployed, logs: Sequence[Trial], speed: float, settings: LimitCycleSettings) -> SpeedCycles:
+def name_of(speed_m_s: float) -> str:
+    """What a speed is called in `data/validation.yaml`."""
+    return f"{speed_m_s:g} m/s"
+
+
+def _at_speed(
+    deployed: Deployed, logs: Sequence[Trial], speed: float, settings: LimitCycleSettings, bars: CellBars
+) -> SpeedCycles:
     cycles: dict[str, LimitCycle] = {}
     missing: list[str] = []
     for engine in ENGINES:
@@ -110,11 +132,12 @@ def _at_speed(deployed: Deployed, logs: Sequence[Trial], speed: float, settings:
         if name.endswith(side) and not name.startswith(ENGINES[0])
     )
     engines = [each for each in comparisons if each.name.startswith(ENGINES[1])]
-    reasons = [reason for each in engines for reason in _reasons(each, settings)]
+    reasons = [reason for each in engines for reason in _reasons(each, bars)]
     reasons += [text for text in missing if text.startswith(ENGINES)]
     return SpeedCycles(
         speed_m_s=speed,
-        required=speed in settings.required_m_s,
+        required=bars.required,
+        why=bars.why,
         cycles=cycles,
         comparisons=comparisons,
         missing=tuple(missing),
@@ -122,24 +145,23 @@ def _at_speed(deployed: Deployed, logs: Sequence[Trial], speed: float, settings:
     )
 
 
-def _reasons(found: Comparison, settings: LimitCycleSettings) -> list[str]:
-    where = f"{found.name} against {found.reference}"
-    reasons = [
-        f"{where}: shape distance {found.shape_distance[plane]:.3f} of {plane}, allowed {settings.max_shape_distance:g}"
-        for plane in PLANES
-        if found.shape_distance[plane] > settings.max_shape_distance
-    ]
-    ratios = {
-        "period": (found.period_ratio, settings.max_period_difference),
-        "hip amplitude": (found.hip_amplitude_ratio, settings.max_amplitude_difference),
-        "knee amplitude": (found.knee_amplitude_ratio, settings.max_amplitude_difference),
+def figures_of(found: Comparison) -> dict[str, dict[str, float]]:
+    """What a comparison is judged by: of each figure of `figures.FIGURES` its values by what they are of."""
+    ratios = {"hip amplitude": found.hip_amplitude_ratio, "knee amplitude": found.knee_amplitude_ratio}
+    return {
+        "shape_distance": {f"shape distance of {plane}": found.shape_distance[plane] for plane in PLANES},
+        "period_difference": {"difference of periods": abs(found.period_ratio - 1.0)},
+        "amplitude_difference": {f"difference of {name}s": abs(ratio - 1.0) for name, ratio in ratios.items()},
     }
-    reasons += [
-        f"{where}: {name} {ratio:.3f} times, allowed is 1 ± {allowed:g}"
-        for name, (ratio, allowed) in ratios.items()
-        if abs(ratio - 1.0) > allowed
+
+
+def _reasons(found: Comparison, bars: CellBars) -> list[str]:
+    return [
+        f"{found.name} against {found.reference}: {what} {value:.3f}, asked is {bars.bars[name]}"
+        for name, values in figures_of(found).items()
+        for what, value in values.items()
+        if name in bars.bars and not bars.bars[name].holds(value)
     ]
-    return reasons
 
 
 class FellError(PipelineError):

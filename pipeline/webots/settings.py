@@ -1,4 +1,4 @@
-"""What `data/webots.yaml` states: the walk, its bars, the world."""
+"""What `data/webots.yaml` states: the walk and the world. What must come of it `data/validation.yaml` says."""
 
 from __future__ import annotations
 
@@ -9,20 +9,25 @@ from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Range, check
 
 @dataclass(frozen=True, kw_only=True)
 class WalkSegment:
-    """A stretch of one wanted velocity, and how far from it the robot may walk."""
+    """A stretch of one wanted velocity."""
 
     name: str
     seconds: float
     command: tuple[float, float, float]
     """Forward and lateral [m/s], yaw rate [rad/s]."""
-    velocity_error_m_s: float
-    yaw_rate_error_rad_s: float
     slew: float = 1.0
     """How fast the command goes there [m/s or rad/s a second]; 0 is at once."""
 
     def __post_init__(self) -> None:
-        positive = ("seconds", "velocity_error_m_s", "yaw_rate_error_rad_s")
-        check(self, slew=NOT_NEGATIVE, **dict.fromkeys(positive, POSITIVE))
+        check(self, slew=NOT_NEGATIVE, seconds=POSITIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Allowed:
+    """How far from a segment's command the robot may walk."""
+
+    velocity_error_m_s: float
+    yaw_rate_error_rad_s: float
 
 
 @dataclass(frozen=True, kw_only=True)

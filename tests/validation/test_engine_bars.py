@@ -17,7 +17,7 @@ from pipeline.validation.cross_engine import CellResult, CrossEngineResult
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment, SimulationSettings
 from pipeline.validation.cross_engine_walk import Figures
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.derive import ENGINES, derive
+from pipeline.validation.derive import ENGINES, PARTS, derive
 from pipeline.validation.engine_bars import engine_bars
 from tests.factories.policies import still_policy
 
@@ -79,9 +79,10 @@ def test_parts_of_another_reference_do_not_stay_beside_new_bars(
     task = deployment_task(robot)
     envelope = TorqueEnvelope(limit=robot.torque_limit)
     other = Deployed(robot=robot, task=task, policy=still_policy(task), envelope=envelope)
-    with pytest.raises(FileError, match=r"its cells are of another policy or robot.*Derive all parts"):
+    left = "its cells, webots, limit_cycles are of another policy or robot"
+    with pytest.raises(FileError, match=f"{left}.*Derive all parts"):
         derive(path, other, {ENGINES: rules.engines}, "derive")
-    derive(path, other, {"cells": rules.cells, ENGINES: {}}, "derive")
+    derive(path, other, {**{part: {} for part in PARTS}, "cells": rules.cells}, "derive")
     now = read(path, ValidationSettings)
     assert now.reference.robot == robot.digest
-    assert now == dataclasses.replace(rules, reference=now.reference, engines={})
+    assert now == dataclasses.replace(rules, reference=now.reference, engines={}, webots={}, limit_cycles={})

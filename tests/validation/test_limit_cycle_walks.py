@@ -12,9 +12,12 @@ from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial, wri
 from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
+from pipeline.validation.limit_cycle_bars import limit_cycle_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import (
+    SpeedCycles,
     limit_cycles,
     steady_span,
     trial_series,
@@ -31,6 +34,17 @@ RATE_HZ = 100.0
 @pytest.fixture(scope="module")
 def settings(root):
     return settings_files.read(root / "data" / "limit_cycles.yaml", LimitCycleSettings)
+
+
+BARS = CellBars(
+    required=True,
+    why="",
+    bars={
+        "shape_distance": Bar(unit="of its size", source="test", at_most=0.35),
+        "period_difference": Bar(unit="share", source="test", at_most=0.06),
+        "amplitude_difference": Bar(unit="share", source="test", at_most=0.2),
+    },
+)
 
 
 def walking_log(robot, *, speed=0.6, seconds=20.0, period_s=0.8, changed=None):
@@ -120,8 +134,8 @@ def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
         policy=network(robot, np.random.default_rng(0)),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
-    short = dataclasses.replace(settings, shown_m_s=())
-    (found,) = limit_cycles(one, [walking_log(robot)], short)
+    short = dataclasses.replace(settings, speeds_m_s=(0.6,))
+    (found,) = limit_cycles(one, [walking_log(robot)], short, {"0.6 m/s": BARS})
     assert found.required
     assert [text.split(":")[0] for text in found.reasons] == ["MuJoCo at 0.6 m/s", "DART at 0.6 m/s"]
     assert set(found.cycles) == {"log walk left", "log walk right"}
@@ -130,7 +144,7 @@ def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
 
 
 @pytest.mark.shared
-def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings):
+def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings, root):
     """At .6 m/s; the log of other legs is far from it."""
     one = Deployed(
         robot=robot,
@@ -138,8 +152,11 @@ def test_the_published_policy_walks_alike_in_both_engines(robot, policies, setti
         policy=load_policy(policies / "t1_walk.npz"),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
-    (found,) = limit_cycles(one, [walking_log(robot)], dataclasses.replace(settings, shown_m_s=()))
-    assert found.reasons == ()
+    bars = settings_files.read(root / "data" / "validation.yaml", ValidationSettings).limit_cycles
+    assert bars["0.6 m/s"].required and not bars["2 m/s"].required
+    short = dataclasses.replace(settings, speeds_m_s=(0.6,))
+    (found,) = limit_cycles(one, [walking_log(robot)], short, bars)
+    assert found.required and found.reasons == ()
     by_name = {each.name: each for each in found.comparisons}
     assert set(by_name) == {"DART left", "DART right", "log walk left", "log walk right"}
     for side in ("left", "right"):
@@ -162,8 +179,32 @@ def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
         assert span is not None
         return limit_cycle(trial_series(trial, span, "left", name, settings))
 
-    reasons = _reasons(compare(cycle("MuJoCo left", 0.8), cycle("DART left", 0.4)), settings)
-    assert reasons == ["DART left against MuJoCo left: period 0.500 times, allowed is 1 ± 0.06"]
+    reasons = _reasons(compare(cycle("MuJoCo left", 0.8), cycle("DART left", 0.4)), BARS)
+    assert reasons == ["DART left against MuJoCo left: difference of periods 0.500, asked is at most 0.06 share"]
+
+
+def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(robot, settings, root):
+    """Legs of made-up walks: one 2 % slower, one at half the period."""
+    rules = settings_files.read(root / "data" / "validation.yaml", ValidationSettings)
+
+    def cycle(name, period_s):
+        trial = walking_log(robot, period_s=period_s)
+        span = steady_span(trial, 0.6, settings)
+        assert span is not None
+        return limit_cycle(trial_series(trial, span, "left", name, settings))
+
+    def bars_of(period_s):
+        compared = compare(cycle("MuJoCo left", 0.8), cycle("DART left", period_s))
+        return limit_cycle_bars([[SpeedCycles(speed_m_s=0.6, required=False, comparisons=(compared,))]], rules)
+
+    (near,) = bars_of(0.816).values()
+    margin = rules.margins["period_difference"].absolute
+    assert near.required and near.bars["period_difference"].at_most == pytest.approx(0.02 + margin, abs=0.002)
+    far = bars_of(0.4)["0.6 m/s"]
+    assert not far.required
+    assert far.why == "the reference's period differs by 50 % between MuJoCo and DART"
+    fell = SpeedCycles(speed_m_s=2.0, required=False, missing=("DART at 2 m/s: fell after 4.50 s", "no hardware log"))
+    assert limit_cycle_bars([[fell]], rules)["2 m/s"].why == "the reference: DART at 2 m/s: fell after 4.50 s"
 
 
 @pytest.mark.shared

@@ -37,7 +37,7 @@ MARGINS = {
     )
     for name, figure in FIGURES.items()
 }
-REQUIRED = Required(error_share=0.3, least_error=0.15, survival=0.75, source="test")
+REQUIRED = Required(error_share=0.3, least_error=0.15, survival=0.75, period_difference=0.1, source="test")
 
 AGREEMENT = Agreement(
     velocity=Tolerance(at_most=0.07, share=0.08, unit="m/s", source="test"),
@@ -54,6 +54,8 @@ def _settings(*reference: Measured) -> ValidationSettings:
         reference=Reference(policy="p", robot="r", ankle_kd=(1.0,), command="derive"),
         cells=derived([reference], MARGINS, REQUIRED),
         engines={},
+        webots={},
+        limit_cycles={},
     )
 
 

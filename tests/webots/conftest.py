@@ -20,8 +20,8 @@ from pipeline.webots.settings import WalkSegment, WebotsSettings
 @pytest.fixture(scope="session")
 def short_walk() -> WebotsSettings:
     """Two segments of standing; the program has a minute."""
-    still = {"command": (0.0, 0.0, 0.0), "velocity_error_m_s": 0.05, "yaw_rate_error_rad_s": 0.05}
-    segments = tuple(WalkSegment(name=name, seconds=0.6, **still) for name in ("first", "second"))  # pyright: ignore
+    still = (0.0, 0.0, 0.0)
+    segments = tuple(WalkSegment(name=name, seconds=0.6, command=still) for name in ("first", "second"))
     return WebotsSettings(timestep_ms=5.0, friction=1.0, measured_s=0.4, limit_s=60.0, segments=segments)
 
 

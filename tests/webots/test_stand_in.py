@@ -17,6 +17,8 @@ from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.robot.read import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.webots_bars import allowed_of
 from pipeline.webots.launch import Outcome
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.scene_model import SceneModel, read_scene
@@ -25,6 +27,7 @@ from pipeline.webots.stand_in.mujoco_engine import MujocoEngine
 from pipeline.webots.stand_in.ode_engine import OdeEngine, OdeNotFoundError, load_ode
 from pipeline.webots.stand_in.serve import Simulation
 from pipeline.webots.validate import MUJOCO_STAND_IN, ODE_STAND_IN, run_stand_in, verdict
+from tests.factories.webots_bars import STILL
 
 
 def ode_is_there() -> bool:
@@ -50,12 +53,12 @@ def test_the_robot_stands_in_the_stand_in(stood: Outcome, short_walk: WebotsSett
     for segment in outcome.result.segments:
         assert segment.walked
         assert segment.height_m == pytest.approx(robot.default_root_height, abs=0.01)
-    assert verdict(MUJOCO_STAND_IN, outcome, short_walk).reasons == ("no policy walked",)
+    assert verdict(MUJOCO_STAND_IN, outcome, short_walk, STILL).reasons == ("no policy walked",)
 
 
 def test_a_stand_in_gives_the_same_result_again(stood: Outcome, project: Project, short_walk: WebotsSettings):
     again = run_stand_in("mujoco", project, short_walk)
-    one, two = (verdict(MUJOCO_STAND_IN, each, short_walk) for each in (stood, again))
+    one, two = (verdict(MUJOCO_STAND_IN, each, short_walk, STILL) for each in (stood, again))
     assert one.to_dict() == two.to_dict()
     assert one.result is not None and two.result is not None and one.result.run != two.result.run
 
@@ -66,7 +69,7 @@ def test_a_fall_ends_the_walk(project: Project, short_walk: WebotsSettings):
     (project.controller / "task.json").write_text(json.dumps(task))
     segments = tuple(dataclasses.replace(each, seconds=2.0) for each in short_walk.segments)
     settings = dataclasses.replace(short_walk, segments=segments)
-    said = verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings)
+    said = verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings, STILL)
     assert said.result is not None and said.result.fell_s is not None
     assert said.status == "failed"
     assert any(reason.startswith("fell after") for reason in said.reasons)
@@ -93,7 +96,7 @@ def test_a_missing_ode_is_not_run_and_never_passed(
     monkeypatch.setitem(sys.modules, "ode", None)  # what an import finds where the package is missing
     monkeypatch.delenv("BOOSTER_LAB_ODE", raising=False)
     monkeypatch.setattr("pipeline.webots.stand_in.ode_engine.DEBIAN_FOLDER", tmp_path)
-    said = verdict(ODE_STAND_IN, run_stand_in("ode", project, short_walk), short_walk)
+    said = verdict(ODE_STAND_IN, run_stand_in("ode", project, short_walk), short_walk, STILL)
     assert said.status == "not run: ode not found"
     assert not said.judged and said.result is None
 
@@ -225,7 +228,8 @@ def test_the_published_policy_walks_in_the_stand_in(tmp_path: Path, policies: Pa
         load_policy(policies / "t1_walk.npz"),
         settings,
     )
-    said = verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings)
+    rules = read(root / "data" / "validation.yaml", ValidationSettings)
+    said = verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings, allowed_of(rules.webots))
     assert said.status == "passed", said.reasons
     assert said.result is not None
     assert said.result.segments[1].forward_m_s == pytest.approx(0.495, abs=0.03)  # that of the bridge

@@ -18,6 +18,7 @@ from pipeline.webots.launch import Outcome, find_webots, free_port, launch, laun
 from pipeline.webots.project import Project
 from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.validate import WEBOTS, verdict
+from tests.factories.webots_bars import STILL
 
 GOOD_RESULT = """
 import json, sys, pathlib
@@ -54,7 +55,7 @@ def test_a_good_program_is_finished_and_passes(tmp_path: Path, project: Project,
     code = GOOD_RESULT + "(home / run['result']).write_text(text)"
     outcome = run(tmp_path, project, short_walk, code)
     assert outcome.status == "finished"
-    assert verdict(WEBOTS, outcome, short_walk).status == "passed"
+    assert verdict(WEBOTS, outcome, short_walk, STILL).status == "passed"
 
 
 def test_a_result_that_is_only_printed_counts(tmp_path: Path, project: Project, short_walk: WebotsSettings):
@@ -75,7 +76,7 @@ def test_a_missing_webots_is_not_run_and_never_passed(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("WEBOTS_HOME", raising=False)
     outcome = launch_webots(project, short_walk)
-    said = verdict(WEBOTS, outcome, short_walk)
+    said = verdict(WEBOTS, outcome, short_walk, STILL)
     assert said.status == "not run: webots not found"
     assert not said.judged and not said.failed_to_run and said.result is None
 
@@ -99,7 +100,7 @@ def test_webots_itself_is_started_where_it_is_found(
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("DISPLAY", ":0")
-    assert verdict(WEBOTS, launch_webots(project, short_walk), short_walk).status == "passed"
+    assert verdict(WEBOTS, launch_webots(project, short_walk), short_walk, STILL).status == "passed"
     said = (project.controller / "runtime.ini").read_text()
     assert said == f"[python]\nCOMMAND = {sys.executable}\n"  # one that has numpy
 
@@ -111,7 +112,7 @@ def test_a_program_that_does_not_start_failed_to_run(tmp_path: Path, project: Pr
     program.chmod(0o755)
     outcome = launch([str(program)], project, short_walk)
     assert (outcome.status, outcome.reason) == ("did not start", f"{program}: Exec format error")
-    said = verdict(WEBOTS, outcome, short_walk)
+    said = verdict(WEBOTS, outcome, short_walk, STILL)
     assert said.status == f"failed to run: did not start, {program}: Exec format error"
     assert said.failed_to_run and not said.judged
 
@@ -140,7 +141,7 @@ time.sleep(600)
     while any(is_running(pid) for pid in started) and time.monotonic() < until:
         time.sleep(0.05)
     assert not any(is_running(pid) for pid in started)
-    assert verdict(WEBOTS, outcome, short_walk).status == "failed to run: timed out, it was ended after 3 s"
+    assert verdict(WEBOTS, outcome, short_walk, STILL).status == "failed to run: timed out, it was ended after 3 s"
 
 
 def test_children_do_not_outlive_a_program_that_ends(tmp_path: Path, project: Project, short_walk: WebotsSettings):
@@ -181,7 +182,7 @@ def test_what_went_wrong_is_said(
 ):
     outcome = run(tmp_path, project, short_walk, code)
     assert (outcome.status, outcome.reason) == (status, reason)
-    said = verdict(WEBOTS, outcome, short_walk)
+    said = verdict(WEBOTS, outcome, short_walk, STILL)
     assert said.status == f"failed to run: {status}, {reason}"
     assert said.failed_to_run and not said.judged and said.result is None
 
@@ -203,7 +204,7 @@ def test_garbage_is_called_garbage(
     outcome = run(tmp_path, project, short_walk, code)
     assert outcome.status == "garbage"
     assert reason in outcome.reason
-    assert verdict(WEBOTS, outcome, short_walk).failed_to_run
+    assert verdict(WEBOTS, outcome, short_walk, STILL).failed_to_run
 
 
 def test_garbage_bytes_are_called_garbage(tmp_path: Path, project: Project, short_walk: WebotsSettings):

@@ -14,6 +14,7 @@ from pipeline.webots.launch import Outcome
 from pipeline.webots.result import ResultError, parse_result
 from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, WEBOTS, verdict
+from tests.factories.webots_bars import STILL
 
 NAMES = ("first", "second")
 
@@ -35,7 +36,8 @@ def a_result(**changes: Any) -> dict[str, Any]:
 
 
 def judged(settings: WebotsSettings, result: dict[str, Any]):
-    return verdict(WEBOTS, Outcome(status="finished", result=parse_result(json.dumps(result), "a", NAMES)), settings)
+    outcome = Outcome(status="finished", result=parse_result(json.dumps(result), "a", NAMES))
+    return verdict(WEBOTS, outcome, settings, STILL)
 
 
 def test_a_whole_result_is_read():
@@ -96,6 +98,16 @@ def test_every_reason_is_said(short_walk: WebotsSettings):
     )
 
 
+def test_a_segment_without_bars_is_not_required_and_of_none_nothing_passes(short_walk: WebotsSettings):
+    result = a_result()
+    result["segments"][1] |= {"forward_m_s": 0.9}
+    outcome = Outcome(status="finished", result=parse_result(json.dumps(result), "a", NAMES))
+    first = {"first": STILL["first"]}
+    assert verdict(WEBOTS, outcome, short_walk, first).status == "passed"
+    assert verdict(WEBOTS, outcome, short_walk, STILL).status == "failed"
+    assert verdict(WEBOTS, outcome, short_walk, {}).reasons == ("no segment is required: nothing was shown",)
+
+
 def test_standing_without_a_policy_is_no_pass(short_walk: WebotsSettings):
     assert judged(short_walk, a_result(policy=False)).reasons == ("no policy walked",)
 
@@ -103,7 +115,7 @@ def test_standing_without_a_policy_is_no_pass(short_walk: WebotsSettings):
 def test_no_stand_in_is_called_webots(short_walk: WebotsSettings):
     outcome = Outcome(status="finished", result=parse_result(json.dumps(a_result()), "a", NAMES))
     for engine, label in LABELS.items():
-        said = verdict(engine, outcome, short_walk).to_dict()
+        said = verdict(engine, outcome, short_walk, STILL).to_dict()
         assert said["engine"] == label
         assert (label == "Webots") == (engine == WEBOTS)
         assert engine == WEBOTS or "not Webots" in label
@@ -113,5 +125,5 @@ def test_equal_walks_give_equal_verdicts_whatever_their_run(short_walk: WebotsSe
     outcome = Outcome(status="finished", result=parse_result(json.dumps(a_result()), "a", NAMES))
     assert outcome.result is not None
     again = dataclasses.replace(outcome, result=dataclasses.replace(outcome.result, run="b"))
-    one, two = (verdict(MUJOCO_STAND_IN, each, short_walk).to_dict() for each in (outcome, again))
+    one, two = (verdict(MUJOCO_STAND_IN, each, short_walk, STILL).to_dict() for each in (outcome, again))
     assert one == two
