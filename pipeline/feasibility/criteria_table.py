@@ -87,7 +87,7 @@ def belongs(path: Path, manifest: Path) -> bool:
 
 
 def read(path: Path, manifest: Path, asset: str = "feasible_motions") -> pd.DataFrame:
-    """The table at `path`. Raises FileError, with the asset to materialize, where there is none or it is another one's."""
+    """The table at `path`. Raises FileError, with the asset to materialize, where there is none of this manifest."""
     if not belongs(path, manifest):
         problem = (
             "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."

@@ -1,0 +1,262 @@
+"""A simulated robot against the motion that it tracked: what it is held to, and divergence that is planted or real."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pipeline import rotation
+from pipeline.augment import AugmentSettings
+from pipeline.augment import process as augment
+from pipeline.catalog import CatalogSettings, catalogue_file
+from pipeline.cli.robot_csv import encode_csv
+from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+from pipeline.feasibility import FeasibilitySettings, assess, process
+from pipeline.feasibility.criteria import GROUPS
+from pipeline.feasibility.judgement import NUMBER, from_text
+from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.recheck import recheck
+from pipeline.feasibility.reference import CONTENT, ReferenceGoneError, reference_of
+from pipeline.feasibility.tracking_criteria import tracking, tracking_error, windowed_mean
+from pipeline.files import settings
+from pipeline.readers import FileStatement, Source
+from pipeline.repair import RepairSettings
+from pipeline.repair import process as repair
+from pipeline.retarget import RetargetSettings
+from pipeline.retarget.recording import onto_robot
+from pipeline.robot import Robot
+from pipeline.simulation.rollout import Rollout
+from tests.factories.robot_clips import standing
+from tests.factories.tracked_motion import tracked, waving
+
+CODES = tuple(GROUPS["tracking stability"])
+
+
+@pytest.fixture(scope="module")
+def limits(root) -> FeasibilitySettings:
+    return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
+
+
+@pytest.fixture(scope="module")
+def reference(robot: Robot) -> RobotClip:
+    return waving(robot, 6.0)
+
+
+@pytest.fixture(scope="module")
+def simulated(robot: Robot, reference: RobotClip) -> Rollout:
+    """Physics under PD control."""
+    return tracked(robot, reference)
+
+
+@pytest.fixture(scope="module")
+def rollout(simulated: Rollout) -> RobotClip:
+    """It at 50 Hz."""
+    return simulated.clip("rollout")
+
+
+@pytest.fixture(scope="module")
+def fallen(robot: Robot, reference: RobotClip) -> RobotClip:
+    """The same with ankles as soft as the robot's own, until it lies."""
+    return tracked(robot, reference, ankles=1.0).clip("rollout")
+
+
+def _verdicts(clip: RobotClip, reference: RobotClip, robot: Robot, limits: FeasibilitySettings):
+    return {each.code: each for each in tracking(motion_of(clip, robot, limits, reference), limits.tracking)}
+
+
+def _off(clip: RobotClip, robot: Robot, joint: str, by: np.ndarray) -> RobotClip:
+    joints = clip.joint_pos.copy()
+    joints[:, robot.joint(joint)] += by
+    return dataclasses.replace(clip, joint_pos=joints)
+
+
+def _outcome(clip: RobotClip, reference: RobotClip, robot: Robot, limits: FeasibilitySettings, **numbers) -> Outcome:
+    about = {CONTENT: "a", "fps": 50.0, **numbers}
+    return process(clip, about, settings=limits, robot=robot, references={"a": reference}.__getitem__)
+
+
+def test_a_motion_is_at_no_distance_from_itself_wherever_it_is(robot, limits, reference):
+    turn = rotation.about_z(2.0)
+    there = dataclasses.replace(
+        reference,
+        root_pos_w=rotation.rotate(turn, reference.root_pos_w) + np.array([3.0, -2.0, 0.0]),
+        root_quat_w=rotation.multiply(turn, reference.root_quat_w),
+    )
+    found = _verdicts(there, reference, robot, limits)
+    assert tuple(found) == CODES
+    assert all(each.value == pytest.approx(0.0, abs=1e-9) for each in found.values())
+
+
+def test_errors_are_those_that_were_planted(robot, reference):
+    lifted = dataclasses.replace(reference, root_pos_w=reference.root_pos_w + np.array([0.0, 0.0, 0.1]))
+    error = tracking_error(lifted, reference, robot)
+    np.testing.assert_allclose(error.root_height, 0.1)
+    np.testing.assert_allclose(error.end_height, 0.1)
+    np.testing.assert_allclose(error.body, 0.0, atol=1e-12)
+    tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.full(reference.frame_count, 0.5))
+    tilted = dataclasses.replace(reference, root_quat_w=tilt)
+    error = tracking_error(tilted, reference, robot)
+    np.testing.assert_allclose(error.gravity, 1.0 - np.cos(0.5), atol=1e-12)
+    np.testing.assert_allclose(error.joint, 0.0)
+    elbow = _off(reference, robot, "Left_Elbow_Pitch", np.full(reference.frame_count, 0.3))
+    error = tracking_error(elbow, reference, robot)
+    np.testing.assert_allclose(error.joint, 0.3 / np.sqrt(len(robot.controlled)))
+
+
+def test_the_error_of_a_hand_is_the_arc_it_is_turned_by(robot, reference):
+    """An arm stretched out and turned about the shoulder by a small angle moves the hand by angle times length."""
+    error = tracking_error(
+        _off(reference, robot, "Left_Shoulder_Pitch", np.full(reference.frame_count, 0.01)), reference, robot
+    )
+    assert 0.01 * 0.2 < error.body.max() < 0.01 * 0.6
+    twice = tracking_error(
+        _off(reference, robot, "Left_Shoulder_Pitch", np.full(reference.frame_count, 0.02)), reference, robot
+    )
+    np.testing.assert_allclose(twice.body, 2.0 * error.body, rtol=1e-3)
+
+
+def test_windows_lie_inside_the_clip():
+    values = np.array([9.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(windowed_mean(values, 3), [3.0, 3.0, 1.0, 1.0, 1.0, 0.0, 0.0])
+    np.testing.assert_allclose(windowed_mean(values[:2], 3), [4.5, 4.5])
+
+
+def test_a_robot_that_tracks_its_motion_goes_on_whole(robot, limits, reference, rollout):
+    outcome = _outcome(rollout, reference, robot, limits)
+    assert [piece.clip.name for piece in outcome.pieces] == ["rollout"], [reason.text for reason in outcome.reasons]
+    assert 0.0 < outcome.numbers["tracking_body_p95"] < limits.tracking.body_p95
+    (judgement,) = from_text(str(outcome.numbers[NUMBER]))
+    assert all(judgement.found[code].value is not None and not judgement.found[code].broken for code in CODES)
+
+
+def test_without_a_reference_tracking_is_not_judged_and_does_not_hold(robot, limits, rollout):
+    outcome = process(rollout, {}, settings=limits, robot=robot)
+    (judgement,) = from_text(str(outcome.numbers[NUMBER]))
+    assert {judgement.found[code].not_applicable for code in CODES} == {"no tracked rollout"}
+    assert not any(code in outcome.numbers for code in CODES)
+
+
+def test_a_robot_that_falls_leaves_its_motion_for_good(robot, limits, reference, fallen):
+    broken = {code for code, each in _verdicts(fallen, reference, robot, limits).items() if not each.holds}
+    assert {"tracking_body_worst", "tracking_away_s", "tracking_root_height", "tracking_gravity"} <= broken
+    reasons = {reason.code: reason for reason in _outcome(fallen, reference, robot, limits).reasons}
+    assert "m off the motion that was tracked for" in reasons["tracking_away_s"].text
+
+
+def test_an_arm_that_drifts_away_diverges_although_it_never_is_far(robot, limits, reference, rollout):
+    drift = np.interp(np.arange(300), [0, 150, 299], [0.0, 0.0, 0.55])
+    drifting = _off(_off(rollout, robot, "Left_Shoulder_Roll", -drift), robot, "Left_Elbow_Pitch", 0.5 * drift)
+    found = _verdicts(drifting, reference, robot, limits)
+    assert found["tracking_body_worst"].holds
+    assert found["tracking_gravity"].holds
+    assert not found["tracking_growth"].holds
+    bad = found["tracking_growth"].bad
+    assert bad is not None and bad[-1] and not bad[:150].any()
+    outcome = _outcome(drifting, reference, robot, limits)
+    assert "tracking_growth" in {reason.code for reason in outcome.reasons}
+    assert outcome.pieces and outcome.pieces[0].clip.frame_count >= 150, "what it tracked goes on"
+
+
+def test_an_arm_that_stays_away_is_told_by_how_long(robot, limits, reference, rollout):
+    away = np.zeros(300)
+    away[100:150] = 0.9
+    found = _verdicts(_off(rollout, robot, "Left_Shoulder_Roll", -away), reference, robot, limits)
+    assert found["tracking_away_s"].value == pytest.approx(1.0, abs=0.1)
+    assert not found["tracking_away_s"].holds
+    assert found["tracking_growth"].holds, "it came back"
+
+
+@pytest.mark.parametrize(
+    ("variant", "of_reference"),
+    [
+        ({"start_frame": 60}, (60, 300)),
+        ({"stretch_start_s": 1.0}, (50, 300)),
+        ({"start_frame": 50, "stretch_start_s": 1.0}, (100, 300)),
+    ],
+)
+def test_a_window_is_held_against_the_same_times_of_the_reference(robot, reference, variant, of_reference):
+    window = reference.cut(*of_reference, "window")
+    numbers = {CONTENT: "a", "fps": 50.0, **variant}
+    found = reference_of(window, numbers, robot, {"a": reference}.__getitem__)
+    np.testing.assert_allclose(found.joint_pos, window.joint_pos, atol=1e-12)
+
+
+def test_variants_are_held_against_the_same_variant_of_the_reference(robot, root, reference, rollout):
+    values = settings.read(root / "data" / "augment.yaml", AugmentSettings)
+    numbers = {CONTENT: "a", "fps": 50.0, "skill": "walk"}
+    error = tracking_error(rollout, reference, robot)
+    pieces = augment(rollout, numbers, settings=values, robot=robot).pieces
+    assert {piece.numbers["variant"] for piece in pieces} >= {"original", "mirror"}
+    for piece in pieces:
+        clip = piece.clip
+        assert isinstance(clip, RobotClip)
+        found = reference_of(clip, piece.numbers, robot, {"a": reference}.__getitem__)
+        own = tracking_error(clip, found, robot)
+        assert own.body.max() == pytest.approx(error.body.max(), rel=0.02), piece.numbers["variant"]
+        assert own.joint.max() == pytest.approx(error.joint.max(), rel=0.02), piece.numbers["variant"]
+
+
+def test_a_reference_that_is_gone_is_a_fault_that_is_tried_again(robot, limits, rollout):
+    with pytest.raises(ReferenceGoneError, match="materialize motion_catalog again") as raised:
+        process(rollout, {CONTENT: "a"}, settings=limits, robot=robot)
+    assert isinstance(raised.value, PipelineError)
+
+
+def test_from_two_files_to_a_verdict_through_every_stage(robot, root, limits, reference, rollout, simulated, tmp_path):
+    """A rollout sampled at another rate and turned, named in the sources file, cut into a window on its way."""
+    fast, turn = simulated.clip("rollout", 100.0), rotation.about_z(1.0)
+    turned = dataclasses.replace(
+        fast,
+        root_pos_w=rotation.rotate(turn, fast.root_pos_w),
+        root_quat_w=rotation.multiply(turn, fast.root_quat_w),
+    )
+    (tmp_path / "rollout.csv").write_text(encode_csv(turned, {}))
+    (tmp_path / "reference.csv").write_text(encode_csv(reference, {}))
+    source = Source(
+        name="mine",
+        folder=tmp_path,
+        licence="MIT",
+        files=(FileStatement(files="rollout*", tracks="reference.csv"),),
+    )
+
+    def read(name: str, kind: type):
+        return settings.read(root / "data" / f"{name}.yaml", kind)
+
+    (whole,) = catalogue_file(
+        tmp_path / "rollout.csv", "mine/rollout", source, "rollout.csv", settings=read("catalog", CatalogSettings)
+    ).pieces
+    window = {**whole.numbers, "skill": "stand", "start_frame": 200, "stop_frame": 500}
+    (piece,) = repair(whole.clip, window, settings=read("repair", RepairSettings)).pieces
+    made = _next(piece, window)
+    (piece,) = onto_robot(made.clip, made.numbers, settings=read("retarget", RetargetSettings), robot=robot).pieces
+    made = _next(piece, made.numbers)
+    pieces = augment(made.clip, made.numbers, settings=read("augment", AugmentSettings), robot=robot).pieces
+    content = str(whole.numbers[CONTENT])
+    for variant in pieces:
+        numbers = {**made.numbers, **variant.numbers}
+        outcome = process(
+            variant.clip, numbers, settings=limits, robot=robot, references={content: reference}.__getitem__
+        )
+        assert outcome.accepted, [reason.text for reason in outcome.reasons]
+        expected = tracking_error(rollout.cut(100, 250, "w"), reference.cut(100, 250, "w"), robot)
+        assert outcome.numbers["tracking_root_height"] == pytest.approx(expected.root_height.max(), abs=1e-3)
+        assert outcome.numbers["tracking_body_worst"] == pytest.approx(windowed_mean(expected.body, 25).max(), rel=0.02)
+        again = recheck(
+            outcome.pieces[0].clip,
+            {**numbers, **outcome.pieces[0].numbers},
+            settings=limits,
+            robot=robot,
+            references={content: reference}.__getitem__,
+        )
+        assert again.numbers["holds"]
+
+
+def _next(piece: Piece, numbers) -> Piece:
+    return Piece(clip=piece.clip, numbers={**numbers, **piece.numbers})
+
+
+def test_the_robots_stand_is_judged_as_before_where_nothing_was_tracked(robot, limits):
+    codes = {verdict.code for verdict in assess(motion_of(standing(robot), robot, limits), limits).verdicts}
+    assert not codes & set(CODES)
