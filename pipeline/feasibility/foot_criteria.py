@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from pipeline import time_series
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FootSettings
+from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.feasibility.verdict import Verdict
-from pipeline.quality.foot_slip import inner_contacts, lowest_corner_slip
+from pipeline.quality.foot_slip import inner_contacts
 from pipeline.quality.percentile import percentile_of_least
 from pipeline.quality.sole_contact import contact_from_sole
 
@@ -17,26 +19,30 @@ SIDES = ("left", "right")
 
 def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Mean and 95th percentile of slip against limits that grow with the speed over ground."""
-    slip = lowest_corner_slip(motion.sole, motion.contacts, motion.least_frames)
+    slip = slowest_point_speed(motion.sole)
+    standing = _standing(motion, slip)
+    found = slip[standing]
+    mean_slip = float(found.mean()) if found.size else 0.0
+    p95_slip = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
     speed = motion.ground_speed
     mean_limit = settings.slip_mean[0] + settings.slip_mean[1] * speed
     p95_limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
     text = f"feet in contact slide, at {speed:.2f} m/s over ground, at"
     mean = Verdict(
         code="foot_slip_mean",
-        value=slip.mean,
+        value=mean_slip,
         limit=mean_limit,
         unit="m/s",
-        text=f"{text} {slip.mean:.2f} m/s on average",
-        bad=_sliding_stances(motion, mean_limit),
+        text=f"{text} {mean_slip:.2f} m/s on average",
+        bad=_sliding_stances(slip, standing, mean_limit),
     )
     p95 = Verdict(
         code="foot_slip_p95",
-        value=slip.p95,
+        value=p95_slip,
         limit=p95_limit,
         unit="m/s",
-        text=f"{text} more than {slip.p95:.2f} m/s in 5 % of the time",
-        bad=_sliding_stances(motion, p95_limit),
+        text=f"{text} more than {p95_slip:.2f} m/s in 5 % of the time",
+        bad=_sliding_stances(slip, standing, p95_limit),
     )
     return mean, p95
 
@@ -113,12 +119,26 @@ def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     )
 
 
-def _sliding_stances(motion: Motion, limit: float) -> np.ndarray:
+def _standing(motion: Motion, slip: Float[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
+    """Feet that have to stand still: those labelled as in contact.
+
+    Where nothing is labelled, a foot that comes down or leaves within a centimetre of the ground looks like one that
+    slides. Of two feet that seem to be down only the slower one is held to stand: the other may be on its way.
+    """
+    standing = inner_contacts(motion.contacts)
+    if not motion.labelled:
+        slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
+        standing &= slower | ~standing.all(axis=1, keepdims=True)
+    return standing
+
+
+def _sliding_stances(
+    slip: Float[np.ndarray, "t 2"], standing: Bool[np.ndarray, "t 2"], limit: float
+) -> Bool[np.ndarray, " t"]:
     """Frames of stances whose own mean slip is above the limit."""
-    speed, inner = motion.sole.lowest_corner_speed, inner_contacts(motion.contacts)
-    bad = np.zeros(len(speed), dtype=bool)
+    bad = np.zeros(len(slip), dtype=bool)
     for side in range(2):
-        for start, stop in time_series.runs(inner[:, side]):
-            if speed[start:stop, side].mean() > limit:
+        for start, stop in time_series.runs(standing[:, side]):
+            if slip[start:stop, side].mean() > limit:
                 bad[start:stop] = True
     return bad

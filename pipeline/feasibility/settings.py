@@ -142,8 +142,10 @@ class TorqueSettings:
     """Coefficient of friction of the ground."""
     touch_height: Metres
     """A sole corner below this [m] may bear a force."""
+    mean_s: Seconds
+    """Torque is held against its limit as a mean over this time [s]."""
     ratio: Annotated[float, Unit("of the torque limit")]
-    """A joint is over its limit where torque over limit is above this."""
+    """A joint is over its limit where that over the limit is above this."""
     over_share: OfFrames
     """Largest share of a joint's frames over its limit."""
     over_run_s: Seconds
@@ -166,6 +168,7 @@ class TorqueSettings:
             cutoff_hz=CUTOFF_HZ,
             friction=Range(0.05, 3.0),
             touch_height=Range(0.0, 0.2),
+            mean_s=Range(0.0, 0.5),
             ratio=RATIO,
             over_share=SHARE,
             over_run_s=SECONDS,

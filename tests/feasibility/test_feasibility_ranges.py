@@ -21,7 +21,7 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             r"'joints.limit_excess' is -0.1, allowed is 0 to 1",
         ),
         (
-            "speed_over_share: {value: 0.05",
+            "speed_over_share: {value: 0.12",
             "speed_over_share: {value: 5",
             r"'joints.speed_over_share' is 5, allowed is 0 to 1",
         ),
