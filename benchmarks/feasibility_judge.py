@@ -1,0 +1,142 @@
+"""Walks that are known to be good, what KP5 says of them, and whether it finds what is planted into them."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.deployment import load_policy
+from pipeline.feasibility import FeasibilitySettings, process
+from pipeline.robot import Robot, load_robot
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.rollout import Rollout, steady_command
+from pipeline.simulation.run import run
+from pipeline.validation.deployed import deployed
+from tests.factories.policy_walks import policy_walk
+from tests.factories.robot_faults import FAULTS, weakened_robot
+
+Command = tuple[float, float, float]
+
+ROBOT = Path(__file__).resolve().parent.parent / "robots" / "t1"
+PUBLISHED = "t1_walk.npz"
+"""Name of the published policy's file; it is deployed with its own gains."""
+NAMES = (PUBLISHED, "policy.npz")
+"""A policy's file in its folder."""
+SECONDS, START_S, TIMESTEP_S = 7.0, 1.0, 0.005
+"""Length of a rollout and what is left out of its start, where it sets off; physics step [s]."""
+WINDOW_S = 0.5
+"""Short windows: the shortest that the selection makes [s]."""
+RUN_SPEED = 1.3
+"""Playing a walk twice as fast is a fault from this speed on [m/s]: half of it can be walked at twice the speed."""
+STILL = 0.3
+"""Slower commands [m/s, rad/s] get no faults: exchanged legs of a robot that stands move nothing by 5 cm."""
+WEAK = "1.2 x torque for .2 s"
+UNLABELLED = ", no labels"
+
+
+@dataclass
+class Judged:
+    """What was said of one rollout and of the faults planted into it."""
+
+    fell: bool = False
+    labelled: tuple[bool, float] = (False, 0.0)
+    """Accepted whole, and share of its seconds accepted."""
+    unlabelled: bool = False
+    windows: list[bool] = field(default_factory=list)
+    broken: set[str] = field(default_factory=set)
+    """Criteria that the rollout as a whole breaks, with or without labels."""
+    found: dict[str, set[str]] = field(default_factory=dict)
+    """Fault -> criteria that say so and say nothing of the rollout itself; none if it was not found."""
+
+
+def policy_file(path: Path) -> Path | None:
+    """The policy that a path names: a file, or a folder that has one. None if it names none."""
+    if path.is_file():
+        return path
+    return next((path / name for name in NAMES if (path / name).is_file()), None)
+
+
+def commands_on_axes() -> list[Command]:
+    """Commands on the axes of the command ranges: vx -.6 to 2.0 m/s, vy +-.6 m/s, yaw +-1.5 rad/s."""
+    axes: list[Command] = [(float(forward), 0.0, 0.0) for forward in np.arange(-0.6, 2.01, 0.2)]
+    axes += [(0.0, lateral, 0.0) for lateral in (-0.6, -0.45, 0.45, 0.6)]
+    return axes + [(0.0, 0.0, yaw) for yaw in (-1.5, -1.0, -0.5, 0.5, 1.0, 1.5)]
+
+
+def drawn_commands(count: int, seed: int) -> list[Command]:
+    """Commands drawn evenly from the whole box of the ranges."""
+    rng = np.random.default_rng(seed)
+    low, high = np.array([-0.6, -0.6, -1.5]), np.array([2.0, 0.6, 1.5])
+    return [tuple(rng.uniform(low, high).tolist()) for _ in range(count)]
+
+
+def walk(policy: Path, robot: Robot, command: Command) -> Rollout:
+    """A policy's rollout by a constant command from rest, at the robot's torque limits."""
+    if policy.name == PUBLISHED:
+        return policy_walk(policy.parent, robot, command, SECONDS)
+    one = deployed(ROBOT, load_policy(policy))
+    plant = MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S))
+    return run(robot, plant, one.controller(), one.motors(), steady_command(*command), SECONDS)
+
+
+def judge(policy: Path, command: Command, seed: tuple[int, int], limits: FeasibilitySettings) -> Judged:
+    """A rollout by a command, as it is and with each fault."""
+    robot, rng = load_robot("t1"), np.random.default_rng(seed)
+    rollout = walk(policy, robot, command)
+    if rollout.fell:
+        return Judged(fell=True)
+    clip = rollout.clip("walk", start_s=START_S)
+    whole, share, broken = _judged(clip, robot, limits)
+    bare, _, broken_bare = _judged(dataclasses.replace(clip, contacts=None), robot, limits)
+    width = round(WINDOW_S * clip.fps)
+    windows = [clip.cut(start, start + width, "window") for start in range(0, clip.frame_count - width + 1, width)]
+    found: dict[str, set[str]] = {}
+    if np.abs(command).max() >= STILL:
+        found = _faults(clip, command, robot, rng, limits) | _weak(rollout, rng, limits)
+    return Judged(
+        labelled=(whole, share),
+        unlabelled=bare,
+        windows=[_judged(window, robot, limits)[0] for window in windows],
+        broken=broken | broken_bare,
+        found={
+            fault: codes - (broken_bare if fault.endswith(UNLABELLED) else broken) for fault, codes in found.items()
+        },
+    )
+
+
+def _judged(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> tuple[bool, float, set[str]]:
+    """Whether a clip is accepted whole, the share of its seconds that is, and the criteria that it breaks."""
+    outcome = process(clip, {}, settings=limits, robot=robot)
+    share = sum(piece.clip.frame_count for piece in outcome.pieces) / clip.frame_count
+    codes = {reason.code for reason in outcome.reasons} - {"too_short"}
+    return share == 1.0 and len(outcome.pieces) == 1, share, codes
+
+
+def _faults(
+    clip: RobotClip, command: Command, robot: Robot, rng: np.random.Generator, limits: FeasibilitySettings
+) -> dict[str, set[str]]:
+    found = {}
+    for name, plant in FAULTS.items():
+        if name.endswith(UNLABELLED) or (name == "double speed" and command[0] < RUN_SPEED):
+            continue
+        planted = plant(clip, robot, rng)
+        found[name] = _judged(planted, robot, limits)[2]
+        found[name + UNLABELLED] = _judged(dataclasses.replace(planted, contacts=None), robot, limits)[2]
+    return found
+
+
+def _weak(rollout: Rollout, rng: np.random.Generator, limits: FeasibilitySettings) -> dict[str, set[str]]:
+    """The rollout judged for a robot with a motor too weak for it; only torque criteria count."""
+    robot = weakened_robot(rollout, START_S, rng)
+    if robot is None:
+        return {}
+    clip = rollout.clip("walk", start_s=START_S)
+    found = {}
+    for name, one in ((WEAK, clip), (WEAK + UNLABELLED, dataclasses.replace(clip, contacts=None))):
+        codes = _judged(one, robot, limits)[2]
+        found[name] = {code for code in codes if code.startswith("torque_over")}
+    return found
