@@ -57,11 +57,13 @@ def _frozen_joints(
     still_turn = _step(rotation.length(seen.local_turns)) < settings.still_step
     release = np.minimum(settings.release_turn, slow)
     steps = _step(rotation.length(seen.local_turns)) * fps
-    turned = _marked(still_turn, whole, (measured.turn, steps), (release, slow), seen.local[1], settings)
+    turned = _marked(
+        still_turn, whole, (measured.turn, steps / settings.stop_speed), (release, slow), seen.local[1], settings
+    )
     own = still_pos.copy()
     own[:, list(FEET_BODIES)] = False
     near = np.full(own.shape[1], settings.position_jump)
-    jump = (measured.world, np.zeros_like(measured.world))
+    jump = (measured.world, _step(rotation.length(np.diff(seen.pos_w, axis=0))) * fps / settings.stop_speed_m_s)
     moved = _marked(own, whole, jump, (near, 2.0 * slow_rate(fps) * near), seen.pos_w, settings)
     defects = []
     for code, mask in turned.items():
@@ -85,8 +87,9 @@ def _marked(
 ) -> dict[str, Bool[np.ndarray, "t 19"]]:
     """Frames in which each body is frozen.
 
-    `jumps` are how unsteady the step into each frame is, and its speed; `limits` are those of the jump out of a pose
-    that is held once, and of other jumps. A pose held once that is stopped at and left at speed is frozen, too.
+    `jumps` are how unsteady the step into each frame is, and its speed over the one that nobody stops from within a
+    frame; `limits` are those of the jump out of a pose that is held once, and of other jumps. A pose held once that is
+    stopped at and left at speed is frozen, too.
     """
     marked = {code: np.zeros_like(still) for code in ("dropout", "frozen_joint")}
     (jump, speed), (released, entering) = jumps, limits
@@ -99,7 +102,7 @@ def _marked(
             entered = jump[start - 1, index] > entering[index] and start > settings.still_frames
             ended, out = stop == len(still), jump[min(stop, len(still) - 1), index]
             inner = start > 1 and stop + 1 < len(still)
-            stopped = inner and min(speed[start - 1, index], speed[stop + 1, index]) > settings.stop_speed
+            stopped = inner and min(speed[start - 1, index], speed[stop + 1, index]) > 1.0
             if not (entered if ended else stopped or out > min(released[index], entering[index])):
                 continue
             alone = not _held_elsewhere(value[:, index], still[:, index], start - 1, stop, settings.still_step)

@@ -55,6 +55,8 @@ class DetectionSettings:
     """Smallest jump out of a pose that a joint held only once that counts [rad]."""
     stop_speed: float
     """A joint that stops from more than this within a frame, and starts so, was not moved by a person [rad/s]."""
+    stop_speed_m_s: float
+    """The same of a joint's way in the world [m/s]."""
     still_frames: int
     """Smallest number of equal frames of a single joint that count as frozen."""
 
@@ -82,6 +84,7 @@ class DetectionSettings:
             still_step=POSITIVE,
             release_turn=POSITIVE,
             stop_speed=POSITIVE,
+            stop_speed_m_s=POSITIVE,
             still_frames=COUNT,
         )
 

@@ -37,6 +37,10 @@ class Draft:
     """What was added to a floor [m]."""
     holds: bool = False
     """Something keeps still: it matters from three frames on."""
+    still: tuple[int, ...] = ()
+    """Bodies whose motion is missing, as far as they move."""
+    still_in_world: bool = False
+    """It is their place in the world that does not move; else their rotation in their parents' frames."""
 
     @classmethod
     def of(cls, clip: HumanClip, start: int, stop: int, rng: np.random.Generator) -> Draft:

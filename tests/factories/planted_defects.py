@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip
+from pipeline.repair.tree import to_local
 from tests.factories import pose_defects as pose
 from tests.factories import root_defects as root
 from tests.factories.defect_draft import Draft
@@ -18,6 +19,10 @@ MARGIN_S = 0.6
 """Defects keep away from the ends by this time [s]."""
 MATTERS_M, MATTERS_RAD = 0.03, np.deg2rad(10.0)
 """What makes a defect of the pose one that matters: a joint is this far from the truth [m], [rad]."""
+LEAST_HELD = 3
+"""Frames from which a joint that is held, and should move, matters."""
+MOVES_M_S, MOVES_RAD_S = 0.1, 0.3
+"""A joint that should go or turn at this speed on average moves [m/s], [rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,15 +74,31 @@ def plant(kind: str, clip: HumanClip, rng: np.random.Generator, *, seconds: floa
         )
     apart = deviation(clip, spoilt)[draft.start : draft.stop]
     matters = draft.start + np.flatnonzero(apart >= 1.0)
-    too_short = draft.holds and draft.stop - draft.start < 3
+    long_enough = draft.stop - draft.start >= LEAST_HELD
+    strength = 0.0 if draft.holds and not long_enough else float(apart.max())
+    if long_enough and draft.still:
+        strength = max(strength, min(1.0, missing_motion(clip, draft)))
     return Planted(
         clip=spoilt,
         start=draft.start,
         stop=draft.stop,
-        strength=0.0 if too_short else float(apart.max()),
+        strength=strength,
         first=int(matters[0]) if len(matters) else draft.start,
         last=int(matters[-1]) if len(matters) else draft.stop - 1,
     )
+
+
+def missing_motion(clip: HumanClip, draft: Draft) -> float:
+    """Mean speed of the fastest of the bodies that are held, as a multiple of that of a body that moves."""
+    span = slice(draft.start - 1, draft.stop)
+    pos_w, quat_w, bodies = clip.body_pos_w[span], clip.body_quat_w[span], list(draft.still)
+    if draft.still_in_world:
+        way = np.linalg.norm(np.diff(pos_w[:, bodies], axis=0), axis=-1)
+    else:
+        local = to_local(pos_w, quat_w)[1][:, bodies]
+        way = rotation.angle_between(local[:-1], local[1:])
+    speed = float(way.sum(axis=0).max()) * clip.fps / (draft.stop - draft.start)
+    return speed / (MOVES_M_S if draft.still_in_world else MOVES_RAD_S)
 
 
 def deviation(clip: HumanClip, spoilt: HumanClip) -> np.ndarray:

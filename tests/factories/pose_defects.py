@@ -53,14 +53,15 @@ def _dropout(draft: Draft, joints: tuple[int, ...]) -> None:
     elif way == "zero":
         draft.pos[there], draft.quat[there] = 0.0, rotation.IDENTITY
     elif way == "held":
-        draft.holds = True
+        draft.holds, draft.still, draft.still_in_world = True, joints, True
         draft.pos[there] = draft.pos[draft.start - 1, list(joints)]
         draft.quat[there] = draft.quat[draft.start - 1, list(joints)]
     elif way == "held_angles":
-        draft.holds = True
+        draft.holds, draft.still = True, joints
         local = to_local(draft.pos, draft.quat)[1][draft.start - 1]
         draft.turn(draft.span, {index: local[None, index] for index in joints})
     else:
+        draft.still = joints
         draft.turn(draft.span, rest_pose(joints))
 
 
@@ -140,7 +141,7 @@ def blended_euler_wrap(draft: Draft) -> None:
 
 def frozen(draft: Draft) -> None:
     """The whole recording holds one frame and goes on where it would have been."""
-    draft.holds = True
+    draft.holds, draft.still, draft.still_in_world = True, EVERY, True
     draft.pos[draft.span], draft.quat[draft.span] = draft.pos[draft.start - 1], draft.quat[draft.start - 1]
 
 

@@ -38,7 +38,7 @@ def sound_clips() -> list[HumanClip]:
 def marked_frames(clip: HumanClip, settings: RepairSettings) -> set[int]:
     """Frames that the detectors lay a finger on."""
     _, findings = detect(clip, settings.detection)
-    mask = findings.lost.any(axis=1)
+    mask = np.asarray(findings.lost.any(axis=1))
     for defect in findings.defects:
         mask[defect.start : defect.stop] = True
     return set(np.flatnonzero(mask)) | set(findings.cuts)
@@ -123,3 +123,21 @@ def test_sign_flips_of_quaternions_are_not_jumps(settings):
     clip = walker(fps=60.0)
     quat = clip.body_quat_w * np.random.default_rng(3).choice([-1.0, 1.0], size=(clip.frame_count, 19, 1))
     assert not marked_frames(dataclasses.replace(clip, body_quat_w=quat), settings)
+
+
+@pytest.mark.parametrize(("frames", "moves", "matters"), [(2, True, False), (3, True, True), (12, False, False)])
+def test_freeze_matters_from_three_frames_of_a_body_that_moves_on(frames, moves, matters):
+    clip = walker(fps=120.0) if moves else standing(fps=120.0)
+    planted = plant("frozen", clip, np.random.default_rng(0), seconds=frames / 120.0)
+    assert planted.stop - planted.start == frames
+    assert (planted.strength >= 1.0) == matters
+
+
+@pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
+def test_joint_that_keeps_its_place_for_three_frames_while_it_moves_is_found(fps, settings):
+    clip = walker(fps=fps)
+    head, start = body("head"), clip.frame_count // 2
+    pos = clip.body_pos_w.copy()
+    pos[start : start + 3, head] = pos[start - 1, head]
+    marked = marked_frames(dataclasses.replace(clip, body_pos_w=pos), settings)
+    assert {start, start + 1, start + 2} <= marked <= set(range(start - 2, start + 5))
