@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.repair_clips import Sound, generated, recorded, sound_clips
+from benchmarks.repair_clips import REAL, UNNOTED, Sound, generated, recorded, sound_clips
 from benchmarks.report import Bar
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET, HumanClip, body
@@ -39,19 +39,15 @@ COMMANDS = (
 def sound_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
     """Frames of sound clips that are flagged, how far what comes out is from what went in, and a runner's bounce."""
     bars = []
+    everything = [0, 0]
     for name, sounds in (("generated", generated()), ("real", recorded(folder))):
         if not sounds:
             continue
         flagged = total = 0
         moved, turned = [], []
         for sound in sounds:
-            whole = prepare(sound.clip, settings=settings)
-            outcome = process(sound.clip, {"skill": sound.skill}, settings=settings, prepared=whole)
-            assert whole is not None
-            kept = np.zeros(sound.clip.frame_count, dtype=bool)
-            for piece in outcome.pieces:
-                kept[int(piece.numbers["start_frame"] or 0) : int(piece.numbers["stop_frame"] or 0)] = True
-            flagged += int((whole.findings.lost.any(axis=1) | whole.division.dropped | ~kept).sum())
+            outcome, marked = _marked(sound, settings)
+            flagged += marked
             total += sound.clip.frame_count
             far, turn = apart(outcome, sound.clip)
             moved.append(far)
@@ -61,7 +57,26 @@ def sound_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
             _most(f"sound clips, {name}: moved, RMS of the worst clip", 1000.0 * max(moved), "mm", 5.0),
             _most(f"sound clips, {name}: turned, RMS of the worst clip", np.rad2deg(max(turned)), "deg", 1.0),
         ]
+        everything = [everything[0] + flagged, everything[1] + total]
+    bars.append(_most("sound clips, all: frames flagged", 100.0 * everything[0] / everything[1], "%", 0.5))
+    for sound in recorded(folder, dict(UNNOTED)):
+        last = REAL[sound.clip.name][1]
+        assert last is not None
+        flagged, more = everything[0] + _marked(sound, settings)[1], sound.clip.frame_count - last
+        name = f"with the frames from {last} on of {sound.clip.name}, which are not sound: frames flagged"
+        bars.append(Bar(name=name, value=100.0 * flagged / (everything[1] + more), unit="%"))
     return [*bars, *_bounce_bars(settings)]
+
+
+def _marked(sound: Sound, settings: RepairSettings) -> tuple[Outcome, int]:
+    """What KP2 makes of a clip, and how many of its frames are flagged."""
+    whole = prepare(sound.clip, settings=settings)
+    outcome = process(sound.clip, {"skill": sound.skill}, settings=settings, prepared=whole)
+    assert whole is not None
+    kept = np.zeros(sound.clip.frame_count, dtype=bool)
+    for piece in outcome.pieces:
+        kept[int(piece.numbers["start_frame"] or 0) : int(piece.numbers["stop_frame"] or 0)] = True
+    return outcome, int((whole.findings.lost.any(axis=1) | whole.division.dropped | ~kept).sum())
 
 
 def apart(outcome: Outcome, clip: HumanClip) -> tuple[float, float]:
