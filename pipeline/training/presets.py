@@ -17,6 +17,7 @@ REASONS = {
     "joint_limit": "an indicator has no gradient before the limit is crossed",
     "style_iterations": "a robot that falls is paid too little for style to see more in it than a reward for standing",
     "tracking_product": "as stall: standing is paid two sums of three, but little of the product",
+    "product_sigma2": "a wide bell pays standing at slow commands nearly as well as walking",
     "single_stance": "half the stride at twice the cadence was the fault of earlier runs",
     "beta": "|D| reaches 7 to 30, where tanh(.1 D) is flat",
     "drift": "a score without a zero drifts",

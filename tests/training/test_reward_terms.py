@@ -10,7 +10,7 @@ import torch
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.presets import PRESETS
-from pipeline.training.reward_table import table
+from pipeline.training.reward_table import _ramp, table
 
 WEIGHTS = {
     "tracking_x": 3.0,
@@ -130,3 +130,32 @@ def test_an_option_of_zero_takes_its_term_out():
     names = {row.name for row in table(Options(mean_tracking=1.0))}
     assert "mean_tracking" in names
     assert "mean_tracking" not in {row.name for row in table(Options())}
+
+
+def test_progress_is_the_share_of_what_is_asked_for_that_is_reached():
+    command = torch.tensor([[2.0, 0, 0], [0.3, 0, 0], [0, 0, -1.0], [1.0, 0, 1.0], [0, 0, 0], [0.5, 0, 0], [1.0, 0, 0]])
+    velocity = torch.tensor(
+        [[0.5, 0, 0], [0.3, 0.2, 0], [0, 0, -0.5], [1.0, 0, 0], [1.0, 0, 1.0], [-2.0, 0, 0], [3.0, 0, 0]]
+    )
+    assert terms.progress(command, velocity).tolist() == pytest.approx([0.25, 1.0, 0.5, 0.5, 0.0, -1.0, 1.0])
+
+
+def test_who_stays_on_one_foot_is_not_paid_for_it():
+    command, contacts = torch.tensor([[1.0, 0.0, 0.0]] * 2), torch.tensor([[True, False]] * 2)
+    times = torch.tensor([[0.5, 0.55], [0.7, 0.8]])
+    assert terms.single_stance(command, contacts, times, 0.6).tolist() == pytest.approx([0.4, 0.0])
+
+
+def test_a_motor_gives_less_the_faster_it_turns_its_own_way():
+    limit, stall, no_load = (torch.tensor([value, value]) for value in (60.0, 120.0, 20.0))
+    torque = torch.tensor([[10.0, -10.0], [10.0, 10.0], [10.0, 10.0]])
+    speed = torch.tensor([[15.0, 15.0], [5.0, 30.0], [0.0, -30.0]])
+    expected = [[30.0, 60.0], [60.0, 6.0], [60.0, 60.0]]
+    assert terms.motor_limit(torque, speed, limit, stall, no_load).tolist() == expected
+    endless = torch.tensor([torch.inf, torch.inf])
+    assert terms.motor_limit(torque, speed, limit, endless, endless).tolist() == [[60.0, 60.0]] * 3
+
+
+def test_ends_of_episodes_are_not_softened_at_the_start():
+    ramps = {row.name: _ramp(row) for row in table(PRESETS["gated_style"][1])}
+    assert (ramps["termination"], ramps["stalled"], ramps["feet_slide"]) == ("", "", "penalty")

@@ -122,8 +122,13 @@ def test_pushes_are_horizontal_in_all_directions_and_grow():
 
 
 def test_what_differs_from_the_paper_has_a_reason():
-    paper, ours = PRESETS["paper"][1], PRESETS["tracking_amp"][1]
-    differ = {name for name in vars(paper) if getattr(paper, name) != getattr(ours, name)}
+    paper = PRESETS["paper"][1]
+    differ = {
+        name
+        for ours in (PRESETS["tracking_amp"][1], PRESETS["gated_style"][1])
+        for name in vars(paper)
+        if getattr(paper, name) != getattr(ours, name)
+    }
     told = {name for name in differ if any(name.startswith(reason.split("_")[0]) for reason in REASONS)}
     left = (
         differ - told - {"terrain", "standing_share", "fast_share", "saturation", "window_stride", "discriminator_rate"}
