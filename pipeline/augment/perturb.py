@@ -27,7 +27,7 @@ from pipeline.quality.sole import sole_motion
 from pipeline.quality.sole_contact import contact_from_sole
 from pipeline.robot import Kinematics, LinkPoses, Robot
 
-LEAST_CHANGE = 0.002
+LEAST_CHANGE = 0.004
 """A variant whose feet and root move by less [m] beside the original is none."""
 
 LEAST_LEAN = 1e-3
