@@ -38,7 +38,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         from pipeline.validation.bars import ValidationSettings
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_settings import CrossEngineSettings
-        from pipeline.validation.cross_engine_trials import write_falls
+        from pipeline.validation.cross_engine_trials import write_failures
         from pipeline.viewing.cross_engine_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
@@ -46,7 +46,10 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         robot = plan.robot or DEFAULT_ROBOT
         judged = judged_policy(config, exported_policy, robot)
         found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
-        logs = write_falls(judged.deployed, found, grid, PROJECT.simulated_failures(robot, "cross_engine"))
+        folder = PROJECT.simulated_failures(robot, "cross_engine")
+        logs = write_failures(judged.deployed, found, grid, folder)
+        for old in set(folder.glob("*.mcap")) - set(logs):
+            old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
         verdict = {"stage": plan.name, "policy": judged.digest, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         check = dg.AssetCheckResult(
@@ -66,7 +69,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
             "not required": dg.MetadataValue.md(
                 "\n".join(f"- {name}: {why}" for name, why in found.not_required.items()) or "none"
             ),
-            "falls written": ", ".join(path.name for path in logs) or "none",
+            "failures written": ", ".join(path.name for path in logs) or "none",
             "pictures": picture(cross_engine_plots(found)),
             "cells": table_of(rows, list(rows)),
         }

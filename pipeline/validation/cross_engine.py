@@ -188,10 +188,11 @@ def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figu
                 if told:
                     yield f"{where}: fell after {one.fell_s:.2f} s"
             else:
-                yield from (f"{where}: {problem}" for problem in _off_command(cell, asked, one))
+                yield from (f"{where}: {problem}" for problem in off_command(cell, asked, one))
 
 
-def _off_command(cell: Cell, asked: CellBars, figures: Figures) -> Iterator[str]:
+def off_command(cell: Cell, asked: CellBars, figures: Figures) -> Iterator[str]:
+    """Where a walk that did not fall is further from its command than asked."""
     forward, lateral, yaw_rate = cell.segments[-1].command
     said = {
         "speed_error": f"walks {figures.forward_m_s:.2f}, {figures.lateral_m_s:.2f} m/s for {forward:g}, {lateral:g}",

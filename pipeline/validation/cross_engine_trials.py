@@ -9,38 +9,43 @@ import numpy as np
 from pipeline.deployment import digest
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.hardware_logs.write import write_mcap
-from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
+from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult, off_command
+from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
 from pipeline.validation.cross_engine_walk import walk
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.failed_trials import LONGEST_NOTE, file_name
 from pipeline.virtual_robot.record import record
 
 
-def write_falls(
+def write_failures(
     deployed: Deployed, found: CrossEngineResult, settings: CrossEngineSettings, folder: Path
 ) -> tuple[Path, ...]:
-    """One MCAP file for each required cell and engine in which the robot fell: its first fall; equal results give equal
-    bytes. A cell without a fall leaves no log, for what engines disagree in is no trial of one robot."""
+    """One MCAP file for each required cell and engine in which the robot fell or missed its command; equal results give
+    equal bytes. Where engines only disagree there is no log: that is no trial of one robot."""
     written = []
-    for cell in found.cells:
-        for engine, seed in first_falls(cell) if cell.required else ():
+    for cell in found.failed_cells:
+        for engine, seed in first_failures(cell, settings.cells[cell.name]):
             path = folder / f"{file_name(cell.name)}_{engine}.mcap"
-            write_mcap(path, fall_log(deployed, cell, engine, seed, settings))
+            write_mcap(path, failure_log(deployed, cell, engine, seed, settings))
             written.append(path)
     return tuple(written)
 
 
-def first_falls(cell: CellResult) -> tuple[tuple[str, int], ...]:
-    """Engine and seed of the first fall in each engine that is held to the bars."""
-    falls = []
+def first_failures(cell: CellResult, said: Cell) -> tuple[tuple[str, int], ...]:
+    """Engine and seed of the first fall in each engine that is held to the bars; where none fell, of the first walk
+    that is too far from its command."""
+    found = []
     for engine in HELD:
-        fallen = [seed for seed, one in enumerate(cell.figures.get(engine, ())) if one.fell]
-        falls += [(engine, fallen[0])] if fallen else []
-    return tuple(falls)
+        walks = cell.figures.get(engine, ())
+        fallen = [seed for seed, one in enumerate(walks) if one.fell]
+        off = [seed for seed, one in enumerate(walks) if not one.fell and any(off_command(said, cell.bars, one))]
+        found += [(engine, seed) for seed in [*fallen, *off][:1]]
+    return tuple(found)
 
 
-def fall_log(deployed: Deployed, cell: CellResult, engine: str, seed: int, settings: CrossEngineSettings) -> RobotLog:
+def failure_log(
+    deployed: Deployed, cell: CellResult, engine: str, seed: int, settings: CrossEngineSettings
+) -> RobotLog:
     """The walk again, to its end though it falls, as a log."""
     said = settings.cells[cell.name]
     rollout = walk(deployed, engine, said, seed, settings.simulation, stop_on_fall=False)

@@ -13,11 +13,11 @@ from pipeline.deployment import deployment_task
 from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import CellBars, ValidationSettings
-from pipeline.validation.cross_engine import CrossEngineResult, cross_engine
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.cross_engine import CellResult, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
-from pipeline.validation.cross_engine_trials import fall_log, first_falls, write_falls
-from pipeline.validation.cross_engine_walk import DART, MUJOCO
+from pipeline.validation.cross_engine_trials import failure_log, first_failures, write_failures
+from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures
 from pipeline.validation.deployed import Deployed
 from tests.factories.policies import still_policy
 
@@ -63,17 +63,38 @@ def test_parallel_processes_find_the_same_bits(
 def test_each_engine_leaves_its_first_fall_of_a_required_cell(
     tmp_path: Path, limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult
 ):
-    assert first_falls(found.cells[0]) == ((MUJOCO, 0), (DART, 0))
-    logs = write_falls(limp, found, settings, tmp_path)
+    assert first_failures(found.cells[0], settings.cells["stand"]) == ((MUJOCO, 0), (DART, 0))
+    logs = write_failures(limp, found, settings, tmp_path)
     assert [path.name for path in logs] == ["stand_mujoco.mcap", "stand_dart.mcap"]
-    again = write_falls(limp, found, settings, tmp_path / "again")
+    again = write_failures(limp, found, settings, tmp_path / "again")
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in logs]
+
+
+def test_where_none_falls_the_first_walk_off_its_command_is_written():
+    """A fall comes first, wherever it is; what only another engine does otherwise is no trial."""
+
+    def walked(forward: float, fell_s: float | None = None) -> Figures:
+        return Figures(
+            fell_s=fell_s, forward_m_s=forward, lateral_m_s=0.0, yaw_rate_rad_s=0.0, height_m=0.67, power_w=1.0
+        )
+
+    said = Cell(segments=(Segment(seconds=1.0, command=(0.6, 0.0, 0.0)),), measured_s=0.5)
+    bars = CellBars(required=True, why="", bars={"speed_error": Bar(unit="m/s", source="test", at_most=0.1)})
+    good, slow, fell = walked(0.6), walked(0.2), walked(float("nan"), fell_s=0.4)
+
+    def failures(mujoco: tuple[Figures, ...], dart: tuple[Figures, ...]) -> tuple[tuple[str, int], ...]:
+        figures = {"mujoco": mujoco, "bridge": (slow, slow), "dart": dart}
+        return first_failures(CellResult(name="walk", bars=bars, figures=figures, reasons=("r",)), said)
+
+    assert failures((good, slow), (good, good)) == ((MUJOCO, 1),)
+    assert failures((slow, fell), (good, slow)) == ((MUJOCO, 1), (DART, 1))
+    assert failures((good, good), (good, good)) == ()
 
 
 def test_a_log_holds_the_fall_to_its_end(
     tmp_path: Path, limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult
 ):
-    log = fall_log(limp, found.cells[0], DART, 0, settings)
+    log = failure_log(limp, found.cells[0], DART, 0, settings)
     assert log.facts.notes["engine"] == DART
     assert log.facts.notes["validation cell"] == "stand"
     assert "fell after" in log.facts.notes["reasons"]
