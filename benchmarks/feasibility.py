@@ -1,6 +1,6 @@
 """Both error rates of the feasibility stage: known-good motion accepted, planted infeasibilities found.
 
-    python benchmarks/feasibility.py [--json] [--drawn 80] [--seeds 1 2 3] [--jobs 2] [POLICY ...]
+    python benchmarks/feasibility.py [POLICY ...] [--json] [--drawn 80] [--seeds 1 2 3] [--jobs 2]
 
 Known good are rollouts of policies that are known to walk: a published one of the T1, which is not part of the project
 (by default `../shared/policies/t1_walk.npz` beside the checkout, where it is), and the shipped one. A POLICY is a file,
