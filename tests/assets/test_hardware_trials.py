@@ -21,6 +21,7 @@ from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.plan import TRIALS
 from assets.project import Project
 from assets.resources import StoreIOManager
+from assets.run_locks import alive
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
 from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
@@ -196,6 +197,20 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
         assert "3 runs for these" in tick(instance)
         drop(project, "b.mcap", log_bytes[:-1])
         assert isinstance(tick(instance), dict)
+
+
+def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        tags = tick(instance)
+        assert isinstance(tags, dict)
+        run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+        with alive(project.store.root / "runs", run.run_id):
+            assert "a run was started for these" in tick(instance)
+        (project.store.root / "runs" / run.run_id).write_text("its lock went with its process")
+        assert tick(instance) == tags
+        told = instance.get_run_by_id(run.run_id)
+        assert told is not None and told.status == dg.DagsterRunStatus.FAILURE
 
 
 def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
