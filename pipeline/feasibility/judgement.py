@@ -16,6 +16,7 @@ from pipeline.clips.outcome import Numbers
 from pipeline.feasibility.assess import Assessment
 from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
 from pipeline.feasibility.likeness_criteria import FIGURES
+from pipeline.feasibility.reference import CONTENT
 from pipeline.feasibility.verdict import Verdict
 
 NUMBER = "judgements"
@@ -25,6 +26,7 @@ DIGITS = 6
 """Significant digits of what is stored."""
 
 NO_ROLLOUT = "no tracked rollout"
+PERTURBED = "a rollout that was changed on purpose"
 NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
 NO_STANCE = "no foot is in contact"
@@ -110,7 +112,7 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
     if asked:
         return ""
     if code in GROUPS["tracking stability"]:
-        return NO_ROLLOUT
+        return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
     if code in FIGURES:
         return (
             f"{NO_FIGURES}: KP3 had no sample of it" if code in numbers else f"{NO_FIGURES}: the robot's own recording"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.clips.outcome import Numbers
-from pipeline.feasibility.settings import LikenessSettings
+from pipeline.feasibility.likeness_settings import LikenessSettings
 from pipeline.feasibility.verdict import Verdict
 
 FIGURES: dict[str, tuple[str, str]] = {

@@ -8,6 +8,7 @@ it was.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -22,6 +23,9 @@ from pipeline.robot import Robot
 
 CONTENT = "tracks_content"
 """Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
+
+_OWN_VARIANT = re.compile(r"original|mirror|x[0-9.]+")
+"""Parts of the name of a variant that shows the recorded motion."""
 
 References = Callable[[str], RobotClip]
 """The reference motion of a content. Raises ReferenceGoneError."""
@@ -59,7 +63,8 @@ def no_references(content: str) -> RobotClip:
 
 
 def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: References) -> RobotClip | None:
-    """The reference at each frame of a clip; None where the clip is no tracked rollout.
+    """The reference at each frame of a clip; None where the clip is no tracked rollout,
+    or a variant that was changed on purpose.
 
     Args:
         clip: the rollout, a window of it or a variant
@@ -69,7 +74,7 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         references: the motions by content
     """
     content = numbers.get(CONTENT)
-    if not content:
+    if not content or is_perturbed(numbers):
         return None
     reference = references(str(content))
     start_s = float(numbers.get("start_frame") or 0) / float(numbers.get("fps") or clip.fps)
@@ -85,6 +90,12 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         joint_pos=time_series.resample_cubic(reference.joint_pos, reference.fps, times_s),
     )
     return _mirrored(found, robot) if numbers.get("mirrored") else found
+
+
+def is_perturbed(numbers: Numbers) -> bool:
+    """Whether a variant moves otherwise than what was recorded, not just mirrored or at another speed."""
+    parts = str(numbers.get("variant") or "original").split("~")
+    return not all(_OWN_VARIANT.fullmatch(part) for part in parts)
 
 
 def _mirrored(clip: RobotClip, robot: Robot) -> RobotClip:

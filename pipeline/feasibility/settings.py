@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
+from pipeline.feasibility.likeness_settings import LikenessSettings
 from pipeline.feasibility.tracking_settings import TrackingSettings
 from pipeline.feasibility.units import (
     Degrees,
@@ -50,44 +51,6 @@ class CutSettings:
 
     def __post_init__(self) -> None:
         check(self, min_seconds=Range(0.04, 60.0), margin_s=Range(0.0, 5.0), share_s=Range(0.0, 60.0))
-
-
-@dataclass(frozen=True, kw_only=True)
-class LikenessSettings:
-    """Largest of KP3's figures of a clip, by the names they have there."""
-
-    slip_m_s: MetresPerSecond
-    """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
-    drift_m: Metres
-    """Drift within a stance [m]."""
-    penetration_m: Metres
-    """Deepest sole corner [m]."""
-    height_shift_m: Metres
-    """How far the clip as a whole stands off the ground [m]."""
-    limb_error_deg: Degrees
-    """Mean angle of all limbs to the human's [deg]."""
-    thigh_error_deg: Degrees
-    """Mean angle of the thighs [deg]."""
-    shank_error_deg: Degrees
-    """Mean angle of the shanks [deg]."""
-    trunk_error_deg: Degrees
-    """Mean angle of the trunk [deg]."""
-    heading_error_deg: Degrees
-    """Mean angle of the pelvis heading [deg]."""
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            slip_m_s=SPEED,
-            drift_m=LENGTH,
-            penetration_m=LENGTH,
-            height_shift_m=LENGTH,
-            limb_error_deg=ANGLE_DEG,
-            thigh_error_deg=ANGLE_DEG,
-            shank_error_deg=ANGLE_DEG,
-            trunk_error_deg=ANGLE_DEG,
-            heading_error_deg=ANGLE_DEG,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

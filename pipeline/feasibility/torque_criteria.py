@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline import rotation, time_series
+from pipeline import rotation
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_limit import over_limit
 from pipeline.feasibility.settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.windowed_mean import windowed_mean
 from pipeline.quality.sole_contact import CONTACT_HEIGHT, OFF_SPEED
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
 from pipeline.simulation.inverse_dynamics import motion_forces, states
@@ -128,7 +129,7 @@ def torque_over_limit(
     """
     names = motion.robot.joint_names
     width = 2 * int(settings.mean_s * motion.clip.fps / 2.0 + 1e-9) + 1
-    ratio = np.abs(_windowed_mean(joint_torque, width)) / motion.robot.torque_limit
+    ratio = np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
     found = over_limit(ratio > settings.ratio, motion)
     most = found.worst
     return (
@@ -154,21 +155,11 @@ def torque_over_limit(
     )
 
 
-def _windowed_mean(values: Float[np.ndarray, "t n"], width: int) -> Float[np.ndarray, "t n"]:
-    """Mean over `width` frames (odd) about each frame. Windows don't shrink at the ends of the clip but lie inside it,
-    as the differences are roughest there; a clip that is shorter than a window is one window."""
-    if len(values) <= width:
-        return np.tile(values.mean(axis=0), (len(values), 1))
-    half = width // 2
-    centre = np.clip(np.arange(len(values)), half, len(values) - 1 - half)
-    return time_series.moving_mean(values, width)[centre]
-
-
 def _residuals(
     motion: Motion, solution: ContactSolution, limits: Residual, settings: TorqueSettings
 ) -> tuple[Verdict, Verdict]:
     width = 2 * round(settings.residual_window_s * motion.clip.fps / 2) + 1
-    share = _windowed_mean(_residual(motion, solution), width)
+    share = windowed_mean(_residual(motion, solution), width)
     force, lever = share.max(axis=0)
     at = share.argmax(axis=0) / motion.clip.fps
     return (

@@ -17,6 +17,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.tracking_settings import TrackingSettings
 from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.windowed_mean import windowed_mean
 from pipeline.quality.percentile import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
@@ -72,15 +73,6 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
         gravity=np.abs(_up_b(clip)[:, 2] - _up_b(reference)[:, 2]),
         end_height=np.abs(end_height).max(axis=1),
     )
-
-
-def windowed_mean(values: Float[np.ndarray, " t"], width: int) -> Float[np.ndarray, " t"]:
-    """Mean over the `width` frames (odd) about each frame that lie inside the clip; a shorter clip is one window."""
-    if len(values) <= width:
-        return np.full(len(values), values.mean())
-    half = width // 2
-    centre = np.clip(np.arange(len(values)), half, len(values) - 1 - half)
-    return time_series.moving_mean(values, width)[centre]
 
 
 def _key_bodies(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:

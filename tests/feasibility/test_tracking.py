@@ -19,7 +19,8 @@ from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.recheck import recheck
 from pipeline.feasibility.reference import CONTENT, ReferenceGoneError, reference_of
-from pipeline.feasibility.tracking_criteria import tracking, tracking_error, windowed_mean
+from pipeline.feasibility.tracking_criteria import tracking, tracking_error
+from pipeline.feasibility.windowed_mean import windowed_mean
 from pipeline.files import settings
 from pipeline.readers import FileStatement, Source
 from pipeline.repair import RepairSettings
@@ -196,6 +197,13 @@ def test_variants_are_held_against_the_same_variant_of_the_reference(robot, root
         own = tracking_error(clip, found, robot)
         assert own.body.max() == pytest.approx(error.body.max(), rel=0.02), piece.numbers["variant"]
         assert own.joint.max() == pytest.approx(error.joint.max(), rel=0.02), piece.numbers["variant"]
+
+
+def test_a_variant_that_was_changed_on_purpose_is_no_tracked_rollout(robot, limits, reference, rollout):
+    longer = _off(rollout, robot, "Left_Shoulder_Roll", np.full(300, -0.3))
+    outcome = _outcome(longer, reference, robot, limits, variant="mirror~step_length1.2")
+    said = {each.found[code].not_applicable for each in from_text(str(outcome.numbers[NUMBER])) for code in CODES}
+    assert said == {"a rollout that was changed on purpose"}
 
 
 def test_a_reference_that_is_gone_is_a_fault_that_is_tried_again(robot, limits, rollout):
