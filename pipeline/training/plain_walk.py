@@ -77,7 +77,7 @@ def model_of(bundle: Path, friction: float) -> mujoco.MjModel:
 
 
 class Network:
-    """A policy file's network in single precision."""
+    """A policy file's network in single precision, and its gains where it has them: else they are the robot's."""
 
     def __init__(self, path: Path):
         with np.load(path, allow_pickle=False) as arrays:
@@ -87,7 +87,7 @@ class Network:
             ]
             self.mean = arrays["mean"].astype(np.float32)
             self.scale = (arrays["std"] + arrays["eps"]).astype(np.float32)
-            self.kp, self.kd = arrays["kp"].astype(float), arrays["kd"].astype(float)
+            self.gains = tuple(arrays[name].astype(float) for name in ("kp", "kd") if name in arrays.files)
 
     def act(self, observation: np.ndarray) -> np.ndarray:
         """Of one observation (o,)."""
@@ -113,6 +113,7 @@ class World:
         self.model = model_of(bundle, walk.friction)
         self.data = mujoco.MjData(self.model)
         self.rest = self.facts["default_joint_pos"]
+        self.kp, self.kd = network.gains or (self.facts["kp"], self.facts["kd"])
         noise = np.random.default_rng(walk.seed).uniform(-1.0, 1.0, len(self.rest)) * (START_NOISE if walk.seed else 0)
         self.data.qpos[:7] = [0.0, 0.0, self.facts["default_root_height"], 1.0, 0.0, 0.0, 0.0]
         self.data.qpos[7:] = self.rest + noise
@@ -148,9 +149,9 @@ class World:
 
     def step(self) -> np.ndarray:
         """One physics step; the torques [N m]."""
-        data, network = self.data, self.network
+        data = self.data
         low, high = self.bounds()
-        torque = np.clip(network.kp * (self.target - data.qpos[7:]) - network.kd * data.qvel[6:], low, high)
+        torque = np.clip(self.kp * (self.target - data.qpos[7:]) - self.kd * data.qvel[6:], low, high)
         data.qfrc_applied[6:] = torque
         forward, left, start_s = self.walk.push
         on = start_s <= data.time < start_s + FORCE_S

@@ -1,0 +1,59 @@
+"""The distance of a walk from the expert's: closed forms, and a clip against itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.training.bundle import ExpertFrames
+from pipeline.training.motion_features import FeatureNormalizer
+from pipeline.training.plain_walk import Walk
+from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
+from pipeline.training.training_error import TrainingError
+from tests.factories.training_bundle import small_bundle
+
+
+def test_two_points_d_apart_in_every_feature_are_the_root_of_two_d_apart():
+    one, other = np.zeros((5, 9)), np.full((7, 9), 0.5)
+    assert energy_distance(one, other) == pytest.approx(1.0)
+    assert energy_distance(one, one) == 0.0
+
+
+def test_samples_of_one_distribution_are_near_and_of_shifted_ones_farther_the_more():
+    rng = np.random.default_rng(0)
+    sample = rng.normal(size=(400, 20))
+    distances = [energy_distance(sample, rng.normal(size=(400, 20)) + shift) for shift in (0.0, 0.2, 1.0)]
+    assert distances[0] < 0.1 < distances[1] < distances[2]
+
+
+def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
+    command = np.zeros((120, 3), dtype=np.float32)
+    command[:90, 0] = 1.0
+    expert = ExpertFrames(
+        frames=np.zeros((120, 79), dtype=np.float32),
+        command=command,
+        clip_start=np.array([0, 30, 60, 90, 120]),
+        clip_weight=np.ones(4),
+    )
+    every, odd, even = expert_sets(expert, (1.0, 0.0, 0.0), np.random.default_rng(0))
+    assert len(every) == 3 * (30 - 9)
+    assert set(every) == set(odd) | set(even)
+    assert {int(start) // 30 for start in odd} == {0, 2}
+    assert {int(start) // 30 for start in even} == {1}
+    with pytest.raises(TrainingError, match="no frame near the command"):
+        expert_sets(expert, (2.0, 0.0, 0.0), np.random.default_rng(0))
+
+
+def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, root, robot):
+    bundle, policy = small_bundle(tmp_path, root, robot), root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
+    features = walked_features(bundle, policy, Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0))
+    assert features.shape == (300, 60)
+    assert features[:, 33].mean() == pytest.approx(0.6, abs=0.05)
+    assert np.abs(features[:, 34]).mean() < 0.15
+    normalize = FeatureNormalizer(torch.from_numpy(features), 21)
+    windows = windows_of(features, np.arange(100), normalize)
+    assert windows.shape == (100, 240)
+    assert np.abs(windows).max() <= 10.0
+    with pytest.raises(TrainingError, match="falls at the command"):
+        walked_features(bundle, policy, Walk(cell="", command=(0.0, 0.0, 0.0), push=(-90.0, 0.0, 1.0)))
