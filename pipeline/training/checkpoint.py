@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,9 @@ import torch
 from pipeline.training.training_error import TrainingError
 
 NAME = re.compile(r"^model_(\d{6})\.pt$")
-PARTS = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict", "iteration", "environment_steps")
+STATES = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict")
+COUNTS = ("iteration", "environment_steps")
+PARTS = (*STATES, *COUNTS)
 
 
 def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environment_steps: int) -> Path:
@@ -29,12 +30,16 @@ def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
     """The state of a file. Raises TrainingError where it is no checkpoint, or holds more than tensors and numbers."""
     try:
         state = torch.load(path, map_location=device, weights_only=True)
-    except (OSError, RuntimeError, EOFError, KeyError, pickle.UnpicklingError) as error:
+    except Exception as error:  # a damaged archive or pickle raises whatever a parser on its way does
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({first}).") from error
     missing = [part for part in PARTS if not isinstance(state, dict) or part not in state]
     if missing:
         raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no checkpoint of ours.")
+    wrong = [part for part in STATES if not isinstance(state[part], dict)]
+    wrong += [part for part in COUNTS if type(state[part]) is not int or state[part] < 0]
+    if wrong:
+        raise TrainingError(f"{path}: {', '.join(wrong)} of another kind; it is no checkpoint of ours.")
     return state
 
 

@@ -10,13 +10,26 @@ import numpy as np
 import torch
 
 from pipeline.training.bundle import RobotFacts
+from pipeline.training.training_error import TrainingError
 
 EPS = 1e-2
 """rsl-rl's normalizer adds it to the standard deviation."""
 
 
 def policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndarray]:
-    """`mean, std, eps`, layers `L0_w, L0_b, …` and the gains, of a checkpoint's `actor_state_dict`."""
+    """`mean, std, eps`, layers `L0_w, L0_b, …` and the gains, of a checkpoint's `actor_state_dict`.
+
+    Raises TrainingError where that is another network's.
+    """
+    try:
+        return _policy_arrays(state, robot)
+    except (KeyError, ValueError, IndexError, AttributeError, TypeError) as error:
+        raise TrainingError(
+            f"the checkpoint's actor is no network of ours ({type(error).__name__}: {error})."
+        ) from error
+
+
+def _policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.ndarray]:
     actor = {name: value.detach().cpu().numpy() for name, value in state["actor_state_dict"].items()}
     arrays = {
         "mean": actor["obs_normalizer._mean"].ravel(),

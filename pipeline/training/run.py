@@ -26,6 +26,8 @@ from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.mirror import Mirror
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
+from pipeline.training.presets import preset
+from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
 FOLLOW_RATE = 0.1
@@ -119,7 +121,13 @@ class TrainingRun:
         if path is None:
             return
         state = load_checkpoint(path, self.request.device)
-        self.algorithm.load(state, None, strict=True)
+        try:
+            self.algorithm.load(state, None, strict=True)
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+            first = str(error).splitlines()[0]
+            raise TrainingError(
+                f"{path}: is of another network or setting; it can't be gone on from ({first})."
+            ) from error
         self.iteration = int(state["iteration"])
         self.env.common_step_counter = int(state["environment_steps"])
 
@@ -165,6 +173,7 @@ class TrainingRun:
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
+            "changed": _changed(request.preset, request.options),
             "seed": request.seed,
             "num_envs": request.num_envs,
             "processes": int(os.getenv("WORLD_SIZE", "1")),
@@ -225,6 +234,12 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
             "joints": joints,
         },
     }
+
+
+def _changed(name: str, options: Options) -> dict[str, Any]:
+    """The options in which a run differs from its preset."""
+    of_preset, given = dataclasses.asdict(preset(name)), dataclasses.asdict(options)
+    return {key: value for key, value in given.items() if value != of_preset[key]}
 
 
 def _line(row: dict[str, float], iterations: int) -> str:

@@ -15,6 +15,7 @@ from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.commands import draw_commands
 from pipeline.training.options import Options
+from pipeline.training.policy_file import policy_arrays
 from pipeline.training.presets import PRESETS, REASONS, preset
 from pipeline.training.pushes import grown, horizontal
 from pipeline.training.terminations import fallen, stands_though_told
@@ -203,3 +204,44 @@ def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path
     robot_xml.unlink()
     with pytest.raises(TrainingError, match=r"robot\.xml: the file is missing"):
         read_bundle(folder)
+
+
+def test_a_damaged_checkpoint_gives_one_sentence_or_a_whole_state(tmp_path):
+    """Cut short anywhere, or with bits turned over: what PyTorch's parsers raise is told plainly, whatever it is."""
+    rng = np.random.default_rng(0)
+    tensors = {"mlp.0.weight": torch.ones(4, 3), "std": torch.ones(2)}
+    whole = save_checkpoint(tmp_path, 5, {name: dict(tensors) for name in STATE}, 120).read_bytes()
+    path, refused = tmp_path / "model_000001.pt", 0
+    cuts = [whole[:size] for size in np.linspace(0, len(whole) - 1, 60).astype(int)]
+    flipped = []
+    for count in (1, 8, 64) * 60:
+        damaged = np.frombuffer(whole, dtype=np.uint8).copy()
+        damaged[rng.integers(len(damaged), size=count)] ^= np.uint8(1 << rng.integers(8))
+        flipped.append(damaged.tobytes())
+    for content in (*cuts, *flipped, b"", b"PK", b"\x80\x02.", b"\x80\x04K\x01."):
+        path.write_bytes(content)
+        try:
+            state = load_checkpoint(path, "cpu")
+        except TrainingError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert str(path) in str(error)
+        else:
+            assert isinstance(state["iteration"], int)
+    assert refused > 150
+
+
+@pytest.mark.parametrize(
+    ("part", "value"), [("iteration", -1), ("iteration", "9"), ("actor_state_dict", torch.ones(1))]
+)
+def test_a_checkpoint_whose_parts_are_of_another_kind_is_refused(tmp_path, part, value):
+    path = tmp_path / "model_000001.pt"
+    torch.save({**STATE, "iteration": 1, "environment_steps": 24, part: value}, path)
+    with pytest.raises(TrainingError, match=f"{part} of another kind"):
+        load_checkpoint(path, "cpu")
+
+
+def test_a_checkpoint_of_another_network_becomes_no_policy(tmp_path, root, robot):
+    facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
+    with pytest.raises(TrainingError, match=r"actor is no network of ours \(KeyError"):
+        policy_arrays({"actor_state_dict": {"weights": torch.ones(2)}}, facts)
