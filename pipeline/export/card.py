@@ -86,7 +86,7 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "run": str(card.run.get("name", "not stated")),
         "commit": str(card.run.get("commit", "not stated")),
         "command": str(card.run.get("command", "not stated")),
-        "preset, seed": f"{card.run.get('preset', 'not stated')}, {card.run.get('seed', 'not stated')}",
+        "preset, seed": f"{_preset(card.run)}, {card.run.get('seed', 'not stated')}",
         "environments, device": f"{card.run.get('num_envs', 'not stated')}, {card.run.get('device', 'not stated')}",
         "trained": f"{card.run.get('iterations', '?')} iterations, {card.run.get('seconds', '?')} s",
         "expert database": str(card.data.get("digest", "not stated")),
@@ -98,6 +98,12 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         f"TorchScript {card.parity['torch_script']:.1e}, over {card.parity['observations']} observations",
         "digest": card.digest,
     }
+
+
+def _preset(run: dict[str, Any]) -> str:
+    """The preset, and the options in which the run differed from it where it says so."""
+    changed = ", ".join(f"{name}={value}" for name, value in run.get("changed", {}).items())
+    return str(run.get("preset", "not stated")) + (f" with {changed}" if changed else "")
 
 
 def _cell(value: Any) -> str:
