@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import FeasibilitySettings, process
+from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.rollout import Rollout, steady_command
@@ -33,7 +34,9 @@ WINDOW_S = 0.5
 RUN_SPEED = 1.3
 """Playing a walk twice as fast is a fault from this speed on [m/s]: half of it can be walked at twice the speed."""
 STILL = 0.3
-"""Slower commands [m/s, rad/s] get no faults: exchanged legs of a robot that stands move nothing by 5 cm."""
+"""Slower commands [m/s, rad/s] get no faults."""
+SWAPPED = "feet swapped"
+"""No fault of a robot that stands, whatever its command: the mirrored pose stands as well."""
 WEAK = "1.2 x torque for .2 s"
 UNLABELLED = ", no labels"
 
@@ -108,6 +111,13 @@ def judge(policy: Path, command: Command, seed: tuple[int, int], limits: Feasibi
     )
 
 
+def stands(clip: RobotClip, limits: FeasibilitySettings) -> bool:
+    """Whether a robot stands, as the balance of the database has it."""
+    velocity, bounds = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps), limits.balance.commands
+    speed = np.hypot(velocity.forward_m_s, velocity.lateral_m_s)
+    return bool(speed < bounds.standing_m_s and abs(velocity.yaw_rate_rad_s) < bounds.standing_rad_s)
+
+
 def _judged(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> tuple[bool, float, set[str]]:
     """Whether a clip is accepted whole, the share of its seconds that is, and the criteria that it breaks."""
     outcome = process(clip, {}, settings=limits, robot=robot)
@@ -121,7 +131,8 @@ def _faults(
 ) -> dict[str, set[str]]:
     found = {}
     for name, plant in FAULTS.items():
-        if name.endswith(UNLABELLED) or (name == "double speed" and command[0] < RUN_SPEED):
+        slow = name == "double speed" and command[0] < RUN_SPEED
+        if name.endswith(UNLABELLED) or slow or (name == SWAPPED and stands(clip, limits)):
             continue
         planted = plant(clip, robot, rng)
         found[name] = _judged(planted, robot, limits)[2]

@@ -1,13 +1,17 @@
 """The benchmark of feasibility: falls are told, rates are of what walked, a fault is found by what is new."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.feasibility import fault_bars, known_good_bars
-from benchmarks.feasibility_judge import Judged, commands_on_axes, drawn_commands, judge, policy_file
+from benchmarks.feasibility_judge import Judged, commands_on_axes, drawn_commands, judge, policy_file, stands
+from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.files import settings
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing
 
 
 def test_rollouts_that_fell_are_told_and_not_counted_as_known_good():
@@ -39,6 +43,15 @@ def test_seeds_draw_other_commands_inside_the_ranges():
         assert abs(yaw) <= 1.5
 
 
+def test_a_robot_that_stands_is_told_from_one_that_walks_or_turns(root: Path, robot: Robot):
+    limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
+    clip = standing(robot)
+    times_s = np.arange(clip.frame_count)[:, None] / clip.fps
+    assert stands(clip, limits)
+    assert not stands(dataclasses.replace(clip, root_pos_w=clip.root_pos_w + times_s * [0.2, 0.0, 0.0]), limits)
+    assert not stands(dataclasses.replace(clip, root_quat_w=rotation.about_z(0.5 * times_s[:, 0])), limits)
+
+
 def test_a_policy_is_named_by_its_file_or_its_folder(tmp_path: Path):
     assert policy_file(tmp_path) is None
     (tmp_path / "policy.npz").touch()
@@ -57,6 +70,7 @@ def test_the_shipped_policy_walks_and_what_is_planted_into_it_is_found(root: Pat
     assert found.unlabelled
     assert np.all(found.windows)
     assert found.broken == set()
+    assert "double speed" not in found.found  # half of .8 m/s can be walked at twice the speed
     planted = {"joint past its limit", "teleport", "feet swapped", "floor 5 cm high", "floor 5 cm low"}
     for fault in planted:
         assert found.found[fault], fault
