@@ -33,7 +33,7 @@ REASONS = {
     "quiet_share": "noise and pushes kick a policy out of standing, which then stands where there are none",
     "style_gate": "style pulled robots that did not walk yet into standing, which many clips show",
     "discriminator_command": "a discriminator that does not see the command likes standing at every command",
-    "final_kl": "networks a hundred iterations apart differed by a factor of two in the sweep; their mean was better",
+    "final_kl": "networks 75 iterations apart differed by half in the sweep, and their mean was better",
     "run_iterations": "how many iterations 20 minutes have depends on how many runs share a GPU",
 }
 """Why an option differs from the paper's value in presets other than `paper`."""
