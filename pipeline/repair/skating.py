@@ -39,10 +39,11 @@ NEAR = 0.5
 """A point stands, or glides along, that is this share of the glide off."""
 KICK_S = 0.4
 """A kick is sought so far from where what the feet tell changes [s]."""
-KICK_OFF, MOST_BODIES = 0.6, 75.0
-"""Of so many per cent of the bodies the kick is no more than this share of the glide's velocity off it."""
-KEPT_S, KEPT = 0.05, 0.4
-"""And the pelvis keeps at least this share of it for this long [s]: a spike is a kick, too."""
+KICK_OFF, KICK_SPREAD, MOST_BODIES = 0.75, 0.6, 75.0
+"""It is no more than this share of the glide's velocity off it, and of so many per cent of the bodies no more than that
+share of itself off theirs."""
+KEPT_S = 0.05
+"""The pelvis does not lose all of it again within this time [s]: a spike is a kick, too."""
 FAST = 9.0
 """Stands for a frame in which no point is near the ground [m/s]."""
 
@@ -104,23 +105,39 @@ def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, 
     """First frame of a glide and the first after it, moved to where all bodies take up and lose its velocity."""
     velocity = np.diff(pos_w[..., :2], axis=0) * fps  # into frames 1 ...
     change = np.diff(velocity, axis=0)  # into frames 2 ...
-    kick = change[1:-1] - 0.5 * (change[:-2] + change[2:])  # into frames 3 ...: more than before and after
-    reach, result, size = round(KICK_S * fps), [], float(np.linalg.norm(glide))
-    for edge, sign in zip(edges, (1.0, -1.0), strict=True):
-        first = max(edge - reach, 3)
-        near = np.linalg.norm(sign * kick[first - 3 : edge + reach - 2] - glide, axis=-1) / size
-        off = np.percentile(near, MOST_BODIES, axis=1) if len(near) else np.ones(0)
-        taken = sign * _change(velocity[:, 0] @ glide / size**2, first, len(off), max(1, round(KEPT_S * fps)))
-        off = np.where(taken > KEPT, off, np.inf)
-        inner = 0 < edge < len(pos_w) and len(off) > 0
-        result.append(first + int(off.argmin()) if inner and off.min() < KICK_OFF else edge)
+    kicks = change[1:-1] - 0.5 * (change[:-2] + change[2:])  # into frames 3 ...: more than before and after
+    reach, width, result, best = round(KICK_S * fps), max(1, round(KEPT_S * fps)), list(edges), np.inf
+    for look in range(2):  # once more by the clearer of the two kicks: it tells the glide better than the feet do
+        seen = glide
+        for number, (edge, sign) in enumerate(zip(edges, (1.0, -1.0), strict=True)):
+            first = max(edge - reach, 3)
+            near = sign * kicks[first - 3 : edge + reach - 2]
+            if not 0 < edge < len(pos_w) or not len(near):
+                continue
+            off, kick = _off(near, seen)
+            for frame in np.argsort(off, kind="stable")[: np.isfinite(off).sum()].tolist():
+                if sign * _taken(velocity[:, 0] @ seen, first + frame, width) > 0.0:
+                    result[number] = first + frame
+                    if look == 0 and off[frame] < best:
+                        best, glide = off[frame], kick[frame]
+                    break
     return (result[0], result[1]) if result[0] < result[1] else edges
 
 
-def _change(speed: Float[np.ndarray, " s"], first: int, count: int, width: int) -> Float[np.ndarray, " n"]:
-    """Mean of `width` steps from that into each frame on, less that of those before, of frames `first` ..."""
-    frames = range(first, first + count)
-    return np.array([speed[k - 1 : k - 1 + width].mean() - speed[max(k - 1 - width, 0) : k - 1].mean() for k in frames])
+def _off(
+    kicks: Float[np.ndarray, "n 19 2"], glide: Float[np.ndarray, " 2"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 2"]]:
+    """How far each frame's kick of all bodies is from the glide's, infinite where it is none; and that kick [m/s]."""
+    kick = np.median(kicks, axis=1)
+    off = np.linalg.norm(kick - glide, axis=-1) / np.linalg.norm(glide)
+    apart = np.percentile(np.linalg.norm(kicks - kick[:, None], axis=-1), MOST_BODIES, axis=1)
+    spread = apart / np.maximum(np.linalg.norm(kick, axis=-1), 1e-9)
+    return np.where((off < KICK_OFF) & (spread < KICK_SPREAD), off + spread, np.inf), kick
+
+
+def _taken(speed: Float[np.ndarray, " s"], frame: int, width: int) -> float:
+    """Mean of `width` steps from that into `frame` on, less that of those before it."""
+    return float(speed[frame - 1 : frame - 1 + width].mean() - speed[max(frame - 1 - width, 0) : frame - 1].mean())
 
 
 def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
