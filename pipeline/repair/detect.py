@@ -61,7 +61,7 @@ def _frozen_and_shaking(
 
     A joint that keeps a pose until it shakes, or from then on, did not jump out of it: that says nothing of the pose.
     """
-    frozen = _new(find_frozen(seen, clip.fps, settings), findings)
+    frozen = _new(find_frozen(seen, findings.lost, clip.fps, settings), findings)
     if frozen:
         seen = _bridged(clip, findings.with_more(frozen))
     shaking = _new(find_noise(seen, clip.fps, settings), findings)

@@ -16,9 +16,15 @@ from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
 POSE_BODIES = 12
 """Where so many joints keep their rotation the whole pose is not the person's."""
 
+TORN_M = 0.005
+"""No bone of a leg changes its length by more while the foot stands [m]: those of one bone keep theirs."""
 
-def find_frozen(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defect]:
-    """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint."""
+
+def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+    """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint.
+
+    What is `lost` is bridged in what is `seen`, and tells nothing of the bones it is at the ends of.
+    """
     if len(seen.pos_w) < 6:
         return []
     still_pos = _still_places(seen, settings)
@@ -37,13 +43,14 @@ def find_frozen(seen: Seen, fps: float, settings: DetectionSettings) -> list[Def
                 bodies=tuple(range(len(BODIES))),
             )
         )
-    return defects + _frozen_joints(seen, still_pos, whole, fps, settings)
+    return defects + _frozen_joints(seen, still_pos, whole, lost, fps, settings)
 
 
 def _frozen_joints(
     seen: Seen,
     still_pos: Bool[np.ndarray, "t 19"],
     whole: Bool[np.ndarray, " t"],
+    lost: Bool[np.ndarray, "t 19"],
     fps: float,
     settings: DetectionSettings,
 ) -> list[Defect]:
@@ -74,7 +81,22 @@ def _frozen_joints(
         for index in FEET_BODIES:
             mask[:, index] = mask[:, PARENT[index]] & still_pos[:, index]
         defects += spans(code, "{names} keep their place to the last bit", mask, pos=mask, rot=mask)
-    return defects
+    torn = _torn_feet(seen, still_pos & ~whole[:, None], lost, settings)
+    return defects + spans("frozen_joint", "{names} keep their place while the leg moves on", torn, pos=torn, rot=torn)
+
+
+def _torn_feet(
+    seen: Seen, still_pos: Bool[np.ndarray, "t 19"], lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings
+) -> Bool[np.ndarray, "t 19"]:
+    """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled."""
+    torn = np.zeros_like(still_pos)
+    for index in FEET_BODIES:
+        for start, stop in time_series.runs(still_pos[:, index]):
+            ends, span = [index, PARENT[index]], slice(start - 1, stop)
+            if stop - start >= settings.still_frames and not lost[span, ends].any():
+                bone = rotation.length(seen.pos_w[span, ends[0]] - seen.pos_w[span, ends[1]])
+                torn[start:stop, index] = np.ptp(bone) > TORN_M
+    return torn
 
 
 def _marked(

@@ -141,3 +141,12 @@ def test_joint_that_keeps_its_place_for_three_frames_while_it_moves_is_found(fps
     pos[start : start + 3, head] = pos[start - 1, head]
     marked = marked_frames(dataclasses.replace(clip, body_pos_w=pos), settings)
     assert {start, start + 1, start + 2} <= marked <= set(range(start - 2, start + 5))
+
+
+def test_toe_that_is_left_behind_by_its_ankle_is_found_from_where_it_stops(settings):
+    clip = walker(fps=60.0)
+    toe, start = body("left_toe"), 200
+    pos = clip.body_pos_w.copy()
+    pos[start : start + 30, toe] = pos[start - 1, toe]
+    marked = marked_frames(dataclasses.replace(clip, body_pos_w=pos), settings)
+    assert set(range(start, start + 30)) <= marked <= set(range(start - 2, start + 32))
