@@ -116,7 +116,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("mocap", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
     parser.add_argument("--policies", type=Path, default=ROOT.parent / "shared" / "policies")
     parser.add_argument("--count", type=int, default=200, help="defects of each kind that matter")
-    parser.add_argument("--seed", type=int, default=SEED, help="of places and strengths; limits were set with 1")
+    parser.add_argument("--seed", type=int, default=SEED, help="of places and strengths; limits were set with 1 to 4")
     parser.add_argument("--kinds", default="", help="only these, by name, with commas between")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--missed", action="store_true", help="tell each defect that was not found or is elsewhere")
