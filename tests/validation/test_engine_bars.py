@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import pytest
 
-from pipeline.deployment import deployment_task
+from pipeline.deployment import deployment_task, load_policy, save_policy
 from pipeline.errors import FileError
 from pipeline.files.settings import read
 from pipeline.robot import Robot
@@ -16,8 +17,8 @@ from pipeline.validation.bars import UNKNOWN, CellBars, ValidationSettings
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment, SimulationSettings
 from pipeline.validation.cross_engine_walk import Figures
-from pipeline.validation.deployed import Deployed
-from pipeline.validation.derive import ENGINES, PARTS, derive
+from pipeline.validation.deployed import Deployed, deployed
+from pipeline.validation.derive import ENGINES, PARTS, derive, main
 from pipeline.validation.engine_bars import engine_bars
 from tests.factories.policies import still_policy
 
@@ -86,3 +87,28 @@ def test_parts_of_another_reference_do_not_stay_beside_new_bars(
     now = read(path, ValidationSettings)
     assert now.reference.robot == robot.digest
     assert now == dataclasses.replace(rules, reference=now.reference, engines={}, webots={}, limit_cycles={})
+
+
+def test_the_command_derives_the_bars_between_engines(
+    tmp_path: Path, root: Path, robot: Robot, rules: ValidationSettings, monkeypatch: pytest.MonkeyPatch
+):
+    """Of a policy that stands still where it should walk."""
+    monkeypatch.chdir(tmp_path)
+    grid = {"simulation": vars(SIMULATION), "cells": {"walk": {"segments": [{"seconds": 0.6, "command": [1, 0, 0]}]}}}
+    grid["cells"]["walk"]["measured_s"] = 0.2
+    path = tmp_path / "data" / "validation.yaml"
+    path.parent.mkdir()
+    (path.parent / "cross_engine.yaml").write_text(json.dumps(grid))
+    task = deployment_task(robot)
+    save_policy(tmp_path / "still.npz", still_policy(task))
+    one = deployed(root / "robots" / "t1", load_policy(tmp_path / "still.npz"))
+    path.write_text((root / "data" / "validation.yaml").read_text())
+    derive(path, one, {part: {} for part in PARTS}, "derive")
+    arguments = ["still.npz", "--robot", str(root / "robots" / "t1"), "--workers", "1", "--parts", "engines"]
+    assert main(arguments) == 0
+    now = read(path, ValidationSettings)
+    assert list(now.engines) == ["walk"]
+    assert not now.engines["walk"].required
+    assert "the reference misses the command by" in now.engines["walk"].why
+    assert "of 4 walks in MuJoCo and DART" in now.engines["walk"].bars["speed_error"].source
+    assert now.reference.command.startswith("python -m pipeline.validation.derive still.npz")
