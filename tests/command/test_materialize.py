@@ -97,6 +97,24 @@ def test_a_threshold_changed_recomputes_from_its_stage_on(materialized):
     assert materialized.recomputed()["feasible_motions"] == 0
 
 
+def test_a_limits_sentence_changed_or_the_table_of_verdicts_lost_makes_the_table_alone(materialized):
+    before, database = materialized.counts(), materialized.database()
+    path = materialized.root / "data/feasibility.yaml"
+    table = materialized.root / "data/store/manifests/feasible_motions.criteria.parquet"
+    text, written = path.read_text(), table.read_bytes()
+    path.write_text(text.replace("A fall is 60 degrees.", "A fall is more."))
+    materialized.materialize()
+    assert materialized.recomputed()["feasible_motions"] == 0
+    assert table.read_bytes() != written
+    path.write_text(text)
+    table.unlink()
+    materialized.materialize()
+    made = {name: count - before[name] for name, count in materialized.counts().items() if count > before[name]}
+    assert made == {"feasible_motions": 2}
+    assert table.read_bytes() == written
+    assert materialized.database() == database
+
+
 def test_code_changed_recomputes_from_its_stage_on(materialized):
     before = materialized.counts()
     path = materialized.root / "pipeline/augment/__init__.py"
