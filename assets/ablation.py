@@ -8,14 +8,14 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.amp_policy import bundle_of, commit_of, run_facts
+from assets.amp_policy import bundle_of, commit_of, run_facts, train_beside_others
 from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
-from assets.training_process import TrainingConfig, gpus_here, run_of, train
+from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 
@@ -65,7 +65,7 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
         for arm, option in ARMS.items():
             asked = config.model_copy(update={"seed": seed})
             run = run_of(asked, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=(option,))
-            train(run, PROJECT.root, PROJECT.training_lock, log)
+            train_beside_others(run, PROJECT, robot, log)
             name = f"{arm}-seed{seed}"
             atomic.write_bytes(folder / f"{name}.csv", (run.folder / "curves.csv").read_bytes())
             facts = run_facts(run, robot, commit)

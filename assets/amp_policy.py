@@ -17,8 +17,8 @@ from assets.plan import Plan
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import table_of
-from assets.resources import ClipPoolResource
-from assets.training_process import Run, TrainingConfig, policy_of_checkpoint, run_of, train
+from assets.resources import ClipPoolResource, store_left_to_others
+from assets.training_process import Run, TrainingConfig, TrainingFailedError, policy_of_checkpoint, run_of, train
 from assets.training_report import curves_of
 from pipeline.batch import Manifest
 from pipeline.files import digest
@@ -45,7 +45,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
         wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
         run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
         commit = commit_of(PROJECT)
-        train(run, PROJECT.root, PROJECT.training_lock, context.log)
+        train_beside_others(run, PROJECT, robot, context.log)
         chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
         facts = run_facts(run, robot, commit) | {
             "stage": plan.name,
@@ -88,6 +88,25 @@ def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
 
     folder = project.policies(robot) / "bundle"
     return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot))
+
+
+def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> None:
+    """Train while other runs work on the store. Raises TrainingFailedError where they changed what it is trained on."""
+    before = _trained_on(run, project, robot)
+    with store_left_to_others(log):
+        train(run, project.root, project.training_lock, log)
+    if _trained_on(run, project, robot) != before:
+        raise TrainingFailedError(
+            f"{run.folder.name}: the expert database or the adapted robot became another while it trained. Its files "
+            "stay. Materialize again to train on what there is now."
+        )
+
+
+def _trained_on(run: Run, project: Project, robot: str) -> str:
+    """Digest of bundle and adapted robot; the bundle states the digests of its files."""
+    adapted = project.adapted_robot(robot)
+    files = [path for path in adapted.rglob("*") if path.is_file()]
+    return digest.of_json([digest.of_files(sorted(files), adapted), digest.of_file(run.bundle / "bundle.json")])
 
 
 def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) -> tuple[Path, dict[str, Any]]:

@@ -4,6 +4,7 @@ import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import IO, Any
 
 import dagster as dg
 
@@ -30,7 +31,7 @@ class StoreIOManager(dg.ConfigurableIOManager):
     """Manifests in the project's store. Before the first step of a run, what is missing or stale upstream is made.
 
     It happens here because resources are set up before Dagster notes the versions of a step's inputs. One run
-    works on the store at a time; a second one waits.
+    works on the store at a time; a second one waits. A training leaves it to others (`store_left_to_others`).
     """
 
     bootstrap: bool = True
@@ -65,14 +66,46 @@ def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
     path = PROJECT.store.root / "lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+") as stream:
+        held = (stream, f"run {context.run_id} (process {os.getpid()})")
+        _take(*held, context.log)
+        _HELD.append(held)
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            stream.seek(0)
-            if context.log:
-                context.log.info(f"waiting for {stream.read().strip() or 'another run'} to finish with the store")
-            fcntl.flock(stream, fcntl.LOCK_EX)
+            yield
+        finally:
+            _HELD.remove(held)
+
+
+_HELD: list[tuple[IO[str], str]] = []
+"""The lock on the store that this process holds, and what it says of its holder."""
+
+
+@contextmanager
+def store_left_to_others(log: Any) -> Iterator[None]:
+    """Other runs may work on the store for as long as the context lasts; then it is waited for and taken again.
+
+    For what lasts long and touches nothing in the store. Who uses it looks afterwards whether its inputs are still
+    what they were.
+    """
+    held = tuple(_HELD)
+    for stream, _ in held:
         stream.truncate(0)
-        stream.write(f"run {context.run_id} (process {os.getpid()})")
-        stream.flush()
+        fcntl.flock(stream, fcntl.LOCK_UN)
+    try:
         yield
+    finally:
+        for each in held:
+            _take(*each, log)
+
+
+def _take(stream: IO[str], holder: str, log: Any) -> None:
+    """Lock the store's file, waiting for who has it, and write down who has it now."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        stream.seek(0)
+        if log:
+            log.info(f"waiting for {stream.read().strip() or 'another run'} to finish with the store")
+        fcntl.flock(stream, fcntl.LOCK_EX)
+    stream.truncate(0)
+    stream.write(holder)
+    stream.flush()
