@@ -88,14 +88,19 @@ def _frozen_joints(
 def _torn_feet(
     seen: Seen, still_pos: Bool[np.ndarray, "t 19"], lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings
 ) -> Bool[np.ndarray, "t 19"]:
-    """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled."""
+    """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled.
+
+    The next bone of the leg keeps its length, else it is the joint between them that is elsewhere.
+    """
     torn = np.zeros_like(still_pos)
     for index in FEET_BODIES:
+        parent = PARENT[index]
         for start, stop in time_series.runs(still_pos[:, index]):
-            ends, span = [index, PARENT[index]], slice(start - 1, stop)
-            if stop - start >= settings.still_frames and not lost[span, ends].any():
-                bone = rotation.length(seen.pos_w[span, ends[0]] - seen.pos_w[span, ends[1]])
-                torn[start:stop, index] = np.ptp(bone) > TORN_M
+            span = slice(start - 1, stop)
+            if stop - start >= settings.still_frames and not lost[span][:, [index, parent]].any():
+                chain = seen.pos_w[span][:, [index, parent, PARENT[parent]]]
+                change = np.ptp(rotation.length(np.diff(chain, axis=1)), axis=0)
+                torn[start:stop, index] = change[0] > TORN_M >= change[1]
     return torn
 
 

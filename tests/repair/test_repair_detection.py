@@ -150,3 +150,17 @@ def test_toe_that_is_left_behind_by_its_ankle_is_found_from_where_it_stops(setti
     pos[start : start + 30, toe] = pos[start - 1, toe]
     marked = marked_frames(dataclasses.replace(clip, body_pos_w=pos), settings)
     assert set(range(start, start + 30)) <= marked <= set(range(start - 2, start + 32))
+
+
+def test_planted_foot_is_not_blamed_for_its_knee_that_is_elsewhere(settings):
+    clip = walker(fps=60.0)
+    ankle, knee = body("left_ankle"), body("left_knee")
+    pos = clip.body_pos_w.copy()
+    pos[200:230, ankle] = pos[199, ankle]
+    pos[200:230, body("left_toe")] = pos[199, body("left_toe")]
+    lengths = np.linalg.norm(pos[199, ankle] - pos[199, knee])
+    way = pos[200:230, knee] - pos[199, ankle]
+    pos[200:230, knee] = pos[199, ankle] + lengths * way / np.linalg.norm(way, axis=-1, keepdims=True)
+    pos[214, knee, 1] += 0.05
+    _, findings = detect(dataclasses.replace(clip, body_pos_w=pos), settings.detection)
+    assert not [one for one in findings.defects if "leg moves on" in one.text]
