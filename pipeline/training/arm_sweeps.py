@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import os
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -17,6 +18,9 @@ from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.checkpoint_sweep import cells_of, score
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.policy_file import mean_arrays, policy_arrays, write_policy
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Of each process that walks: one a core, or they stand in each other's way."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +75,7 @@ class Sweeps:
 
     def __init__(self, bundle: Path, robot: RobotFacts, workers: int):
         self._bundle, self._robot = bundle, robot
+        os.environ |= dict.fromkeys(THREADS, "1")  # processes to be spawned inherit it; this one has read them already
         self._pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
         self._open: dict[Path, tuple[Candidate, tuple[Walk, ...], list[Future]]] = {}
 

@@ -19,6 +19,8 @@ from typing import Any
 from pipeline.training.checkpoint import NAME
 from pipeline.training.training_error import TrainingError
 
+THREADS = 4
+"""Of a training process on the host."""
 RESTARTS = 2
 """How often a run that broke off is taken up again."""
 
@@ -137,7 +139,7 @@ class ArmProcess:
             )
 
     def _environment(self) -> dict[str, str]:
-        quiet = {"MUJOCO_GL": "disable", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": os.getenv("OMP_NUM_THREADS", "4")}
+        quiet = {"MUJOCO_GL": "disable", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": str(THREADS)}
         own = {"CUDA_VISIBLE_DEVICES": str(self.number % self.request.gpus)} if self.request.gpus else {}
         return {**os.environ, **quiet, **own}
 
