@@ -48,10 +48,10 @@ def test_a_bar_is_the_worst_of_all_walks_of_both_engines_with_the_margin(rules: 
         rules,
         mujoco=(walked(0.95), walked(0.96, 0.03)),
         bridge=(walked(0.5), walked(0.5, 0.5)),  # explains, and is held to nothing
-        dart=(walked(0.92), walked(0.90, -0.04)),
+        dart=(walked(0.92), walked(0.90, -0.02)),
     )
     assert found.required and found.why == ""
-    for name, worst in {"speed_error": 0.1, "yaw_rate_error": 0.04}.items():
+    for name, worst in {"speed_error": 0.1, "yaw_rate_error": 0.03}.items():
         margin = rules.margins[name]
         assert found.bars[name].at_most == pytest.approx(worst * (1.0 + margin.share) + margin.absolute, abs=1e-4)
         assert "of 4 walks in MuJoCo and DART" in found.bars[name].source
@@ -70,6 +70,9 @@ def test_where_the_reference_falls_misses_or_engines_part_it_says_so(rules: Vali
     assert not parted.required
     assert parted.why.startswith("forward velocity 0.950 m/s in MuJoCo and 0.800 in DART, 0.150 apart")
     assert bars_of(rules, mujoco=good, bridge=apart, dart=apart).required  # the armature on the links makes it
+    once = (walked(0.95), walked(0.85))  # .05 apart on average, .10 with the second seed
+    alone = bars_of(rules, mujoco=good, bridge=good, dart=once)
+    assert alone.why.startswith("forward velocity 0.950 m/s in MuJoCo and 0.850 in DART, 0.100 apart")
 
 
 def test_parts_of_another_reference_do_not_stay_beside_new_bars(
