@@ -16,7 +16,7 @@ from pipeline.training.arms import write_json
 from pipeline.training.bundle import RobotFacts
 from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.checkpoint_sweep import cells_of, score
-from pipeline.training.plain_walk import Walk, walked
+from pipeline.training.plain_walk import Figures, Walk, walked
 from pipeline.training.policy_file import mean_arrays, policy_arrays, write_policy
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -93,7 +93,7 @@ class Sweeps:
         """Write down the sweeps whose walks are all done; how many are still walked."""
         for path, (candidate, walks, jobs) in list(self._open.items()):
             if all(job.done() for job in jobs):
-                cells = cells_of(walks, [job.result() for job in jobs])
+                cells = cells_of(walks, [_figures(job) for job in jobs])
                 write_json(path, {"candidate": candidate.name, "cells": cells, **score(cells)})
                 del self._open[path]
         return len(self._open)
@@ -101,6 +101,15 @@ class Sweeps:
     def close(self) -> None:
         """End the processes; walks that have not begun are dropped."""
         self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _figures(job: Future) -> Figures:
+    """Of a walk; one that broke off, for whatever reason, counts as a fall: training goes on."""
+    error = job.exception()
+    if error is None:
+        return job.result()
+    print(f"a walk broke off: {error}", flush=True)
+    return {"fell": 1.0}
 
 
 def best(found: Sequence[Candidate], kind: str) -> Candidate | None:

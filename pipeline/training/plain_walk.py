@@ -161,8 +161,9 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Trunk too low or too much tilted."""
-        return bool(self.data.qpos[2] < MIN_HEIGHT_M or self.data.xmat[self.root][8] < MAX_TILT_COS)
+        """Trunk too low or too much tilted, or what it is told is no number: MuJoCo would begin anew."""
+        upright = self.data.qpos[2] >= MIN_HEIGHT_M and self.data.xmat[self.root][8] >= MAX_TILT_COS
+        return not (upright and np.isfinite(self.target).all())
 
     def touching(self) -> list[bool]:
         """Which feet touch the ground."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from pipeline.deployment import load_policy
 from pipeline.training import arm_pack
-from pipeline.training.arm_sweeps import Candidate, best, candidates
+from pipeline.training.arm_sweeps import Candidate, _figures, best, candidates
 from pipeline.training.arms import Arm, ArmProcess, ArmsRequest, write_json
 from pipeline.training.checkpoint_sweep import (
     COMMANDS,
@@ -207,3 +208,14 @@ def test_the_status_is_what_was_told_last(tmp_path):
     assert status_text(tmp_path) == "starting"
     (tmp_path / "status.txt").write_text("12 s\n")
     assert status_text(tmp_path) == "12 s"
+
+
+def test_a_walk_that_breaks_off_or_is_no_number_counts_as_a_fall(bundle_folder, root, tmp_path, capsys):
+    broken: Future = Future()
+    broken.set_exception(MemoryError("no room"))
+    assert _figures(broken) == {"fell": 1.0}
+    assert "a walk broke off: no room" in capsys.readouterr().out
+    with np.load(root / SHIPPED) as arrays:
+        np.savez(tmp_path / "nan.npz", **{**arrays, "L3_b": np.full_like(arrays["L3_b"], np.nan)})
+    found = walked(bundle_folder, tmp_path / "nan.npz", "nan", Walk(cell="", command=(0.0, 0.0, 0.0), seconds=1.0))
+    assert found["fell"] == 1.0
