@@ -1,6 +1,7 @@
 """`augmentation_ablation`: two policies on one database, with and without augmented clips, same seeds and settings."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,6 @@ from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 
-LABEL = "mirror and time-scale only"
-"""What the augmented arm has: no tracked variations exist yet."""
 ARMS = {"augmented": "use_augmented=true", "original": "use_augmented=false"}
 """Arm -> the one option in which its training differs."""
 FILE, SCHEMA = "ablation.json", "booster-lab augmentation ablation 1"
@@ -73,7 +72,7 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
             runs.append({"name": name, "arm": arm, "seed": seed, "run": facts, "figures": figures})
     value = {
         "schema": SCHEMA,
-        "label": LABEL,
+        "label": label_of(about["augmented_by"]),
         "preset": config.preset,
         "options": config.options,
         "database": about["database_digest"],
@@ -83,6 +82,11 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
     }
     atomic.write_text(folder / FILE, json.dumps(value, indent=1, sort_keys=True) + "\n")
     return folder
+
+
+def label_of(ways: Sequence[str]) -> str:
+    """What the augmented arm has, "mirror and time-scale only": that nothing was tracked is not left to be guessed."""
+    return " and ".join(filter(None, [", ".join(ways[:-1]), *ways[-1:]])) + " only" if ways else "no augmented clips"
 
 
 def figures_of(policy: Path, robot: str, pool: ClipPoolResource) -> dict[str, float]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import io
 import json
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +56,20 @@ def write_training_bundle(folder: Path, database_folder: Path, robot_folder: Pat
         "licence": database.manifest["licence"],
         "clips": len(database.clips),
         "seconds": database.manifest["seconds"],
+        "augmented_by": augmented_by(database.index["variant"]),
         "files": {name: digest.of_bytes(data) for name, data in files.items()},
     }
     for name, data in {**files, "bundle.json": _json(about)}.items():
         atomic.write_bytes(folder / name, data)
     return about
+
+
+def augmented_by(variants: Iterable[str]) -> list[str]:
+    """Ways in which variants (`mirror~x0.9`, `step_width0.02`) were made of their originals, in words."""
+    marks = {mark for variant in variants if variant != "original" for mark in variant.split("~")}
+    ways = {re.sub(r"-?[0-9.]+$", "", mark).replace("_", " ") for mark in marks}
+    usual = {"mirror": "mirror", "x": "time-scale"}
+    return [usual[way] for way in usual if way in ways] + sorted(ways - set(usual))
 
 
 def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:

@@ -256,7 +256,7 @@ def test_approved_ranges_widen_one_end_each():
 def bundle(project, robot):
     """The stand-in's bundle."""
     folder = project.policies("t1") / "bundle"
-    about = {"database_digest": "d1", "licence": FREE}
+    about = {"database_digest": "d1", "licence": FREE, "augmented_by": ["mirror", "time-scale"]}
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bundle.json").write_text(json.dumps(about))
     network_file(folder / "network.npz", robot)
@@ -298,6 +298,12 @@ def test_arms_differ_in_augmentation_alone(project, robot, monkeypatch):
     options = {arm: set(config.pop("set")) for arm, config in configs.items()}
     assert configs["augmented"] == configs["original"]
     assert options["augmented"] ^ options["original"] == {"use_augmented=true", "use_augmented=false"}
+
+
+def test_the_augmented_arm_says_what_it_has():
+    assert ablation.label_of(["mirror"]) == "mirror only"
+    assert ablation.label_of(["mirror", "time-scale", "step width"]) == "mirror, time-scale and step width only"
+    assert ablation.label_of([]) == "no augmented clips"
 
 
 def test_figures_of_the_arms_stand_side_by_side():

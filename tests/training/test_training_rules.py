@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.expert.training_bundle import augmented_by
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.commands import draw_commands
@@ -187,6 +188,12 @@ def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
     torch.save({"weights": torch.ones(1)}, path)
     with pytest.raises(TrainingError, match="lacks actor_state_dict, critic_state_dict"):
         load_checkpoint(path, "cpu")
+
+
+def test_a_bundle_says_how_its_variants_were_made():
+    made = augmented_by(["original", "mirror", "mirror~x0.9", "x1.1", "trunk_lean-2", "step_width0.02"])
+    assert made == ["mirror", "time-scale", "step width", "trunk lean"]
+    assert augmented_by(["original"]) == []
 
 
 def test_a_bundle_has_what_it_states_and_can_do_without_augmented_clips(tmp_path, root, robot):
