@@ -39,6 +39,9 @@ SHARED_PARTS = ("selection",)
 BROKEN = "broken-"
 """What the version of a part that can't be used begins with."""
 
+PAGE_TAG = "booster_lab/approved_on_page"
+"""Tag of a materialization of curation_feedback, and of a run that renews its page: what is approved, as it shows."""
+
 SAYS = {
     "selection": "seconds of skills, for KP1",
     "augmentation": "perturbations of the clips of skills, for KP4",
@@ -110,6 +113,12 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
             version = part_version(part) if fault is None else f"{BROKEN}{digest.of_json(str(fault))[:16]}"
             found[approved_key(section, robot)] = (version, _facts(part, fault))
     return found
+
+
+def shown_state(approvals: Approvals) -> str:
+    """Digest of what the page of curation_feedback shows of approvals."""
+    faults = {section: str(fault) for section, fault in approvals.faults.items()}
+    return digest.of_json([[change.to_dict() for change in approvals.changes], faults])[:16]
 
 
 def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any]:

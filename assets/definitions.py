@@ -12,6 +12,7 @@ from assets.feedback import curation_feedback, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
 from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
+from assets.page_renewal import renew_feedback_page
 from assets.policy_assets import policy_assets, training_jobs
 from assets.project import PROJECT
 from assets.recuration import approved_feedback_sensor, nightly_recuration, recurate
@@ -37,7 +38,14 @@ for _robot in PROJECT.robots:
 
 defs = dg.Definitions(
     assets=_assets,
-    jobs=[ingest_logs, recurate, approve_feedback, take_back_feedback, *training_jobs(PROJECT.robots)],
+    jobs=[
+        ingest_logs,
+        recurate,
+        renew_feedback_page,
+        approve_feedback,
+        take_back_feedback,
+        *training_jobs(PROJECT.robots),
+    ],
     sensors=[hardware_log_sensor, approved_feedback_sensor],
     schedules=[nightly_recuration],
     resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},

@@ -1,5 +1,6 @@
 """What went wrong in each trial, and its twin in simulation where its policy is at hand; each is looked at once."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -178,7 +179,12 @@ def reports_of(manifest: Manifest) -> list[Any]:
 
 
 def result_of(
-    plan: Plan, manifest: Manifest, metadata: dict[str, Any], checks: list[dg.AssetCheckResult], faults: int = 0
+    plan: Plan,
+    manifest: Manifest,
+    metadata: dict[str, Any],
+    checks: list[dg.AssetCheckResult],
+    faults: int = 0,
+    more_tags: Mapping[str, str] | None = None,
 ) -> dg.MaterializeResult:
     """The result that Dagster notes."""
     return dg.MaterializeResult(
@@ -187,5 +193,5 @@ def result_of(
         metadata=metadata,
         check_results=checks,
         data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults)},
+        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults), **(more_tags or {})},
     )

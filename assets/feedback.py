@@ -10,7 +10,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.approved import PROPOSAL, approvals_of
+from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
 from assets.failure_modes import declared, reports_of, result_of
 from assets.feedback_page import FeedbackPage
 from assets.plainly import plainly
@@ -61,7 +61,8 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         judged=(),
         settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
     )
-    page = FeedbackPage.of(proposal, approvals_of(PROJECT))
+    approvals = approvals_of(PROJECT)
+    page = FeedbackPage.of(proposal, approvals)
     check = dg.AssetCheckResult(
         asset_key=PROPOSAL,
         check_name=NOTHING_PENDING,
@@ -70,7 +71,8 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         metadata={"found": page.sentence()},
     )
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
-    return result_of(FEEDBACK, manifest, page.metadata(found), [check])
+    shown = {PAGE_TAG: shown_state(approvals)}
+    return result_of(FEEDBACK, manifest, page.metadata(found), [check], more_tags=shown)
 
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:

@@ -1,7 +1,8 @@
 """From what is approved to a new database: what re-curates when something was approved or taken back.
 
-A sensor looks every half minute for approved changes that have not reached a database, a schedule once a night, for
-what was approved while nobody watched. A run that dies on the way is tried again, a few times. Neither trains.
+A sensor looks every half minute for approved changes that have not reached the page of curation_feedback, which is
+made at once, or a database; a schedule once a night, for what was approved while nobody watched. A run that dies on the
+way is tried again, a few times. Neither trains.
 """
 
 import json
@@ -10,6 +11,7 @@ import dagster as dg
 
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_key, approved_versions
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
+from assets.page_renewal import page_request, renew_feedback_page
 from assets.plan import FINGERPRINT_DIGITS, SHARED, robot_plans
 from assets.project import PROJECT, Project
 from assets.run_tries import MAX_TRIES, Tries, tries
@@ -89,7 +91,7 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
             f"{found.in_vain} runs for what is approved now came to nothing ({said}); "
             f"look at run {found.last_run}, then start the job recurate by hand"
         )
-    return dg.RunRequest(asset_selection=sorted(late), tags=mark)
+    return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
 
 
 def _tries(instance: dg.DagsterInstance, project: Project, mark: dict[str, str]) -> Tries:
@@ -99,14 +101,16 @@ def _tries(instance: dg.DagsterInstance, project: Project, mark: dict[str, str])
 
 
 @dg.sensor(
-    job=recurate,
+    name="approved_feedback_sensor",
+    jobs=[renew_feedback_page, recurate],
     minimum_interval_seconds=EVERY_S,
     default_status=dg.DefaultSensorStatus.RUNNING,
-    description="Re-curates the databases that what is approved has not reached; what fails is tried again twice.",
+    description="Renews the page of curation_feedback when what is approved changed, then re-curates the databases "
+    "that it has not reached; what fails is tried again twice.",
 )
 def approved_feedback_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
-    """A run while a database is behind and none is at work."""
-    return requested(context.instance, PROJECT, MAX_TRIES)
+    """The page first, which takes seconds; then a run while a database is behind and none is at work."""
+    return page_request(context.instance, PROJECT) or requested(context.instance, PROJECT, MAX_TRIES)
 
 
 @dg.schedule(

@@ -6,9 +6,11 @@ import dagster as dg
 import pytest
 
 from assets import feedback
-from assets.approval import approve_proposal
+from assets.approval import approve_proposal, take_back_sections
 from assets.approved import approvals_of
+from assets.page_renewal import page_request, renew_feedback_page
 from assets.project import Project
+from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approved import entries_of, write_entries
@@ -39,12 +41,25 @@ def page(project: Project, *reports: TrialReport) -> tuple[dict, dg.AssetCheckRe
     """What the asset's page says of reports, and its check."""
     settings = {each.trial: {"report": each.to_dict()} for each in reports}
     failures = Manifest(stage="failure_modes", entries=(), judged=(), settings=settings)
-    result = feedback.curation_feedback(dg.build_asset_context(), failure_modes=failures)
-    assert isinstance(result, dg.MaterializeResult)
+    result = made_of(failures)
     project.store.save("curation_feedback", result.value)
     (check,) = result.check_results
     plain = {key: getattr(value, "md_str", value) for key, value in result.metadata.items()}
     return plain, check
+
+
+def made_of(failures: Manifest) -> dg.MaterializeResult:
+    result = feedback.curation_feedback(dg.build_asset_context(), failure_modes=failures)
+    assert isinstance(result, dg.MaterializeResult)
+    return result
+
+
+def note_page(instance: dg.DagsterInstance, *reports: TrialReport) -> dict:
+    """Make the page and note it in the history; its rows."""
+    settings = {each.trial: {"report": each.to_dict()} for each in reports}
+    result = made_of(Manifest(stage="failure_modes", entries=(), judged=(), settings=settings))
+    instance.report_runless_asset_event(dg.AssetMaterialization(dg.AssetKey(["curation_feedback"]), tags=result.tags))
+    return dict(result.metadata or {})
 
 
 def fall(number: int, **more) -> TrialReport:
@@ -66,6 +81,42 @@ def test_what_is_proposed_waits_until_it_is_approved(project):
     approve_proposal(project, said["proposal"], "a person")
     said, check = page(project, fall(1))
     assert check.passed and said["how to approve"] == "nothing waits"
+
+
+def test_the_page_is_made_anew_after_every_approval_and_taking_back(project):
+    digest = page(project, fall(1))[0]["proposal"]
+    with dg.instance_for_test() as instance:
+        assert page_request(instance, project) is None, "there is no page yet, as no log was dropped"
+        note_page(instance, fall(1))
+        for act, pending in (
+            (lambda: approve_proposal(project, digest, "a person", sections=("weights",)), 2),
+            (lambda: shutil.copy(project.proposed_feedback, project.approved_feedback), 0),
+            (lambda: take_back_sections(project, ("weights", "selection"), "a person"), 2),
+            (lambda: project.approved_feedback.write_text("approvals: 3\n"), 3),
+            (lambda: project.approved_feedback.unlink(), 3),
+        ):
+            assert page_request(instance, project) is None
+            act()
+            request = page_request(instance, project)
+            assert request is not None and request.job_name == renew_feedback_page.name
+            assert note_page(instance, fall(1))["changes pending"] == pending
+
+
+def test_a_page_that_cannot_be_made_is_tried_a_few_times_and_no_more(project):
+    from assets.definitions import defs
+
+    job = defs.resolve_job_def(renew_feedback_page.name)
+    digest = page(project, fall(1))[0]["proposal"]
+    with dg.instance_for_test() as instance:
+        note_page(instance, fall(1))
+        approve_proposal(project, digest, "a person")
+        for _ in range(MAX_TRIES):
+            request = page_request(instance, project)
+            assert request is not None
+            run = instance.create_run_for_job(job, tags=dict(request.tags), status=dg.DagsterRunStatus.STARTED)
+            assert page_request(instance, project) is None, "it is at work"
+            instance.report_run_failed(run)
+        assert page_request(instance, project) is None
 
 
 def test_copying_the_proposal_approves_it(project):

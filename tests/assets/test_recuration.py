@@ -75,10 +75,13 @@ def reached(project: Project):
 
 def run_of(instance: dg.DagsterInstance, request: dg.RunRequest, status: dg.DagsterRunStatus) -> dg.DagsterRun:
     """The run that the daemon makes of a request."""
+    return instance.create_run_for_job(_job(request), tags=dict(request.tags), status=status)
+
+
+def _job(request: dg.RunRequest) -> dg.JobDefinition:
     from assets.definitions import defs
 
-    job = defs.resolve_job_def(recurate.name)
-    return instance.create_run_for_job(job, tags=dict(request.tags), status=status)
+    return defs.resolve_job_def(request.job_name or recurate.name)
 
 
 def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
@@ -130,6 +133,19 @@ def test_the_sensor_and_the_schedule_ask_for_one_run_and_rest_when_it_is_through
         write_database(project)
         instance.report_run_canceled(run)
         assert "no database is behind" in tick(instance)
+
+
+def test_the_page_of_feedback_comes_first_and_keeps_no_database_waiting(project):
+    page = dg.AssetKey(["curation_feedback"])
+    with reached(project) as instance:
+        instance.report_runless_asset_event(dg.AssetMaterialization(page))
+        approve(project, "weights")
+        first = tick(instance)
+        assert isinstance(first, dg.RunRequest) and first.job_name == "renew_feedback_page"
+        instance.create_run_for_job(_job(first), tags=dict(first.tags), status=dg.DagsterRunStatus.STARTED)
+        second = tick(instance)
+        assert isinstance(second, dg.RunRequest) and second.asset_selection == [DATABASE], "its run waits for the page"
+        assert second.job_name == recurate.name
 
 
 def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(project):
@@ -220,5 +236,6 @@ def test_jobs_sensors_and_schedules_run_by_themselves_but_training_does_not():
     assert [each.default_status for each in defs.schedules] == [dg.DefaultScheduleStatus.RUNNING]
     jobs = {each.name for each in defs.jobs}
     assert {"ingest_logs", "recurate", "approve_feedback", "take_back_feedback", "train"} <= jobs
-    started = {name for each in (*defs.sensors, *defs.schedules) for name in [each.job_name]}
-    assert started == {"ingest_logs", "recurate"}
+    started = {target.job_name for each in defs.sensors for target in each.targets}
+    assert started == {"ingest_logs", "recurate", "renew_feedback_page"}
+    assert {each.job_name for each in defs.schedules} == {"recurate"}
