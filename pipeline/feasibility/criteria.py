@@ -34,6 +34,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "joint_speed_over_run_s": "joints.speed_over_run_s",
     },
     "torque": {
+        "torque_ratio": "torque.peak_ratio",
         "torque_over_share": "torque.over_share",
         "torque_over_run_s": "torque.over_run_s",
     },

@@ -109,6 +109,8 @@ class TorqueSettings:
     """Torque is held against its limit as a mean over this time [s]."""
     ratio: Annotated[float, Unit("of the torque limit")]
     """A joint is over its limit where that over the limit is above this."""
+    peak_ratio: Annotated[float, Unit("of the torque limit")]
+    """Largest torque over the limit, however short."""
     over_share: OfFrames
     """Largest share of a joint's frames over its limit."""
     over_run_s: Seconds
@@ -133,6 +135,7 @@ class TorqueSettings:
             touch_height=Range(0.0, 0.2),
             mean_s=Range(0.0, 0.5),
             ratio=RATIO,
+            peak_ratio=RATIO,
             over_share=SHARE,
             over_run_s=SECONDS,
             reference_force=NOT_NEGATIVE,

@@ -43,11 +43,12 @@ class Dynamics:
 
 
 def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
-    """Torque over the limits (share of a joint's frames, longest stretch) and what contact forces leave unexplained.
+    """Torque over the limits (most, share of a joint's frames, longest stretch) and what contact forces don't explain.
 
     A motion that contact forces explain is taken at its word: every torque it needs counts. One that they don't is a
     reference, followed only roughly: there the forces are sought that keep the torques within their limits, and what is
-    missing at the root is held against a looser limit.
+    missing at the root is held against a looser limit. So the most that such a motion needs says little: past its limit
+    torque costs more than the root's residual, which takes the rest.
     """
     contacts = _Contacts(motion, settings)
     strict = contacts.solve(STRICT_EXCESS)
@@ -121,8 +122,8 @@ def _residual(motion: Motion, solution: ContactSolution) -> Float[np.ndarray, "t
 
 def torque_over_limit(
     motion: Motion, joint_torque: Float[np.ndarray, "t j"], settings: TorqueSettings
-) -> tuple[Verdict, Verdict]:
-    """Share of a joint's frames over its limit, and the longest time in a row.
+) -> tuple[Verdict, Verdict, Verdict]:
+    """Most that a joint needs over its limit, share of its frames over it, and the longest time in a row.
 
     Torque [N m] is taken as a mean over `settings.mean_s`: single frames at 50 Hz are off by steps of a controller and
     by impacts, so that a motor at its limit seems to pass it in some of them and to stay below in as many.
@@ -130,9 +131,19 @@ def torque_over_limit(
     names = motion.robot.joint_names
     width = 2 * int(settings.mean_s * motion.clip.fps / 2.0 + 1e-9) + 1
     ratio = np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
+    frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     found = over_limit(ratio > settings.ratio, motion)
     most = found.worst
     return (
+        Verdict(
+            code="torque_ratio",
+            value=float(ratio[frame, joint]),
+            limit=settings.peak_ratio,
+            unit="of the torque limit",
+            text=f"frame {frame}: {names[joint]} needs {ratio[frame, joint]:.2f} times its torque limit as a mean over "
+            f"{settings.mean_s:g} s",
+            bad=np.any(ratio > settings.peak_ratio, axis=1),
+        ),
         Verdict(
             code="torque_over_share",
             value=float(found.share[most]),

@@ -37,7 +37,7 @@ def _verdicts(robot: Robot, limits: FeasibilitySettings, ratio: np.ndarray):
 
 def test_a_motor_at_its_limit_is_not_over_it_for_the_scatter_of_single_frames(robot, limits):
     scatter = np.where(np.arange(300) % 2, 0.15, -0.15)
-    share, run = _verdicts(robot, limits, 1.0 + scatter)
+    _, share, run = _verdicts(robot, limits, 1.0 + scatter)
     assert share.value == 0.0
     assert run.value == 0.0
 
@@ -45,7 +45,8 @@ def test_a_motor_at_its_limit_is_not_over_it_for_the_scatter_of_single_frames(ro
 def test_a_need_of_a_fifth_more_than_the_limit_for_a_fifth_of_a_second_is_told_once_in_six_seconds(robot, limits):
     ratio = np.full(300, 0.5)
     ratio[100:110] = 1.2
-    share, run = _verdicts(robot, limits, ratio)
+    most, share, run = _verdicts(robot, limits, ratio)
+    assert most.holds
     assert run.value == pytest.approx(0.16)  # a frame less at each end
     assert not run.holds
     assert share.value == pytest.approx(8 / 300)
@@ -53,8 +54,21 @@ def test_a_need_of_a_fifth_more_than_the_limit_for_a_fifth_of_a_second_is_told_o
     assert np.flatnonzero(run.bad).tolist() == list(range(101, 109))
 
 
+def test_a_need_of_many_times_the_limit_is_told_however_short(robot, limits):
+    ratio = np.full(300, 0.5)
+    ratio[100:102], ratio[200:202] = 20.0, -20.0
+    most, share, run = _verdicts(robot, limits, ratio)
+    assert share.holds, "eight of 300 frames"
+    assert run.holds, "four frames in a row"
+    assert most.value == pytest.approx((20.0 + 20.0 + 0.5) / 3)
+    assert not most.holds
+    assert most.bad is not None
+    assert np.flatnonzero(most.bad).tolist() == [99, 100, 101, 102, 199, 200, 201, 202]
+    assert "Left_Knee_Pitch needs 13.50 times its torque limit" in most.text
+
+
 def test_torques_of_both_signs_in_turn_do_not_add_up(robot, limits):
-    share, run = _verdicts(robot, limits, np.where(np.arange(300) % 2, 2.0, -2.0))
+    _, share, run = _verdicts(robot, limits, np.where(np.arange(300) % 2, 2.0, -2.0))
     assert share.value == 0.0
     assert run.value == 0.0
 
