@@ -1,11 +1,13 @@
 """Checks on the expert database: judged when it is written, told again by a run that found nothing stale."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import dagster as dg
 import pandas as pd
 from dagster._core.storage.asset_check_execution_record import AssetCheckExecutionRecordStatus
 
+from assets.chosen_windows import short_of_wanted
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import table_of
@@ -61,7 +63,7 @@ def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
                 asset_key=plan.key, check_name=name, passed=False, metadata={"found": "no clip is left"}
             )
         return
-    yield _every_skill(plan, database.index)
+    yield _every_skill(plan, database.index, database.manifest["stages"])
     yield _every_command(plan, database.index)
 
 
@@ -92,7 +94,7 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
     return told
 
 
-def _every_skill(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
+def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> dg.AssetCheckResult:
     from pipeline.viewing.plots import SKILL_COLORS
 
     own = index[index["variant"] == "original"]
@@ -102,12 +104,13 @@ def _every_skill(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
         for skill, value in seconds.items()
         if skill != "transition" and value < MIN_SKILL_SECONDS
     ]
+    short = short_of_wanted(stages)
     return dg.AssetCheckResult(
         asset_key=plan.key,
         check_name=COVERED,
         passed=not poor,
         severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": ", ".join(poor) or "all"},
+        metadata={"found": ", ".join(poor) or "all", **({"wanted by feedback": "; ".join(short)} if short else {})},
     )
 
 

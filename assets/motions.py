@@ -4,8 +4,9 @@ from functools import partial
 
 import dagster as dg
 
-from assets.approved import approved_key, approved_part, noting, told
+from assets.approved import approved_key, approved_part, told
 from assets.checks import check_specs
+from assets.chosen_windows import chosen_windows
 from assets.plainly import plainly
 from assets.plan import SHARED
 from assets.project import PROJECT
@@ -52,24 +53,18 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 @plainly
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
-    from pipeline.clips.outcome import Reason
-    from pipeline.feedback.wanted import wanted_seconds
-    from pipeline.selection import Curation, choose, process
+    from pipeline.selection import Curation, process
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
     stage = stage_of(SELECTED, partial(process, settings=curation), curation)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
     feedback = approved_part(PROJECT, "selection", None)
-    choice = choose(windows.entry_table(), wanted_seconds(curation, feedback))
-    dropped = {
-        row.clip: Reason(code="not_taken", text=f"{row.clip}: {row.why}", effect="rejected").to_dict()
-        for row in choice.itertuples()
-        if not row.taken
-    }
-    manifest = noting(windows.without(dropped), feedback, "selection")
+    manifest, bounds = chosen_windows(windows, curation, feedback)
     metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)
-    metadata["windows not taken"] = len(dropped)
+    if bounds:
+        metadata["what feedback brought"] = dg.MetadataValue.md("\n".join(f"- {each.text()}" for each in bounds))
+    metadata["windows not taken"] = len(windows.entries) - len(manifest.entries)
     metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
     return materialized(SELECTED, manifest, metadata)
 

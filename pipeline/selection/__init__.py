@@ -3,12 +3,14 @@
     clip -> planar motion -> distance of each frame from each skill -> cheapest segmentation -> windows
     all windows -> what data/curation.yaml asks for -> taken or not, and why
 
-`process` is the stage for one clip, `choose` looks at the windows of all clips together.
+`process` is the stage for one clip, `choose` looks at the windows of all clips together, `raised_bounds` tells what
+more seconds of a skill bring.
 """
 
 from pipeline.selection.choose import choose
 from pipeline.selection.curation import Curation, WindowSettings
 from pipeline.selection.process import process
+from pipeline.selection.raised_bounds import RaisedBound, raised_bounds
 from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
 from pipeline.selection.windows import Window, find_windows
 
@@ -17,10 +19,12 @@ __all__ = [
     "SKILLS",
     "TRANSITION",
     "Curation",
+    "RaisedBound",
     "SkillBounds",
     "Window",
     "WindowSettings",
     "choose",
     "find_windows",
     "process",
+    "raised_bounds",
 ]
