@@ -73,8 +73,9 @@ def _in_database(project: Project, robot: str) -> dict[str, str] | None:
 def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.RunRequest | dg.SkipReason:
     """The run that brings what is approved into the databases, or why there is none."""
     try:
-        for fault in approvals_of(project).faults.values():
-            return dg.SkipReason(str(fault))
+        for section, fault in approvals_of(project).faults.items():
+            if section in SHARED_PARTS or section in HEEDED_BY:  # a file that can't be read faults all sections
+                return dg.SkipReason(str(fault))
         late = behind(instance, project)
         state = digest.of_json({key.to_user_string(): each[0] for key, each in approved_versions(project).items()})
     except (PipelineError, OSError) as error:

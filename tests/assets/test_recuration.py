@@ -8,7 +8,7 @@ import pytest
 
 from assets import recuration, run_tries
 from assets.approval import approve_proposal, take_back_sections
-from assets.approved import PARTS, SHARED_PARTS, approved_part, noting
+from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
 from assets.recuration import (
     APPROVED_TAG,
@@ -226,6 +226,19 @@ def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
     project.approved_feedback.write_text("approvals: 3\n")
     with dg.instance_for_test() as instance:
         assert "approved.yaml: 'approvals' is 3" in tick(instance)
+
+
+def test_a_section_that_no_database_heeds_stops_none(project):
+    with reached(project) as instance:
+        approve(project)
+        text = project.approved_feedback.read_text()
+        assert text.count("value: 0.8") == 1, "the range of gains"
+        project.approved_feedback.write_text(text.replace("value: 0.8", "value: 0.7"))
+        assert set(approvals_of(project).faults) == {"randomization"}
+        request = tick(instance)
+        assert isinstance(request, dg.RunRequest) and request.asset_selection == [DATABASE]
+        project.approved_feedback.write_text(text.replace("value: 1.5625", "value: 1.5"))
+        assert "'weights': its changes do not have the digest" in str(tick(instance))
 
 
 def test_jobs_sensors_and_schedules_run_by_themselves_but_training_does_not():
