@@ -11,6 +11,7 @@ are measured with `--kinds` left out, and labels against forces where POLICIES (
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.repair_files import FILE_KINDS, HARMLESS  # noqa: E402
+from benchmarks.repair_floors import FLOOR_NUMBER, TOLD_BEFORE, judge_floor  # noqa: E402
 from benchmarks.repair_judge import Verdict, judge_plant  # noqa: E402
 from benchmarks.repair_picture import draw  # noqa: E402
 from benchmarks.repair_quality import contact_bars, gap_bars, sound_bars  # noqa: E402
@@ -32,6 +34,8 @@ from pipeline.repair import RepairSettings  # noqa: E402
 from tests.factories.planted_defects import KINDS  # noqa: E402
 
 SEED = 1
+LIMITS_SEEDS = "1 to 8, 11 to 15, 31 and 32"
+"""Limits of KP2 were set with plants of these: what is found there says less than what is found with others."""
 LEAST = 98.0
 """Per cent of the counted defects that have to be found, and found where they are."""
 CHUNK = 50
@@ -74,7 +78,8 @@ def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
     numbers = range(first, first + CHUNK)
     if kind in KINDS:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
-        return [judge_plant(kind, number, seed, mocap, limits) for number in numbers]
+        one = judge_floor if kind in FLOOR_NUMBER else judge_plant
+        return [one(kind, number, seed, mocap, limits) for number in numbers]
     harmless: Callable[..., Verdict] | None = HARMLESS.get(kind)
     if harmless is not None:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
@@ -85,18 +90,35 @@ def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
 
 def kind_bars(kind: str, verdicts: list[Verdict]) -> list[Bar]:
     """How many of a kind that matter were found, and located or right in their parameter."""
+    if kind in FLOOR_NUMBER:
+        groups = sorted({one.group for one in verdicts})
+        each = [bar for group in groups for bar in _floor_bars(kind, group, verdicts)]
+        return [*_found(kind, [one for one in verdicts if one.group != TOLD_BEFORE]), *each]
     counted = [one for one in verdicts if one.strength >= 1.0]
     if kind in HARMLESS:
         return [_percent(f"{kind} ({len(counted)}): the same comes out", [one.detected for one in counted])]
-    second = "right" if kind in FILE_KINDS or kind.startswith("floor_") else "located"
-    return [
-        _percent(f"{kind} ({len(counted)} of {len(verdicts)}): found", [one.detected for one in counted]),
-        _percent(f"{kind}: {second}", [one.located for one in counted]),
-    ]
+    second = "right" if kind in FILE_KINDS else "located"
+    return [*_found(kind, verdicts), _percent(f"{kind}: {second}", [one.located is True for one in counted])]
+
+
+def _found(name: str, verdicts: list[Verdict]) -> list[Bar]:
+    counted = [one.detected for one in verdicts if one.strength >= 1.0]
+    return [_percent(f"{name} ({len(counted)} of {len(verdicts)}): found", counted)]
+
+
+def _floor_bars(kind: str, group: str, verdicts: list[Verdict]) -> list[Bar]:
+    """Floors of one group of clips; of those told of without a plant there is nothing to be held to."""
+    own = [one for one in verdicts if one.group == group]
+    name = f"{kind}, {group}"
+    if group == TOLD_BEFORE:
+        (bar,) = _found(name, own)
+        return [dataclasses.replace(bar, name=bar.name.replace("found", "still told"), sense="", bound=None)]
+    right = [one.located for one in own if one.strength >= 1.0 and one.located is not None]
+    return [*_found(name, own), *([_percent(f"{name}: right", right)] if right else [])]
 
 
 def _counted(verdicts: list[Verdict]) -> int:
-    return sum(one.strength >= 1.0 for one in verdicts)
+    return sum(one.strength >= 1.0 and one.group != TOLD_BEFORE for one in verdicts)
 
 
 def _percent(name: str, values: list[bool]) -> Bar:
@@ -107,7 +129,7 @@ def _percent(name: str, values: list[bool]) -> Bar:
 def _print_missed(verdicts: dict[str, list[Verdict]]) -> None:
     for kind, each in verdicts.items():
         for one in each:
-            if one.strength >= 1.0 and not (one.detected and one.located):
+            if one.strength >= 1.0 and not (one.detected and one.located is not False):
                 print(f"{kind} {'MISSED' if not one.detected else 'ELSEWHERE'}: {one.text[:300]}")
 
 
@@ -116,7 +138,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("mocap", nargs="?", type=Path, default=ROOT.parent / "shared" / "mocap")
     parser.add_argument("--policies", type=Path, default=ROOT.parent / "shared" / "policies")
     parser.add_argument("--count", type=int, default=200, help="defects of each kind that matter")
-    parser.add_argument("--seed", type=int, default=SEED, help="of places and strengths; limits were set with 1 to 4")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help=f"of places and strengths; limits were set with {LIMITS_SEEDS}"
+    )
     parser.add_argument("--kinds", default="", help="only these, by name, with commas between")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--missed", action="store_true", help="tell each defect that was not found or is elsewhere")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.repair_clips import Sound, sound_clips
-from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Reason
 from pipeline.repair import RepairSettings, process
 from tests.factories.planted_defects import Planted, plant
 
 EDGE_FRAMES, EDGE_S = 2, 0.04
 """An edge is located within so many frames or seconds, whichever is more."""
-FLOOR_M = 0.005
-"""A floor's height and its drift are right within this [m]."""
-FLOOR_NUMBER = {"floor_offset": "floor_m", "floor_drift": "floor_drift_m"}
-"""Kind of defect of the floor -> the number of KP2 that tells it."""
 CONSEQUENCES = frozenset({"too_short", "no_contact", "foot_skate", "floor_drift", "floor_offset"})
 """Reasons that tell of no corrupted frames."""
 
@@ -33,10 +27,13 @@ class Verdict:
     clip: str
     strength: float
     detected: bool
-    located: bool
-    """Where the defect has edges: both are where they are; of a floor: its height or drift is right."""
+    located: bool | None
+    """Where the defect has edges: both are where they are; of a floor: its height or drift is right, None where nobody
+    knows the ground."""
     text: str
     """What was planted and what was said, for people."""
+    group: str = ""
+    """Clips that are counted by themselves; empty where a kind has one group."""
 
 
 @functools.cache
@@ -54,29 +51,7 @@ def judge_plant(kind: str, number: int, seed: int, folder: Path, settings: Repai
     while needs_walking(kind) and not clips[index].walks:
         index = int(rng.integers(len(clips)))
     sound, clean = clips[index], outcome_of(index, folder, settings)
-    if kind in FLOOR_NUMBER:
-        sound, clean = grounded(index, folder, settings)
     return judge(kind, sound, plant(kind, sound.clip, rng), clean, settings)
-
-
-@functools.cache
-def grounded(sound_index: int, folder: Path, settings: RepairSettings) -> tuple[Sound, Outcome]:
-    """A sound clip put on its ground, and what KP2 says of it.
-
-    Recordings have a ground of up to a few centimetres of their own, which would take away from what is planted or add
-    to it: only where there is none is the strength of a plant how far the ground is off.
-    """
-    sound = sound_clips(folder)[sound_index]
-    clip = without_floor(sound.clip, outcome_of(sound_index, folder, settings))
-    return dataclasses.replace(sound, clip=clip), process(clip, {"skill": sound.skill}, settings=settings)
-
-
-def without_floor(clip: HumanClip, said: Outcome) -> HumanClip:
-    """The clip moved and levelled by all that KP2 `said` of its ground."""
-    height, drift = (float(said.numbers[name] or 0.0) for name in ("floor_m", "floor_drift_m"))
-    share = (np.arange(clip.frame_count) - (clip.frame_count - 1) / 2.0) / clip.frame_count
-    ground = (height + drift * share)[:, None, None] * [0.0, 0.0, 1.0]
-    return dataclasses.replace(clip, body_pos_w=clip.body_pos_w - ground)
 
 
 def needs_walking(kind: str) -> bool:
@@ -89,9 +64,7 @@ def judge(kind: str, sound: Sound, planted: Planted, clean: Outcome, settings: R
     known = {(one.code, one.start_s, one.stop_s) for one in clean.reasons}
     new = [one for one in outcome.reasons if (one.code, one.start_s, one.stop_s) not in known]
     fps = sound.clip.fps
-    if kind in FLOOR_NUMBER:
-        detected, located = _floor(kind, planted, outcome, clean, new)
-    elif kind == "foot_skate":
+    if kind == "foot_skate":
         detected, located = _skate(planted, new, fps, _standing(sound, clean))
     else:
         detected, located = _frames(planted, new, fps)
@@ -123,13 +96,6 @@ def _frames(planted: Planted, new: list[Reason], fps: float) -> tuple[bool, bool
     first, last = min(start for start, _ in spans), max(max(stop, start + 1) for start, stop in spans)
     starts = low - 1e-6 <= first <= planted.first + off + 1e-6
     return True, starts and planted.last + 1 - off - 1e-6 <= last <= high + 1e-6
-
-
-def _floor(kind: str, planted: Planted, outcome: Outcome, clean: Outcome, new: list[Reason]) -> tuple[bool, bool]:
-    said = any(one.code == kind for one in new)
-    name = FLOOR_NUMBER[kind]
-    found = float(outcome.numbers[name] or 0.0) - float(clean.numbers[name] or 0.0)
-    return said, abs(found - (planted.size or 0.0)) <= FLOOR_M
 
 
 def _skate(planted: Planted, new: list[Reason], fps: float, standing: np.ndarray) -> tuple[bool, bool]:

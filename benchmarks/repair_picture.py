@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib
 
+from benchmarks.repair_floors import TOLD_BEFORE
 from benchmarks.repair_judge import Verdict
 
 matplotlib.use("Agg")
@@ -38,8 +39,9 @@ def draw(verdicts: dict[str, list[Verdict]], path: Path) -> None:
     figure, axes = pyplot.subplots(figsize=(8.0, 4.5), dpi=110)
     markers = "os^vD<>pP*X"
     for marker, kind in zip(markers, [kind for kind in SHOWN if kind in verdicts], strict=False):
-        strength = np.array([one.strength for one in verdicts[kind]])
-        found = np.array([one.detected for one in verdicts[kind]], dtype=float)
+        drawn = [one for one in verdicts[kind] if one.group != TOLD_BEFORE]
+        strength = np.array([one.strength for one in drawn])
+        found = np.array([one.detected for one in drawn], dtype=float)
         which = np.digitize(strength, EDGES)
         bins = [index for index in range(1, len(EDGES)) if (which == index).sum() >= FEWEST]
         middle = [float(np.sqrt(EDGES[index - 1] * EDGES[index])) for index in bins]
