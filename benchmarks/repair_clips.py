@@ -45,9 +45,9 @@ REAL: dict[str, tuple[int, int | None]] = {
     "lafan1_60fps/walk3_subject1_walk2.bvh": (0, None),
 }
 """Real recordings and the frames of each that are sound."""
-UNNOTED: dict[str, tuple[int, int]] = {"pfnn/LocomotionFlat04_000.bvh": (0, 2331)}
-"""Frames of those with defects that their index does not note: from 1634 on ankles turn by 22 to 38 degrees in one of
-1/120 s, between frames in which they turn by 1 to 3; of the frames before none turns a joint by more than 6.4."""
+CALLED_CLEAN: dict[str, tuple[int, int]] = {"pfnn/LocomotionFlat04_000.bvh": (0, 2332)}
+"""Frames that their index calls clean ("Frames 0-2331 are clean") and we do not: from 1634 on ankles turn by 22 to 38
+degrees in one of 1/120 s, between frames in which they turn by 1 to 3; before, none turns a joint by more than 6.4."""
 
 
 @dataclass(frozen=True, kw_only=True)
