@@ -148,7 +148,8 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
         from assets.model_report import models_agree
         from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
-        from pipeline.feedback.motor_limits import lowered
+        from pipeline.feedback.motor_limits import check_limits, lowered
+        from pipeline.feedback.rules import FeedbackRules
         from pipeline.robot import load_robot
 
         name = plan.robot or DEFAULT_ROBOT
@@ -156,7 +157,11 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in actuator_calibration.settings.values()]
         feedback = approved_part(PROJECT, "motors", plan.robot)
-        actuators = lowered(adapt(nominal, calibrations, values), feedback)
+        calibrated = adapt(nominal, calibrations, values)
+        if feedback:
+            rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
+            check_limits(calibrated, feedback, rules.motors.lowest)
+        actuators = lowered(calibrated, feedback)
         robot = write_adapted_robot(folder, PROJECT.robot_folder(name), actuators)
         files = {path.name: digest.of_file(path) for path in sorted(folder.iterdir())}
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pipeline.clips.skill import SKILLS
 from pipeline.errors import PipelineError
 from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE, FeedbackRules
 from pipeline.files import digest
@@ -92,8 +93,7 @@ def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
     faults = [fault for each in changes for fault in _faults(each, rules)]
     seen: set[tuple[str, str, str]] = set()
     for each in changes:
-        what = " of ".join(perturbation_of(each.what)) if each.section == "augmentation" else each.what
-        place = (each.section, each.robot, what)
+        place = place_of(each)
         if place in seen:
             faults.append(f"{each.section} {each.what} of {each.robot} is there twice")
         seen.add(place)
@@ -105,6 +105,9 @@ def _faults(change: Change, rules: FeedbackRules) -> list[str]:
     name = f"{change.section} '{change.what}'"
     if not change.witnesses:
         return [f"{name} names no log that it rests on"]
+    skill = _skill(change)
+    if skill is not None and skill not in SKILLS:
+        return [f"{name} names no skill; there are: {', '.join(SKILLS)}"]
     allowed = allowed_range(change, rules)
     if allowed is None:
         return [f"{name} is nothing that data/feedback_rules.yaml has a rule for"]
@@ -122,6 +125,19 @@ def perturbation_of(what: str) -> tuple[str, str]:
     means its playing speeds."""
     kind, _, skill = what.rpartition(" of ")
     return kind or TIME_SCALE, skill
+
+
+def place_of(change: Change) -> tuple[str, str, str]:
+    """What a change is of: section, robot, number. Two changes of one place contradict each other."""
+    what = " of ".join(perturbation_of(change.what)) if change.section == "augmentation" else change.what
+    return change.section, change.robot, what
+
+
+def _skill(change: Change) -> str | None:
+    """The skill that a change is of, known or not; None where it is of none."""
+    if change.section == "augmentation":
+        return perturbation_of(change.what)[1]
+    return change.what if change.section == "selection" else None
 
 
 def neutral(kind: str) -> float:

@@ -7,7 +7,34 @@ import math
 from collections.abc import Sequence
 
 from pipeline.actuators import BoxLimits, JointActuator, dc_motor_line
-from pipeline.feedback.change import Change
+from pipeline.feedback.change import Change, ChangeError
+
+ROUNDED_N_M = 1e-3
+"""Proposed limits are rounded to this."""
+
+
+def check_limits(actuators: Sequence[JointActuator], changes: Sequence[Change], lowest: float) -> None:
+    """Raises ChangeError for limits of joints that the robot lacks, or further down than its calibration allows.
+
+    What a file says that a limit was before is nothing to go by: any hand can write it.
+
+    Args:
+        lowest: of the calibrated limit, the rule's
+    """
+    calibrated = {each.joint: each.box_effort_limit for each in actuators}
+    faults = []
+    for each in changes:
+        limit = calibrated.get(each.what)
+        if limit is None:
+            faults.append(f"'{each.what}' is no joint of {each.robot}; there are: {', '.join(calibrated)}")
+        elif each.value < lowest * limit - ROUNDED_N_M:
+            least = f"{lowest:g} of the {limit:g} N m that it is calibrated to"
+            faults.append(f"'{each.what}' is {each.value:g} N m; allowed is no less than {least}")
+    if faults:
+        raise ChangeError(
+            f"data/feedback/approved.yaml, 'motors': {'; '.join(faults)}. Approve 'motors' of the current proposal "
+            "again (job approve_feedback), or take it back (job take_back_feedback, or delete the entry)."
+        )
 
 
 def lowered(actuators: Sequence[JointActuator], changes: Sequence[Change]) -> tuple[JointActuator, ...]:

@@ -1,8 +1,12 @@
 """What stages do with approved changes: nothing where there are none, and the logs behind them in their manifests."""
 
+import dataclasses
+import shutil
+
 import dagster as dg
 import pytest
 
+from assets import actuators
 from assets.approved import (
     BROKEN,
     PARTS,
@@ -14,13 +18,14 @@ from assets.approved import (
     told,
 )
 from assets.bootstrap import _upstream
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.variants import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
 from pipeline.feedback.approved import EMPTY, entries_of, write_entries
 from tests.factories.feedback_project import feedback_project
-from tests.factories.trial_reports import failure, proposal, report
+from tests.factories.trial_reports import failure, proposal, report, saturated
 
 
 def _manifest(*variants: str, clip: str = "walk") -> Manifest:
@@ -81,6 +86,30 @@ def test_rules_that_cannot_be_read_fault_what_is_approved_by_their_name(root, tm
     assert all(version.startswith(BROKEN) for version, _ in approved_versions(project).values())
     with pytest.raises(SettingsError, match=r"feedback_rules.yaml: .*'approval' is 3"):
         approved_part(project, "motors", "t1")
+
+
+@pytest.mark.parametrize(
+    ("written", "says"),
+    [
+        ({"value": 1.5, "before": 5.0}, "'Left_Knee_Pitch' is 1.5 N m; allowed is no less than 0.3 of the 60 N m"),
+        ({"what": "No_Such_Joint"}, "'No_Such_Joint' is no joint of t1"),
+    ],
+)
+def test_a_limit_written_by_hand_is_held_against_the_calibrated_one(root, tmp_path, monkeypatch, written, says):
+    project = feedback_project(root, tmp_path)
+    shutil.copy(root / "data/actuators.yaml", project.data)
+    shutil.copytree(root / "robots/t1", project.robot_folder("t1"), dirs_exist_ok=True)
+    changes = proposal(*(report(number, saturated(36.0)) for number in range(2))).changes
+    motors = [dataclasses.replace(each, **written) for each in changes if each.section == "motors"]
+    write_entries(project.approved_feedback, entries_of(motors, "x", "a person"))
+    assert len(approved_part(project, "motors", "t1")) == 1, "the rules alone can't tell"
+    monkeypatch.setattr(actuators, "PROJECT", project)
+    model, calibration, adapted, *_ = robot_plans("t1")
+    asset = actuators.adapted_robot(adapted, calibration, model)
+    nothing = Manifest(stage="actuator_calibration", entries=(), judged=(), settings={})
+    with pytest.raises(dg.Failure, match=says):
+        asset(actuator_calibration=nothing, robot_model=nothing)
+    assert not project.adapted_robot("t1").exists()
 
 
 def test_parts_of_another_robot_have_its_prefix_and_windows_are_all_robots():

@@ -1,5 +1,6 @@
 """The file of approved changes: read back whole, refused where it was tampered with, split so that parts stay apart."""
 
+import dataclasses
 import re
 
 import pytest
@@ -106,6 +107,16 @@ def test_a_file_that_nobody_lets_us_read_is_told(path, monkeypatch):
     monkeypatch.setattr(type(path), "read_text", refused)
     assert set(faults(path)) == set(SECTIONS)
     assert "Permission denied" in faults(path)["motors"]
+
+
+@pytest.mark.parametrize(
+    ("section", "what"), [("selection", "wlak"), ("augmentation", "wlak"), ("augmentation", "time_scale of wlak")]
+)
+def test_a_skill_that_there_is_not_is_refused(changes, path, section, what):
+    misspelt = [dataclasses.replace(next(each for each in changes if each.section == section), what=what)]
+    write_entries(path, entries_of(misspelt, "x", "a person"))
+    assert list(faults(path)) == [section]
+    assert f"{section} '{what}' names no skill; there are: stand, " in faults(path)[section]
 
 
 def test_a_change_under_another_sections_name_is_refused(path):

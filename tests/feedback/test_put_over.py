@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.actuators import ActuatorSettings, adapt
 from pipeline.augment import AugmentSettings, Strengths
-from pipeline.feedback.change import Change, Witness
-from pipeline.feedback.motor_limits import lowered
+from pipeline.feedback.change import Change, ChangeError, Witness
+from pipeline.feedback.motor_limits import check_limits, lowered
 from pipeline.feedback.wanted import further_variants, wanted_seconds
 from pipeline.files import settings
 from tests.factories.trial_reports import CURATION, DATA
@@ -49,6 +49,20 @@ def test_a_skill_gets_the_perturbations_that_it_does_not_have_yet():
     assert found["walk"].time_scales == () and found["walk"].mirror == AUGMENT.mirror
     there = dataclasses.replace(AUGMENT, perturbations=Strengths(foot_lift=(0.02,), trunk_lean=(-2.0,)))
     assert list(further_variants(asked, there)) == ["run"]
+
+
+@pytest.mark.parametrize(
+    ("joint", "value", "says"),
+    [
+        ("Left_Knee_Pitch", 1.5, r"'Left_Knee_Pitch' is 1.5 N m; allowed is no less than 0.3 of the 60 N m"),
+        ("No_Such_Joint", 36.0, "'No_Such_Joint' is no joint of t1; there are: .*Left_Knee_Pitch"),
+    ],
+)
+def test_a_limit_is_held_against_the_calibration_whatever_a_file_says_it_was_before(robot, joint, value, says):
+    actuators = adapt(robot, [], ACTUATORS)
+    with pytest.raises(ChangeError, match=says + r".*approve_feedback\), or take it back"):
+        check_limits(actuators, [_change("motors", joint, value, 5.0)], 0.3)
+    check_limits(actuators, [_change("motors", "Left_Knee_Pitch", 18.0, 60.0)], 0.3)
 
 
 def test_a_limit_is_lowered_with_its_motor_line_and_never_raised(robot):
