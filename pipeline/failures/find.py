@@ -11,6 +11,7 @@ from pipeline import time_series
 from pipeline.actuators import JointActuator
 from pipeline.failures.failure import HELD, Failure
 from pipeline.failures.falls import falls
+from pipeline.failures.fingerprint import fingerprint_of
 from pipeline.failures.gait import slips, stumbles
 from pipeline.failures.held import excuse_at, excuse_failures, excuses
 from pipeline.failures.motors import hot_motors, speed_saturations, torque_saturations
@@ -67,6 +68,9 @@ def find_failures(
         seconds=trial.seconds,
         commands=_commands(alone, settings, until_s) if known else (),
         command_known=known,
+        start_ns=trial.start_ns,
+        whole=trial.integrity == "complete",
+        fingerprint=fingerprint_of(trial),
         failures=tuple(sorted(found, key=lambda each: (each.time_s, each.kind, each.joint))),
         notes=_notes(signals, known),
     )

@@ -31,8 +31,19 @@ class TrialReport:
     failures: tuple[Failure, ...]
     command_known: bool = True
     """Whether the log says what was asked for; if not, commands of failures are zeros and mean nothing."""
+    start_ns: int | None = None
+    """Receipt of the first sample since 1970; None in reports that were made before it was kept."""
+    whole: bool = True
+    """Whether nothing of the log was lost."""
+    fingerprint: str = ""
+    """Of the sensor data, as `fingerprint.fingerprint_of` makes it."""
     notes: tuple[str, ...] = ()
     """What could not be looked at, and why."""
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Absolute time from the first sample to the end of the last one."""
+        return None if self.start_ns is None else (self.start_ns, self.start_ns + round(self.seconds * 1e9))
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""

@@ -1,7 +1,8 @@
 """From failures to changes, by rules. Every change names the logs behind it; what proposes nothing says why.
 
-What is counted is logs, not failures: a robot that falls ten times in one log moves a number as far as one that falls
-once. A log that is there twice (the same bytes under two names) counts once, with all of its trials.
+What is counted is recordings, not failures: a robot that falls ten times in one log moves a number as far as one that
+falls once. A log that is there twice, as a copy, a torn copy or in pieces, counts once, with all of its trials. Which
+those are is asked after trust, so that a copy that cannot count takes nothing from the one that can.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pipeline.feasibility.balance_settings import CommandSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import VELOCITIES
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
+from pipeline.feedback.recordings import Heard, recorded
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
 from pipeline.feedback.trust import doubt_of, trusted
 from pipeline.feedback.witnesses import NamedBy, Pair, grouped, witnesses_of
@@ -43,19 +45,20 @@ def propose(
 
     `commands` names the cells of the command space as KP5 does, `skills` labels a command as KP1 labels a motion.
     """
-    ordered = sorted(reports, key=_by_name)
-    name_of = {each.sha256: each.file for each in ordered}
-    unlike = [each for each in ordered if each.file == name_of[each.sha256]]
-    heard, silent = trusted(unlike, rules)
-    pairs = [(report, failure) for report in heard for failure in report.failures if failure.of_policy]
+    trustworthy, silent = trusted(sorted(reports, key=_by_name), rules)
+    heard, copies = recorded(trustworthy)
+    silent += copies
+    pairs = [(trial, failure) for trial in heard for failure in trial.report.failures if failure.of_policy]
     counted = [pair for pair in pairs if not doubt_of(pair[1], rules)]
     silent += [
-        f"{report.trial}: {each.text()}: {doubt_of(each, rules)}" for report, each in pairs if doubt_of(each, rules)
+        f"{trial.report.trial}: {each.text()}: {doubt_of(each, rules)}"
+        for trial, each in pairs
+        if doubt_of(each, rules)
     ]
     changes: list[Change] = []
-    for robot in sorted({report.robot for report, _ in counted}):
-        own = [pair for pair in counted if pair[0].robot == robot]
-        trials = [report for report in heard if report.robot == robot]
+    for robot in sorted({trial.report.robot for trial, _ in counted}):
+        own = [pair for pair in counted if pair[0].report.robot == robot]
+        trials = [trial for trial in heard if trial.report.robot == robot]
         cell, skill = _cell_namer(commands), _skill_namer(skills)
         changes += _factors("weights", own, trials, rules, cell)
         changes += _factors("selection", own, trials, rules, skill)
@@ -67,8 +70,8 @@ def propose(
     return Proposal(changes=tuple(changes), silent=tuple(silent))
 
 
-def _by_name(report: TrialReport) -> str:
-    return report.trial
+def _by_name(report: TrialReport) -> tuple[str, str]:
+    return report.trial, report.file
 
 
 def _cell_namer(commands: CommandSettings) -> NamedBy:
@@ -88,7 +91,7 @@ def _skill_namer(bounds: SkillBounds) -> NamedBy:
 
 
 def _factors(
-    section: str, pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy
+    section: str, pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
 ) -> list[Change]:
     """Factors on command cells or skills."""
     rule = rules.weights if section == "weights" else rules.selection
@@ -97,7 +100,7 @@ def _factors(
 
 
 def _perturbations(
-    pairs: Sequence[Pair], trials: Sequence[TrialReport], rules: FeedbackRules, name: NamedBy
+    pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
 ) -> tuple[list[Change], list[str]]:
     """Perturbations of the clips of skills, of each kind that a rule answers the failures of the skill with.
 
@@ -131,10 +134,10 @@ def _answered(failure: Failure, answer: Answer) -> bool:
 def _perturbation(kind: str, skill: str, way: str, group: Sequence[Pair], rules: FeedbackRules) -> Change:
     sign, without = -1.0 if way == LESS else 1.0, neutral(kind)
     rule, witnesses = rules.augmentation[kind], witnesses_of(group)
-    logs = len({each.sha256 for each in witnesses})
+    logs = len(witnesses)
     return Change(
         section="augmentation",
-        robot=group[0][0].robot,
+        robot=group[0][0].report.robot,
         what=f"{kind} of {skill}",
         value=round(without + sign * rule.amount(logs), 6),
         before=without,
@@ -149,7 +152,7 @@ def _moved(
     """The change that goes as far from `before` as the rule lets this many logs."""
     change = Change(
         section=section,
-        robot=group[0][0].robot,
+        robot=group[0][0].report.robot,
         what=what,
         value=before,
         before=before,
@@ -165,9 +168,9 @@ def _moved(
 def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[str]]:
     """Torque limits of joints that gave less than was asked of them, in several logs alike."""
     by_joint: dict[str, list[Pair]] = {}
-    for report, failure in pairs:
+    for trial, failure in pairs:
         if failure.kind in rule.kinds and "given_n_m" in failure.evidence:
-            by_joint.setdefault(failure.joint, []).append((report, failure))
+            by_joint.setdefault(failure.joint, []).append((trial, failure))
     changes, silent = [], []
     for joint, group in sorted(by_joint.items()):
         given = _by_log(group, "given_n_m")
@@ -181,7 +184,7 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
         changes.append(
             Change(
                 section="motors",
-                robot=group[0][0].robot,
+                robot=group[0][0].report.robot,
                 what=joint,
                 value=round(value, 3),
                 before=limit,
@@ -193,10 +196,10 @@ def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[
 
 
 def _by_log(group: Sequence[Pair], name: str) -> Mapping[str, float]:
-    """Median over the failures of each log."""
+    """Median over the failures of each recording."""
     values: dict[str, list[float]] = {}
-    for report, failure in group:
-        values.setdefault(report.sha256, []).append(float(failure.evidence[name]))
+    for trial, failure in group:
+        values.setdefault(trial.recording, []).append(float(failure.evidence[name]))
     return {log: float(np.median(each)) for log, each in values.items()}
 
 
@@ -217,8 +220,8 @@ def _ranges(pairs: Sequence[Pair], rules: FeedbackRules) -> list[Change]:
     changes = []
     for name, rule in sorted(rules.randomization.items()):
         group = [
-            (report, failure)
-            for report, failure in pairs
+            (trial, failure)
+            for trial, failure in pairs
             if failure.kind in rule.kinds and (not rule.causes or failure.evidence.get("cause") in rule.causes)
         ]
         if group:

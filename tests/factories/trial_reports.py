@@ -55,9 +55,9 @@ def report(number: int, *failures: Failure, **more: Any) -> TrialReport:
     return TrialReport(failures=failures, **{**said, **more})
 
 
-def proposal(*reports: TrialReport) -> Proposal:
-    """What the shipped rules make of reports."""
-    return propose(reports, RULES, FEASIBILITY.balance.commands, CURATION.windows.bounds)
+def proposal(*reports: TrialReport, rules: FeedbackRules = RULES) -> Proposal:
+    """What the shipped rules, or others, make of reports."""
+    return propose(reports, rules, FEASIBILITY.balance.commands, CURATION.windows.bounds)
 
 
 def values(found: Proposal) -> dict[tuple[str, str], float]:
