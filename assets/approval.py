@@ -103,13 +103,15 @@ def approve_proposal(
     if not kept:
         asked = ", ".join((*policies, *sections))
         raise ApprovalError(f"no change of proposal '{proposal}' is of {asked} alone; nothing was approved.")
-    check_bounds(kept, settings.read(project.settings("feedback_rules.yaml"), FeedbackRules))
+    rules = settings.read(project.settings("feedback_rules.yaml"), FeedbackRules)
+    check_bounds(kept, rules)
     earlier = approvals_of(project)
     touched = {each.section for each in kept}
     for section, fault in earlier.faults.items():
         if not earlier.readable or (policies and section in touched):
             raise ApprovalError(f"nothing was approved, as what is approved of '{section}' can't be told: {fault}")
     entries = added(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
+    check_bounds([each for entry in entries if entry.section in touched for each in entry.changes], rules)
     write_entries(project.approved_feedback, entries)
     return len(kept)
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from assets.report import table_of
 from pipeline.feedback.approved import Approvals
-from pipeline.feedback.change import Change
+from pipeline.feedback.change import Change, place_of
 from pipeline.feedback.trust import is_demonstration
 
 if TYPE_CHECKING:
@@ -37,12 +37,12 @@ class FeedbackPage:
     def of(proposal: Proposal, approvals: Approvals) -> FeedbackPage:
         """Compare the two. An approval of a number that is proposed with another value is pending, not lingering."""
         approved = approvals.changes
-        places = {(each.section, each.robot, each.what) for each in proposal.changes}
+        places = {place_of(each) for each in proposal.changes}
         return FeedbackPage(
             proposal=proposal,
             approvals=approvals,
             pending=tuple(each for each in proposal.changes if each not in approved),
-            lingering=tuple(each for each in approved if (each.section, each.robot, each.what) not in places),
+            lingering=tuple(each for each in approved if place_of(each) not in places),
         )
 
     @property

@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from pipeline.errors import PipelineError, SettingsError
-from pipeline.feedback.change import SECTIONS, Change, ChangeError, check_bounds, proposal_digest
+from pipeline.feedback.change import SECTIONS, Change, ChangeError, check_bounds, place_of, proposal_digest
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import atomic, digest, settings
 
@@ -144,22 +144,18 @@ def added(
         whole: whether the new ones speak for their sections as a whole, so that what was approved of these before
             goes; if not, only the same numbers give way
     """
-    places = {_place(change) for entry in new for change in entry.changes}
+    places = {place_of(change) for entry in new for change in entry.changes}
     sections = {entry.section for entry in new}
     kept = []
     for entry in earlier:
         if entry.section not in sections:
             kept.append(entry)
             continue
-        left = () if whole else tuple(each for each in entry.changes if _place(each) not in places)
+        left = () if whole else tuple(each for each in entry.changes if place_of(each) not in places)
         if left:
             kept.append(dataclasses.replace(entry, changes=left, digest=proposal_digest(left)))
     order = list(SECTIONS)
     return tuple(sorted((*kept, *new), key=lambda entry: order.index(entry.section)))
-
-
-def _place(change: Change) -> tuple[str, str, str]:
-    return change.section, change.robot, change.what
 
 
 def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str = "approved") -> None:
@@ -178,9 +174,8 @@ def write_entries(path: Path, entries: Sequence[SectionApproval], *, head: str =
 
 def part_of(changes: Sequence[Change], section: str, robot: str | None) -> tuple[Change, ...]:
     """The changes of a section for a robot, None for what all robots share; in one order, however they came in."""
-    return tuple(
-        sorted((each for each in changes if each.section == section and robot in (None, each.robot)), key=_place)
-    )
+    own = [each for each in changes if each.section == section and robot in (None, each.robot)]
+    return tuple(sorted(own, key=lambda each: (each.section, each.robot, each.what)))
 
 
 def part_version(part: Sequence[Change]) -> str:

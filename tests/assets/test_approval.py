@@ -1,13 +1,16 @@
 """Approving: a proposal by its digest, sections that add up, and taking back, which never happens by the way."""
 
+import dataclasses
+
 import pytest
 
 from assets.approval import ApprovalError, approve_proposal, take_back_sections
 from assets.approved import PARTS, approvals_of, approved_part
 from assets.project import Project
 from pipeline.errors import PipelineError
+from pipeline.feedback.approved import entries_of, write_entries
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
-from tests.factories.trial_reports import failure, report
+from tests.factories.trial_reports import failure, proposal, report
 
 OTHER = "b" * 64
 """Another policy."""
@@ -77,6 +80,27 @@ def test_approvals_of_policies_add_up_within_a_section(project):
     approve_proposal(project, digest, "a person", policies=(OTHER,), sections=("weights",))
     part = approved_part(project, "weights", "t1")
     assert len(part) == 2 and left in part
+
+
+def test_playing_speeds_approved_by_the_skill_alone_give_way_to_the_same_under_their_full_name(project):
+    changes = proposal(report(1, failure())).changes
+    speeds = next(each for each in changes if each.what == "time_scale of side_left")
+    old = dataclasses.replace(speeds, what="side_left")
+    write_entries(project.approved_feedback, entries_of([old], "x", "one"))
+    assert approved_part(project, "augmentation", "t1") == (old,)
+    digest = propose_into(project, report(1, failure()))
+    approve_proposal(project, digest, "another", policies=("a" * 64,), sections=("augmentation",))
+    assert speeds in approved_part(project, "augmentation", "t1") and not approvals_of(project).faults
+
+
+def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
+    digest = propose_into(project, report(1, failure()))
+    approve_proposal(project, digest, "a person")
+    before = project.approved_feedback.read_text()
+    monkeypatch.setattr("pipeline.feedback.approved.added", lambda earlier, new, whole: (*earlier, *new))
+    with pytest.raises(PipelineError, match="is there twice"):
+        approve_proposal(project, digest, "another")
+    assert project.approved_feedback.read_text() == before
 
 
 def test_sections_are_taken_back_by_name_alone(project):
