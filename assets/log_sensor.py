@@ -28,7 +28,8 @@ ingest_logs = dg.define_asset_job(
     description="Ingests new logs of data/hardware_logs, once each; what is still being copied waits.",
 )
 def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
-    """One run for each new content of the folder; one that failed, as its machine may have, is tried again."""
+    """One run for each new content of the folder; one that failed, as its machine may have, is tried again, one that
+    a person cancelled is not."""
     try:
         version, facts = logs_version(PROJECT)
     except (PipelineError, OSError) as error:
@@ -43,6 +44,10 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
         return dg.SkipReason(f"a run was started for these {count} logs")
     if known and not found.in_vain:
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
+    if found.cancelled:
+        return dg.SkipReason(
+            f"run {found.last_run} for these {count} logs was cancelled; a new log starts one, or start one by hand"
+        )
     if found.in_vain >= MAX_TRIES:
         return dg.SkipReason(
             f"{found.in_vain} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"

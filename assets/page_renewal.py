@@ -21,6 +21,6 @@ def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunReques
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)
     found = tries(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
-    if found.at_work or found.in_vain >= MAX_TRIES:
+    if found.at_work or found.cancelled or found.in_vain >= MAX_TRIES:
         return None
     return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})

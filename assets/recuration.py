@@ -87,6 +87,11 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     found = _tries(instance, project, mark)
     if found.at_work:
         return dg.SkipReason(f"a run was started for what is approved now ({said})")
+    if found.cancelled:
+        return dg.SkipReason(
+            f"run {found.last_run} for what is approved now was cancelled ({said}); something else that is approved "
+            "starts one, or start the job recurate by hand"
+        )
     if found.in_vain >= most:
         return dg.SkipReason(
             f"{found.in_vain} runs for what is approved now came to nothing ({said}); "

@@ -28,6 +28,8 @@ class Tries:
     at_work: bool
     in_vain: int
     """How many of the newest, in a row, came to nothing."""
+    cancelled: bool
+    """Whether a person cancelled the newest of these: it is not tried again until something changes."""
     last_run: str
     """Id of the newest; empty where there is none."""
 
@@ -53,4 +55,5 @@ def tries(
             at_work = True
             over.remove(run)
     failed = list(itertools.takewhile(in_vain, over))
-    return Tries(at_work=at_work, in_vain=len(failed), last_run=over[0].run_id if over else "")
+    cancelled = bool(failed) and failed[0].status == dg.DagsterRunStatus.CANCELED
+    return Tries(at_work=at_work, in_vain=len(failed), cancelled=cancelled, last_run=over[0].run_id if over else "")

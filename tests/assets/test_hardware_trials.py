@@ -199,6 +199,18 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
         assert isinstance(tick(instance), dict)
 
 
+def test_a_run_that_a_person_cancels_is_not_started_again_until_a_log_comes(project, log_bytes):
+    drop(project, "a.mcap", log_bytes)
+    with dg.instance_for_test() as instance:
+        tags = tick(instance)
+        assert isinstance(tags, dict)
+        run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
+        instance.report_run_canceled(run)
+        assert f"run {run.run_id} for these 1 logs was cancelled" in tick(instance)
+        drop(project, "b.mcap", log_bytes[:-1])
+        assert isinstance(tick(instance), dict)
+
+
 def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.instance_for_test() as instance:

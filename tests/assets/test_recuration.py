@@ -164,6 +164,25 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
         assert isinstance(tick(instance), dg.RunRequest), "something else is approved"
 
 
+def test_a_run_that_a_person_cancels_is_not_started_again_until_something_changes(project):
+    with reached(project) as instance:
+        approve(project, "weights")
+        request = tick(instance)
+        assert isinstance(request, dg.RunRequest)
+        run = run_of(instance, request, dg.DagsterRunStatus.STARTED)
+        instance.report_run_canceling(run)
+        assert "a run was started" in str(tick(instance))
+        instance.report_run_canceled(run)
+        assert f"run {run.run_id} for what is approved now was cancelled" in str(tick(instance))
+        assert isinstance(nightly_recuration(dg.build_schedule_context(instance=instance)), dg.SkipReason)
+        instance.report_run_failed(run_of(instance, dg.RunRequest(), dg.DagsterRunStatus.STARTED))
+        assert isinstance(tick(instance), dg.RunRequest), "somebody started one by hand, which failed"
+        instance.report_run_canceled(run_of(instance, request, dg.DagsterRunStatus.STARTED))
+        assert "was cancelled" in str(tick(instance))
+        approve(project, "motors")
+        assert isinstance(tick(instance), dg.RunRequest), "something else is approved"
+
+
 def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
     with reached(project) as instance:
         approve(project, "weights")
