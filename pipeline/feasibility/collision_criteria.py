@@ -16,7 +16,7 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
     frame = int(np.argmax(found.depth))
     pair = " and ".join(found.pairs[frame] or ("no shapes",))
     overlap = found.depth > settings.contact_depth
-    share = float(motion.share(overlap))
+    share = float(np.mean(overlap))
     return (
         Verdict(
             code="self_collision_depth",
@@ -29,7 +29,7 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
         Verdict(
             code="self_collision_share",
             value=share,
-            limit=settings.share,
+            limit=motion.largest_share(settings.share),
             unit="of frames",
             text=f"parts overlap in {100 * share:.0f} % of the frames, most {pair}",
             bad=overlap,

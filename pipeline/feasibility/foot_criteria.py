@@ -109,11 +109,11 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
 def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
     seen = contact_from_sole(motion.sole)
-    value = float(np.mean(motion.share(seen != motion.contacts))) if motion.labelled else 0.0
+    value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
     return Verdict(
         code="contact_disagreement",
         value=value,
-        limit=settings.disagreement,
+        limit=motion.largest_share(settings.disagreement),
         unit="of foot-frames",
         text=f"contact labels and the soles' motion disagree in {100 * value:.0f} % of the foot-frames",
     )

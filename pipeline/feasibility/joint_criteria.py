@@ -38,7 +38,7 @@ def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verd
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     limit = robot.motor_speed_limit[joint]
     found = over_limit(ratio > settings.speed_over, motion)
-    most = found.worst
+    most, largest = found.worst, motion.largest_share(settings.speed_over_share)
     return (
         Verdict(
             code="joint_speed_ratio",
@@ -52,11 +52,11 @@ def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verd
         Verdict(
             code="joint_speed_over_share",
             value=float(found.share[most]),
-            limit=settings.speed_over_share,
+            limit=largest,
             unit="of frames",
             text=f"{names[most]} is faster than {settings.speed_over:g} times its motor's limit in "
             f"{100 * found.share[most]:.1f} % of the frames",
-            bad=found.frames_of_joints_over(settings.speed_over_share),
+            bad=found.frames_of_joints_over(largest),
         ),
         Verdict(
             code="joint_speed_over_run_s",

@@ -37,16 +37,24 @@ class Motion:
     reference: RobotClip | None = None
     """The motion that was tracked, at the same frames; None where this is no tracked rollout."""
     least_frames: int
-    """Shares and percentiles are over as many frames at least; those that a shorter clip lacks have no fault."""
+    """Percentiles are over as many frames at least; those that a shorter clip lacks have no fault. A clip of fewer may
+    have as many frames at fault as one of so many ..."""
+    short_share: float
+    """... but no larger a share of its own."""
 
     @property
     def ground_speed(self) -> float:
         """Mean speed over ground [m/s]; a step to the left and one back do not cancel."""
         return float(np.hypot(self.commands[:, 0], self.commands[:, 1]).mean())
 
-    def share(self, frames: Bool[np.ndarray, "t ..."]) -> Float[np.ndarray, ...]:
-        """Share of the frames, or of `least_frames` if they are fewer."""
-        return np.sum(frames, axis=0) / max(self.clip.frame_count, self.least_frames)
+    def largest_share(self, share: float) -> float:
+        """Largest share of this clip's frames where `share` is that of a clip of `least_frames` or more.
+
+        In a short clip one frame is a large share, so that as many frames may be at fault as in `least_frames`; of a
+        very short one that could be all.
+        """
+        as_many = share * self.least_frames / self.clip.frame_count
+        return max(share, min(as_many, self.short_share))
 
     def cut(self, start: int, stop: int, settings: FeasibilitySettings) -> Motion:
         """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
@@ -73,6 +81,7 @@ def motion_of(
         smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
         reference=reference,
         least_frames=round(settings.cut.share_s * FPS),
+        short_share=settings.cut.short_share,
     )
 
 

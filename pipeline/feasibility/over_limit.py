@@ -49,7 +49,7 @@ class OverLimit:
 
 def over_limit(over: Bool[np.ndarray, "t j"], motion: Motion) -> OverLimit:
     """What the frames in which joints are over a limit amount to."""
-    fps, share = motion.clip.fps, motion.share(over)
+    fps, share = motion.clip.fps, np.mean(over, axis=0)
     longest = max(_runs(over), key=lambda run: run[2] - run[1], default=(int(np.argmax(share)), 0, 0))
     joint, start, stop = longest
     return OverLimit(share=share, longest_s=(stop - start) / fps, start_s=start / fps, joint=joint, over=over, fps=fps)

@@ -12,11 +12,12 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess
+from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.judgement import NUMBER, Judgement, judge, length, to_text
 from pipeline.feasibility.likeness_criteria import likeness
 from pipeline.feasibility.motion import Motion, at_database_rate, motion_of
 from pipeline.feasibility.reference import References, no_references, reference_of
-from pipeline.feasibility.settings import CutSettings, FeasibilitySettings
+from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.robot import Robot
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
+from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.likeness_settings import LikenessSettings
 from pipeline.feasibility.tracking_settings import TrackingSettings
 from pipeline.feasibility.units import (
@@ -36,21 +37,6 @@ ANGLE_DEG = Range(0.0, 180.0)
 SECONDS = Range(0.0, 10.0)
 CUTOFF_HZ = Range(1.0, 25.0)
 """Of low passes at the database's 50 Hz."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CutSettings:
-    """What is done with bad stretches."""
-
-    min_seconds: Seconds
-    """Shortest stretch that goes on [s]."""
-    margin_s: Seconds
-    """Cut away with a bad frame on both sides [s]."""
-    share_s: Seconds
-    """Shares of frames and percentiles over a shorter clip are taken as if the rest of this time had no fault [s]."""
-
-    def __post_init__(self) -> None:
-        check(self, min_seconds=Range(0.04, 60.0), margin_s=Range(0.0, 5.0), share_s=Range(0.0, 60.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -133,7 +133,7 @@ def torque_over_limit(
     ratio = np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     found = over_limit(ratio > settings.ratio, motion)
-    most = found.worst
+    most, largest = found.worst, motion.largest_share(settings.over_share)
     return (
         Verdict(
             code="torque_ratio",
@@ -147,12 +147,12 @@ def torque_over_limit(
         Verdict(
             code="torque_over_share",
             value=float(found.share[most]),
-            limit=settings.over_share,
+            limit=largest,
             unit="of frames",
             text=f"{names[most]} needs more than {settings.ratio:g} times its torque limit in "
             f"{100 * found.share[most]:.1f} % of the frames, at "
             f"most {ratio[:, most].max():.2f} times as much",
-            bad=found.frames_of_joints_over(settings.over_share),
+            bad=found.frames_of_joints_over(largest),
         ),
         Verdict(
             code="torque_over_run_s",
