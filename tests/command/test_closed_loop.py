@@ -47,9 +47,15 @@ KILLS = """    trap = PROJECT.data / "die_here"
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
-    """A checkout with a database and without logs. Its runs can be made to die right before the database is written."""
+    """A checkout with a database, without logs and approvals, be they of whoever runs this.
+
+    Its runs can be made to die right before the database is written.
+    """
     made = Checkout.make(root, tmp_path_factory.mktemp("loop"), ("stand", "side_left"))
-    shutil.rmtree(made.root / "data/hardware_logs/demo")
+    logs = made.root / "data/hardware_logs"
+    shutil.rmtree(logs)
+    logs.mkdir()
+    shutil.rmtree(made.root / "data/feedback", ignore_errors=True)
     path, place = made.root / "assets/database.py", "    why = stale_now("
     text = path.read_text()
     assert text.count(place) == 1
@@ -78,6 +84,8 @@ def test_what_failed_in_a_dropped_log_weighs_more_in_the_next_database(checkout,
         approved.unlink()
         (checkout.root / "data/die_here").touch()
         _approve(page, proposed["proposal"], "weights")
+        told = _wait_for(lambda: _told_of_approval(checkout))
+        assert told["changes pending"] == proposed["changes pending"] - 1, "the page says so without another log"
         first, *again = _wait_for(lambda: _ended_well(checkout, "recurate"))
     assert not (checkout.root / "data/die_here").exists()
     assert first == "FAILURE" and again == ["SUCCESS"], "one died before the database, the next was through"
@@ -158,6 +166,12 @@ def _ended_well(checkout: Checkout, job: str) -> list[str]:
 def _approve(page: WebUi, proposal: str, *sections: str) -> None:
     approval = {"proposal": proposal, "by": "a person", "sections": list(sections)}
     assert page.launch("approve_feedback", {"ops": {"approve": {"config": approval}}}) == "SUCCESS"
+
+
+def _told_of_approval(checkout: Checkout) -> dict[str, Any] | None:
+    """The page of curation_feedback as soon as it knows of what is approved."""
+    page = _metadata(checkout, "curation_feedback")
+    return page if page and page["changes approved"] else None
 
 
 def _index(checkout: Checkout) -> pd.DataFrame:
