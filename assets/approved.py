@@ -43,7 +43,7 @@ PAGE_TAG = "booster_lab/approved_on_page"
 """Tag of a materialization of curation_feedback, and of a run that renews its page: what is approved, as it shows."""
 
 SAYS = {
-    "selection": "seconds of skills, for KP1",
+    "selection": "most seconds of skills, for KP1",
     "augmentation": "perturbations of the clips of skills, for KP4",
     "weights": "factors on command cells, for KP5",
     "motors": "torque limits that the robot showed, for its model",

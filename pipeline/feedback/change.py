@@ -12,7 +12,7 @@ from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE,
 from pipeline.files import digest
 
 SECTIONS: dict[str, str] = {
-    "selection": "seconds of a skill, times",
+    "selection": "most seconds of a skill (more windows only where that bound cut some off), times",
     "augmentation": "perturbation of a skill's clips",
     "weights": "weight of a command cell, times",
     "motors": "torque limit of a joint [N m]",
