@@ -30,6 +30,7 @@ PERTURBED = "a rollout that was changed on purpose"
 NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
 NO_STANCE = "no foot is in contact"
+EXPLAINED = "contact forces explain the motion"
 NOT_ASKED = "not asked"
 
 
@@ -111,6 +112,8 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
         return NO_STANCE
     if asked:
         return ""
+    if code == "reference_need_run_s":
+        return EXPLAINED
     if code in GROUPS["tracking stability"]:
         return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
     if code in FIGURES:

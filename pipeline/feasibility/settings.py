@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.likeness_settings import LikenessSettings
+from pipeline.feasibility.torque_settings import CUTOFF_HZ, RATIO, SECONDS, TorqueSettings
 from pipeline.feasibility.tracking_settings import TrackingSettings
 from pipeline.feasibility.units import (
     Degrees,
@@ -20,23 +21,16 @@ from pipeline.feasibility.units import (
     MetresPerSecondBySpeed,
     OfFrames,
     OfMotorLimit,
-    OfWeight,
-    Plain,
     Radians,
     Seconds,
 )
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+from pipeline.files.ranges import POSITIVE, SHARE, Range, check
 from pipeline.files.sourced import Unit
 
-RATIO = Range(0.5, 5.0)
-"""Of a robot's limit."""
 SPEED = Range(0.0, 5.0)
 LENGTH = Range(0.0, 1.0)
 """Of depths and ways at a foot [m]."""
 ANGLE_DEG = Range(0.0, 180.0)
-SECONDS = Range(0.0, 10.0)
-CUTOFF_HZ = Range(1.0, 25.0)
-"""Of low passes at the database's 50 Hz."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,68 +59,6 @@ class JointSettings:
             speed_over_share=SHARE,
             speed_over_run_s=SECONDS,
             acceleration_p99=POSITIVE,
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Residual:
-    """What no admissible contact force supplies."""
-
-    force: OfWeight
-    """Force over the weight."""
-    lever: Metres
-    """Horizontal moment over the weight [m]: how far outside the soles the centre of pressure would have to lie."""
-
-    def __post_init__(self) -> None:
-        check(self, force=POSITIVE, lever=Range(0.0, 2.0, open_low=True))
-
-
-@dataclass(frozen=True, kw_only=True)
-class TorqueSettings:
-    """The torque a motion needs with the best admissible contact forces."""
-
-    cutoff_hz: Hertz
-    """Low pass of the motion before accelerations are taken [Hz]."""
-    friction: Plain
-    """Coefficient of friction of the ground."""
-    touch_height: Metres
-    """A sole corner below this [m] may bear a force."""
-    mean_s: Seconds
-    """Torque is held against its limit as a mean over this time [s]."""
-    ratio: Annotated[float, Unit("of the torque limit")]
-    """A joint is over its limit where that over the limit is above this."""
-    peak_ratio: Annotated[float, Unit("of the torque limit")]
-    """Largest torque over the limit, however short."""
-    over_share: OfFrames
-    """Largest share of a joint's frames over its limit."""
-    over_run_s: Seconds
-    """Longest time a joint may be over its limit without a break [s]."""
-    consistent: Residual
-    """A motion whose residual is below this in nine of ten frames is taken for dynamically consistent."""
-    dynamic_residual: Residual
-    """Largest mean residual over a window of a consistent motion."""
-    reference_force: Annotated[tuple[float, float], Unit("of the weight")]
-    """Largest mean force residual over a window of another, a reference that can only be followed roughly, over the
-    weight: a + b times the speed over ground [m/s]."""
-    reference_lever: Annotated[tuple[float, float], Unit("m")]
-    """The same of the lever [m]."""
-    residual_window_s: Seconds
-    """Length of the window [s]."""
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            cutoff_hz=CUTOFF_HZ,
-            friction=Range(0.05, 3.0),
-            touch_height=Range(0.0, 0.2),
-            mean_s=Range(0.0, 0.5),
-            ratio=RATIO,
-            peak_ratio=RATIO,
-            over_share=SHARE,
-            over_run_s=SECONDS,
-            reference_force=NOT_NEGATIVE,
-            reference_lever=NOT_NEGATIVE,
-            residual_window_s=Range(0.02, 10.0),
         )
 
 

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 from pipeline import rotation
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_limit import over_limit
-from pipeline.feasibility.settings import Residual, TorqueSettings
+from pipeline.feasibility.reference_need import need_over_allowed
+from pipeline.feasibility.torque_settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.feasibility.windowed_mean import windowed_mean
 from pipeline.quality.sole_contact import CONTACT_HEIGHT, OFF_SPEED
@@ -48,7 +49,8 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     A motion that contact forces explain is taken at its word: every torque it needs counts. One that they don't is a
     reference, followed only roughly: there the forces are sought that keep the torques within their limits, and what is
     missing at the root is held against a looser limit. So the most that such a motion needs says little: past its limit
-    torque costs more than the root's residual, which takes the rest.
+    torque costs more than the root's residual, which takes the rest. What it asks of the motors is held against
+    limits of its own.
     """
     contacts = _Contacts(motion, settings)
     strict = contacts.solve(STRICT_EXCESS)
@@ -57,8 +59,14 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
     solution = strict if consistent else contacts.solve(REFERENCE_EXCESS)
     limits = settings.dynamic_residual if consistent else _reference_limits(motion.ground_speed, settings)
+    asked = (
+        ()
+        if consistent
+        else (need_over_allowed(motion, _ratio(motion, strict.joint_torque, settings), settings.reference_need),)
+    )
     verdicts = (
         *torque_over_limit(motion, solution.joint_torque, settings),
+        *asked,
         *_residuals(motion, solution, limits, settings),
     )
     return Dynamics(verdicts=verdicts, consistent=consistent)
@@ -120,6 +128,12 @@ def _residual(motion: Motion, solution: ContactSolution) -> Float[np.ndarray, "t
     return np.stack([force, moment], axis=1) / weight
 
 
+def _ratio(motion: Motion, joint_torque: Float[np.ndarray, "t j"], settings: TorqueSettings) -> np.ndarray:
+    """Torque over its limit as a mean over `settings.mean_s` (t, j)."""
+    width = 2 * int(settings.mean_s * motion.clip.fps / 2.0 + 1e-9) + 1
+    return np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
+
+
 def torque_over_limit(
     motion: Motion, joint_torque: Float[np.ndarray, "t j"], settings: TorqueSettings
 ) -> tuple[Verdict, Verdict, Verdict]:
@@ -129,8 +143,7 @@ def torque_over_limit(
     by impacts, so that a motor at its limit seems to pass it in some of them and to stay below in as many.
     """
     names = motion.robot.joint_names
-    width = 2 * int(settings.mean_s * motion.clip.fps / 2.0 + 1e-9) + 1
-    ratio = np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
+    ratio = _ratio(motion, joint_torque, settings)
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     found = over_limit(ratio > settings.ratio, motion)
     most, largest = found.worst, motion.largest_share(settings.over_share)

@@ -21,7 +21,7 @@ from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
 from pipeline.files.sourced import SOURCES, Origin, origins
 from pipeline.robot import Robot
-from tests.factories.robot_clips import standing
+from tests.factories.robot_clips import standing, wandering
 
 FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
 LIMITS = settings.read(FILE, FeasibilitySettings)
@@ -81,8 +81,12 @@ def _rows(table: pd.DataFrame, clip: str) -> dict[str, dict]:
 
 
 def test_every_verdict_there_is_has_its_place_and_the_unit_of_its_threshold(robot: Robot):
-    clip = standing(robot)
-    verdicts = assess(motion_of(clip, robot, LIMITS, clip), LIMITS).verdicts
+    explained, unexplained = standing(robot), wandering(robot)
+    verdicts = [
+        verdict
+        for clip in (explained, unexplained)
+        for verdict in assess(motion_of(clip, robot, LIMITS, clip), LIMITS).verdicts
+    ]
     assert {verdict.code for verdict in verdicts} | {*FIGURES, LENGTH} == set(GROUP_OF)
     for verdict in verdicts:
         names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")} - {""}
