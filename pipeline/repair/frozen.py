@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect
+from pipeline.repair.holds import Hold, Limits, aligned, find_holds
 from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import FEET_BODIES, PARENT
@@ -18,6 +19,13 @@ POSE_BODIES = 12
 
 TORN_M = 0.005
 """No bone of a leg changes its length by more while the foot stands [m]: those of one bone keep theirs."""
+
+PULLED_M = 0.001
+"""From where its bone is pulled by this much the foot does not stand [m]."""
+
+
+LOCKED_SHARE = 0.5
+"""An angle that is kept for more than this share of the clip is where a joint is locked, or there is none."""
 
 
 def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
@@ -54,102 +62,110 @@ def _frozen_joints(
     fps: float,
     settings: DetectionSettings,
 ) -> list[Defect]:
-    """Joints that stand still to the last bit and jump out of it (`frozen_joint`), or into it as well (`dropout`).
-
-    Standing still alone is nothing: knees are locked, arms held and feet planted without a jump. Nor is a pose that
-    the joint holds at other times, too: that is where it is locked, and what it jumps to from there is the defect.
-    """
-    measured = seen.unsteadiness
-    slow = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * slow_rate(fps)
-    still_turn = _step(rotation.length(seen.local_turns)) < settings.still_step
-    release = np.minimum(settings.release_turn, slow)
-    steps = _step(rotation.length(seen.local_turns)) * fps
-    turned = _marked(
-        still_turn, whole, (measured.turn, steps / settings.stop_speed), (release, slow), seen.local[1], settings
-    )
-    own = still_pos.copy()
-    own[:, list(FEET_BODIES)] = False
-    near = np.full(own.shape[1], settings.position_jump)
-    jump = (measured.world, _step(rotation.length(np.diff(seen.pos_w, axis=0))) * fps / settings.stop_speed_m_s)
-    moved = _marked(own, whole, jump, (near, 2.0 * slow_rate(fps) * near), seen.pos_w, settings)
+    """Joints that stand still to the last bit and jump out of it (`frozen_joint`), or into it as well (`dropout`)."""
+    unknown = np.asarray(lost | whole[:, None])
+    torn, stood = _torn_feet(seen, still_pos & ~whole[:, None], lost, settings)
+    moved = _moved(seen, still_pos, unknown | stood, fps, settings)
+    unknown = unknown | stood | moved["dropout"] | moved["frozen_joint"]
+    unknown[:, 1:] |= unknown[:, list(PARENT[1:])]
     defects = []
-    for code, mask in turned.items():
+    for code, mask in _turned(seen, unknown, fps, settings).items():
         mask[mask.sum(axis=1) >= POSE_BODIES] = True
         posed = np.repeat(mask.all(axis=1, keepdims=True), mask.shape[1], axis=1)
         defects += spans(code, "{names} keep their rotation to the last bit", mask, pos=posed, rot=mask)
     for code, mask in moved.items():
-        for index in FEET_BODIES:
-            mask[:, index] = mask[:, PARENT[index]] & still_pos[:, index]
         defects += spans(code, "{names} keep their place to the last bit", mask, pos=mask, rot=mask)
-    torn = _torn_feet(seen, still_pos & ~whole[:, None], lost, settings)
     return defects + spans("frozen_joint", "{names} keep their place while the leg moves on", torn, pos=torn, rot=torn)
+
+
+def _turned(
+    seen: Seen, unknown: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings
+) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    """Frames in which each body's rotation in its parent's frame is held; the pelvis has no parent."""
+    still = _step(rotation.length(seen.local_turns)) < settings.still_step
+    entering = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * slow_rate(fps)
+    holds: list[list[Hold]] = [[] for _ in BODIES]
+    for index in (1 + np.flatnonzero(still[:, 1:].any(axis=0))).tolist():
+        limits = Limits(
+            step=settings.still_step,
+            jump=settings.release_turn,
+            short=settings.short_release_turn,
+            entering=float(entering[index]),
+            frames=settings.still_frames,
+            longest=LOCKED_SHARE * len(still),
+            excursion=settings.longest_spike_s * fps,
+        )
+        value, jump = rotation.to_matrix(seen.local[1][:, index]).reshape(-1, 9), seen.unsteadiness.turn[:, index]
+        holds[index] = find_holds(still[:, index], value, jump, unknown[:, index], limits)
+    return _marked(aligned(holds), len(still))
+
+
+def _moved(
+    seen: Seen,
+    still: Bool[np.ndarray, "t 19"],
+    unknown: Bool[np.ndarray, "t 19"],
+    fps: float,
+    settings: DetectionSettings,
+) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    """Frames in which each body's place in the world is held, and with an ankle its toes.
+
+    Feet jump where their place in the parent's frame does, too: else it is the whole leg that jumps.
+    """
+    world, place = seen.unsteadiness.world, seen.unsteadiness.place
+    jump = np.minimum(world, place)
+    body = [index for index in range(len(BODIES)) if index not in FEET_BODIES]
+    jump[:, body] = np.where(world > settings.position_jump, world, jump)[:, body]
+    limits = Limits(
+        step=settings.still_step,
+        jump=settings.release_place,
+        short=settings.position_jump,
+        entering=2.0 * slow_rate(fps) * settings.position_jump,
+        frames=settings.still_frames,
+        longest=np.inf,
+        excursion=settings.longest_spike_s * fps,
+    )
+    holds: list[list[Hold]] = [[] for _ in BODIES]
+    for index in np.flatnonzero(still.any(axis=0)).tolist():
+        feet, value = index in FEET_BODIES, seen.pos_w[:, index]
+        holds[index] = find_holds(still[:, index], value, jump[:, index], unknown[:, index], limits, anywhere=feet)
+    held = _marked(aligned(holds), len(still))
+    for mask in held.values():
+        for index in FEET_BODIES:
+            mask[:, index] |= mask[:, PARENT[index]] & still[:, index]
+    return held
+
+
+def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    """Frames in which each body is held, by what that is told as."""
+    held = {code: np.zeros((count, len(BODIES)), dtype=bool) for code in ("dropout", "frozen_joint")}
+    for index, body in enumerate(holds):
+        for one in body:
+            held["dropout" if one.entered else "frozen_joint"][one.start : one.stop, index] = True
+    return held
 
 
 def _torn_feet(
     seen: Seen, still_pos: Bool[np.ndarray, "t 19"], lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings
-) -> Bool[np.ndarray, "t 19"]:
+) -> tuple[Bool[np.ndarray, "t 19"], Bool[np.ndarray, "t 19"]]:
     """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled.
 
-    The next bone of the leg keeps its length, else it is the joint between them that is elsewhere.
+    From where that begins on, and from where they keep it: the foot may have stood first. The next bone of the leg
+    keeps its length, else it is the joint between them that is elsewhere.
     """
-    torn = np.zeros_like(still_pos)
+    torn, stood = np.zeros_like(still_pos), np.zeros_like(still_pos)
     for index in FEET_BODIES:
         parent = PARENT[index]
         for start, stop in time_series.runs(still_pos[:, index]):
             span = slice(start - 1, stop)
             if stop - start >= settings.still_frames and not lost[span][:, [index, parent]].any():
                 chain = seen.pos_w[span][:, [index, parent, PARENT[parent]]]
-                change = np.ptp(rotation.length(np.diff(chain, axis=1)), axis=0)
-                torn[start:stop, index] = change[0] > TORN_M >= change[1]
-    return torn
-
-
-def _marked(
-    still: Bool[np.ndarray, "t 19"],
-    whole: Bool[np.ndarray, " t"],
-    jumps: tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]],
-    limits: tuple[Float[np.ndarray, " 19"], Float[np.ndarray, " 19"]],
-    value: Float[np.ndarray, "t 19 d"],
-    settings: DetectionSettings,
-) -> dict[str, Bool[np.ndarray, "t 19"]]:
-    """Frames in which each body is frozen.
-
-    `jumps` are how unsteady the step into each frame is, and its speed over the one that nobody stops from within a
-    frame; `limits` are those of the jump out of a pose that is held once, and of other jumps. A pose held once that is
-    stopped at and left at speed is frozen, too.
-    """
-    marked = {code: np.zeros_like(still) for code in ("dropout", "frozen_joint")}
-    (jump, speed), (released, entering) = jumps, limits
-    for index in np.flatnonzero((still & ~whole[:, None]).any(axis=0)):
-        for start, stop in time_series.runs(still[:, index]):
-            if stop - start < settings.still_frames or whole[start:stop].all():
-                continue
-            if still[max(start - 4, 0) : start - 1, index].any() or still[stop + 1 : stop + 4, index].any():
-                continue  # at rest before or after, too
-            entered = jump[start - 1, index] > entering[index] and start > settings.still_frames
-            ended, out = stop == len(still), jump[min(stop, len(still) - 1), index]
-            inner = start > 1 and stop + 1 < len(still)
-            stopped = inner and min(speed[start - 1, index], speed[stop + 1, index]) > 1.0
-            if not (entered if ended else stopped or out > min(released[index], entering[index])):
-                continue
-            alone = not _held_elsewhere(value[:, index], still[:, index], start - 1, stop, settings.still_step)
-            left = out > released[index] or stopped if alone else entered and out > entering[index]
-            if alone if ended else left:
-                code = "dropout" if entered else "frozen_joint"
-                marked[code][start - entered : stop, index] = True
-    return marked
-
-
-def _held_elsewhere(
-    value: Float[np.ndarray, "t d"], still: Bool[np.ndarray, " t"], start: int, stop: int, still_step: float
-) -> bool:
-    """Whether the pose that a body keeps in frames [start, stop) is one that it keeps at another time, too."""
-    apart = np.abs(value - value[stop - 1]).max(axis=1)
-    if value.shape[1] == 4:
-        apart = np.minimum(apart, np.abs(value + value[stop - 1]).max(axis=1))
-    there = still & (apart < still_step)
-    there[start:stop] = False
-    return bool(there.any())
+                lengths = rotation.length(np.diff(chain, axis=1))
+                change = np.ptp(lengths, axis=0)
+                if change[0] > TORN_M >= change[1]:
+                    off = np.abs(lengths[1:, 0] - lengths[0, 0]) > PULLED_M
+                    torn[start + int(np.argmax(off)) : stop, index] = True
+                    stood[start:stop, index] = True
+    return torn, stood
 
 
 def _still_places(seen: Seen, settings: DetectionSettings) -> Bool[np.ndarray, "t 19"]:

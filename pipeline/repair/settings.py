@@ -52,11 +52,11 @@ class DetectionSettings:
     still_step: float
     """A body that moves less than this from frame to frame is frozen [m] or [rad]; far below any noise."""
     release_turn: float
-    """Smallest jump out of a pose that a joint held only once that counts [rad]."""
-    stop_speed: float
-    """A joint that stops from more than this within a frame, and starts so, was not moved by a person [rad/s]."""
-    stop_speed_m_s: float
-    """The same of a joint's way in the world [m/s]."""
+    """A joint at rest to the last bit is left, or taken up, by no larger jump unless it is held [rad]."""
+    release_place: float
+    """The same of a joint's place in the world [m]."""
+    short_release_turn: float
+    """Jumps on both sides of fewer equal frames than `still_frames` that tell of a held joint [rad]."""
     still_frames: int
     """Smallest number of equal frames of a single joint that count as frozen."""
 
@@ -83,8 +83,8 @@ class DetectionSettings:
             opening_s=NOT_NEGATIVE,
             still_step=POSITIVE,
             release_turn=POSITIVE,
-            stop_speed=POSITIVE,
-            stop_speed_m_s=POSITIVE,
+            release_place=POSITIVE,
+            short_release_turn=POSITIVE,
             still_frames=COUNT,
         )
 
