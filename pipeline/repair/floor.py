@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.clips.human_clip import FEET, HumanClip, body
+from pipeline.repair.defect import Findings
 from pipeline.repair.settings import FloorSettings
 
 FEWEST_FRAMES = 5
@@ -20,6 +21,11 @@ FEWEST_STANCES, SHORTEST_WAY_S = 4, 0.5
 """So many stances tell a slope, by those that are so far apart [s]."""
 FALLBACK_PERCENTILE = 5.0
 """Where no foot ever stands (a clip of a leap) the ground is taken from the lowest toes."""
+
+SHAKEN_CODES = ("noise", "bone_length", "spike")
+"""What shaking is told as."""
+CALM_S, MOST_SHAKEN_M = 0.15, 0.02
+"""A toe that shakes is where its mean over this time is [s], unless its height scatters by more [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +46,16 @@ class Floor:
         return self.height + self.slope_m_s * (frame - (clip.frame_count - 1) / 2.0) / clip.fps
 
 
-def find_floor(clip: HumanClip, settings: FloorSettings, sound: Bool[np.ndarray, " t"]) -> Floor:
-    """The ground of a clip from its `sound` frames.
+def find_floor(
+    clip: HumanClip, settings: FloorSettings, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
+) -> Floor:
+    """The ground of a clip, as filled, from its `sound` frames; and from those that shake, as `recorded`.
 
     Of the heights of slow toes the densest band is taken (as PHUMA does) and its median. A drift is the median slope
     between stances (Theil and Sen), which single steps onto something do not change.
     """
-    stances = [_stances(clip, side, settings, sound) for side in FEET]
+    toes = [_toe(clip, side, sound, findings, recorded) for side in FEET]
+    stances = [_stances(pos_w, seen, clip.fps, settings) for pos_w, seen in toes]
     when = np.concatenate([frames for frames, _ in stances])
     height = np.concatenate([heights for _, heights in stances])
     if len(height) < FEWEST_FRAMES:
@@ -76,13 +85,36 @@ def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
     return dataclasses.replace(clip, body_pos_w=pos_w)
 
 
+def _toe(
+    clip: HumanClip, side: str, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
+) -> tuple[Float[np.ndarray, "t 3"], Bool[np.ndarray, " t"]]:
+    """Positions of a toe [m], and the frames that tell of the ground.
+
+    A toe that shakes does so about where it is: what is too rough for motion still tells a height, by its mean over a
+    while. Only what is lost for another reason is not used.
+    """
+    index = body(f"{side}_toe")
+    pos_w, seen, raw = clip.body_pos_w[:, index].copy(), sound.copy(), recorded.body_pos_w[:, index]
+    shaken, lost = np.zeros_like(sound), np.asarray(~np.isfinite(raw).all(axis=1))
+    for one in findings.defects:
+        if one.code == "noise":
+            shaken[one.start : one.stop] = True
+        elif one.code not in SHAKEN_CODES and index in one.bodies:
+            lost[one.start : one.stop] = True
+    width = 2 * round(CALM_S * clip.fps / 2.0) + 1
+    for start, stop in time_series.runs(shaken & ~lost & ~sound):
+        calm = time_series.moving_mean(raw[start:stop], width)
+        if stop - start >= width and float(np.std(raw[start:stop, 2] - calm[:, 2])) < MOST_SHAKEN_M:
+            pos_w[start:stop], seen[start:stop] = calm, True
+    return pos_w, seen
+
+
 def _stances(
-    clip: HumanClip, side: str, settings: FloorSettings, sound: Bool[np.ndarray, " t"]
+    toe_pos_w: Float[np.ndarray, "t 3"], seen: Bool[np.ndarray, " t"], fps: float, settings: FloorSettings
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Sound frames in which a toe is slow, and its heights there [m]."""
-    toe_pos_w = clip.pos(f"{side}_toe")
-    speed = np.linalg.norm(time_series.derivative(toe_pos_w, clip.fps), axis=1)
-    frames = np.flatnonzero((speed < settings.slow_m_s) & sound)
+    """Frames in which a toe is slow, of those in which it is seen, and its heights there [m]."""
+    speed = np.linalg.norm(time_series.derivative(toe_pos_w, fps), axis=1)
+    frames = np.flatnonzero((speed < settings.slow_m_s) & seen)
     return frames.astype(float), toe_pos_w[frames, 2]
 
 

@@ -49,7 +49,7 @@ def prepare(clip: HumanClip | RobotClip, *, settings: RepairSettings) -> WholeCl
     division = divide(mended.body_pos_w, findings, clip.fps, settings)
     repaired = filled(mended, findings, division.dropped, settings.fill)
     sound = ~findings.lost.any(axis=1) & ~division.dropped
-    floor = find_floor(repaired, settings.floor, sound)
+    floor = find_floor(repaired, settings.floor, sound, findings, mended)
     return WholeClip(repaired=levelled(repaired, floor), findings=findings, division=division, floor=floor)
 
 
