@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import percentile_filter
+from scipy.ndimage import minimum_filter1d, percentile_filter
 
 from pipeline import time_series
 from pipeline.repair.contacts import FootPoints
@@ -64,14 +64,14 @@ def find_skating(
 
     `feet` may be smoothed; `pos_w` are the bodies as they were recorded, in which a glide begins within a frame.
     """
-    speed = support_speed(feet, settings)
+    speed = support_speed(feet, fps, settings)
     width = min(2 * round(WINDOW_S * fps / 2.0) + 1, len(speed))
     usual = percentile_filter(speed, STILL_PERCENTILE, size=width, mode="nearest")
     core = (usual > settings.skate_limit_m_s) & (usual < FAST)
     if not core.any():
         return []
     result: list[Skating] = []
-    velocity = _near_ground(feet, settings)
+    velocity = _near_ground(feet, fps, settings)
     reach, rest = round(REACH_S * fps), round(REST_S * fps)
     for start, stop in time_series.runs(core):
         inside = speed[start:stop]
@@ -94,11 +94,22 @@ def find_skating(
     return result
 
 
-def support_speed(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> Float[np.ndarray, " t"]:
+def support_speed(
+    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
+) -> Float[np.ndarray, " t"]:
     """Horizontal speed of the slowest point near the ground [m/s]; `FAST` where there is none."""
-    height = np.concatenate([foot.height for foot in feet], axis=1)
     horizontal = np.concatenate([foot.horizontal for foot in feet], axis=1)
-    return np.where(height < settings.height, np.minimum(horizontal, FAST), FAST).min(axis=1)
+    return np.where(_height(feet, fps) < settings.height, np.minimum(horizontal, FAST), FAST).min(axis=1)
+
+
+def _height(feet: tuple[FootPoints, FootPoints], fps: float) -> Float[np.ndarray, "t 4"]:
+    """Height of balls and heels over the ground that is near in time [m].
+
+    Feet that slide all along tell no ground; where none comes down to it for a while it is where the lowest is.
+    """
+    height = np.concatenate([foot.height for foot in feet], axis=1)
+    lowest = minimum_filter1d(height.min(axis=1), 2 * round(WINDOW_S * fps / 2.0) + 1, mode="nearest")
+    return height - np.maximum(lowest, 0.0)[:, None]
 
 
 def _kicked(pos_w: Positions, glide: Float[np.ndarray, " 2"], edges: tuple[int, int], fps: float) -> tuple[int, int]:
@@ -146,11 +157,12 @@ def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, "
     return _steady(np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0), share)
 
 
-def _near_ground(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> Float[np.ndarray, "t 4 2"]:
+def _near_ground(
+    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
+) -> Float[np.ndarray, "t 4 2"]:
     """Velocities of balls and heels along the ground [m/s]; `FAST` for those that are not near it."""
-    height = np.concatenate([foot.height for foot in feet], axis=1)
     velocity = np.concatenate([foot.along_ground for foot in feet], axis=1)
-    return np.where((height < settings.height)[..., None], velocity, FAST)
+    return np.where((_height(feet, fps) < settings.height)[..., None], velocity, FAST)
 
 
 def _glide(velocity: Float[np.ndarray, "t 4 2"], span: slice, sliding: float) -> Float[np.ndarray, " 2"] | None:
