@@ -140,7 +140,9 @@ class ArmProcess:
 
     def _environment(self) -> dict[str, str]:
         quiet = {"MUJOCO_GL": "disable", "PYTHONUNBUFFERED": "1", "OMP_NUM_THREADS": str(THREADS)}
-        own = {"CUDA_VISIBLE_DEVICES": str(self.number % self.request.gpus)} if self.request.gpus else {}
+        given = os.environ.get("CUDA_VISIBLE_DEVICES", "")
+        there = given.split(",") if given else [str(number) for number in range(self.request.gpus)]
+        own = {"CUDA_VISIBLE_DEVICES": there[self.number % self.request.gpus]} if self.request.gpus else {}
         return {**os.environ, **quiet, **own}
 
     def stop(self) -> None:

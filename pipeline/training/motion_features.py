@@ -50,20 +50,21 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
 
 
-def floors(joints: int, command: bool = False) -> torch.Tensor:
+def floors(joints: int, command: bool = False, joint_vel: float = FLOORS["joint_vel"]) -> torch.Tensor:
     """The least standard deviation of each feature."""
     sizes = {"joint_pos": joints, "ends": 12, "lin_vel": 3, "ang_vel": 3, "joint_vel": joints}
     sizes |= {"command": 3} if command else {}
-    return torch.cat([torch.full((size,), FLOORS[name]) for name, size in sizes.items()])
+    least = {**FLOORS, "joint_vel": joint_vel}
+    return torch.cat([torch.full((size,), least[name]) for name, size in sizes.items()])
 
 
 class FeatureNormalizer:
     """Mean and standard deviation of the expert's features, fitted once."""
 
-    def __init__(self, expert: torch.Tensor, joints: int):
+    def __init__(self, expert: torch.Tensor, joints: int, joint_vel_floor: float = FLOORS["joint_vel"]):
         self.mean = expert.mean(dim=0)
         command = expert.shape[1] > 18 + 2 * joints
-        self.std = torch.maximum(expert.std(dim=0), floors(joints, command).to(expert))
+        self.std = torch.maximum(expert.std(dim=0), floors(joints, command, joint_vel_floor).to(expert))
 
     def __call__(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows (n, h, f) as the discriminator takes them (n, h f)."""

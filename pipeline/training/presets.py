@@ -98,6 +98,17 @@ GATED_STYLE = STRICT_STALL.changed(
     final_kl=0.005,
 )
 
+CLONED_START = GATED_STYLE.changed(
+    cloning_steps=3000,
+    cloning=0.1,
+    cloning_iterations=(50, 300),
+    cloning_end=0.02,
+    critic_iterations=10,
+    init_std=0.4,
+    style_iterations=(0, 100),
+    style_gate=(0.2, 0.5),
+)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -114,6 +125,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         "walking is paid before all else, style as far as commands are followed; for 20 minutes, not trained out yet",
         GATED_STYLE,
     ),
+    "cloned_start": ("the same from a network that has learnt the clips' joint targets, with style from the start", CLONED_START),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }
 """Name of a preset: what it is, and its options."""
