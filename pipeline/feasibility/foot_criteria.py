@@ -87,8 +87,9 @@ def floating(motion: Motion, settings: FootSettings) -> Verdict:
 
 
 def flight(motion: Motion, settings: FootSettings) -> Verdict:
-    """Longest time with both soles off the ground."""
-    above = np.all(motion.sole.height > settings.flight_height, axis=1)
+    """Longest time with no foot on the ground: both soles above it, or neither foot in contact. Feet that skate too fast
+    to be in contact carry nothing either."""
+    above = np.all(motion.sole.height > settings.flight_height, axis=1) | ~motion.contacts.any(axis=1)
     fps = motion.clip.fps
     flights = time_series.runs(above)
     longest = max(flights, key=lambda span: span[1] - span[0], default=(0, 0))
@@ -101,7 +102,7 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
         value=value,
         limit=settings.flight_s,
         unit="s",
-        text=f"from {longest[0] / fps:.2f} s on both feet are off the ground for {value:.2f} s",
+        text=f"from {longest[0] / fps:.2f} s on no foot is on the ground for {value:.2f} s",
         bad=bad,
     )
 

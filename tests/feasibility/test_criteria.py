@@ -131,6 +131,17 @@ def test_a_fault_is_measured_by_its_criterion(
     assert found[code].value == pytest.approx(value, abs=tolerance)
 
 
+@pytest.mark.parametrize("labelled", [True, False])
+def test_feet_that_skate_too_fast_to_be_in_contact_are_not_on_the_ground(robot, limits, labelled):
+    clip = standing(robot)
+    contacts = np.zeros((clip.frame_count, 2), dtype=bool) if labelled else None
+    path = 1.5 * np.arange(clip.frame_count)[:, None] / clip.fps * [1.0, 0.0, 0.0]
+    skating = dataclasses.replace(_moved(clip, path), contacts=contacts)
+    found = {verdict.code: verdict for verdict in _assess(skating, robot, limits).verdicts}
+    assert found["flight_s"].value == pytest.approx(2.0)
+    assert not found["flight_s"].holds
+
+
 @pytest.mark.parametrize(
     ("fault", "code"),
     [
