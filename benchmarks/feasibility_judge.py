@@ -8,17 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.feasibility_faults import FAULTS, LABELS, MATTERS_M, displacement, matters
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import FeasibilitySettings, process
+from pipeline.feasibility.criteria import GROUPS
 from pipeline.quality.command_velocity import command_velocity
+from pipeline.repair.robot_contacts import label_robot_contacts
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.rollout import Rollout, steady_command
 from pipeline.simulation.run import run
+from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import deployed
 from tests.factories.policy_walks import policy_walk
-from tests.factories.robot_faults import FAULTS, weakened_robot
+from tests.factories.robot_faults import weakened_robot
 
 Command = tuple[float, float, float]
 
@@ -38,7 +42,9 @@ STILL = 0.3
 SWAPPED = "feet swapped"
 """No fault of a robot that stands, whatever its command: the mirrored pose stands as well."""
 WEAK = "1.2 x torque for .2 s"
-UNLABELLED = ", no labels"
+WEAK_GROUP = "torque"
+NO_LABELS, TOLD_LABELS = ", no labels", ", KP2's labels"
+"""Rollouts and faults are judged with the simulation's contacts, with none, and with those that KP2 tells."""
 
 
 @dataclass
@@ -49,11 +55,15 @@ class Judged:
     labelled: tuple[bool, float] = (False, 0.0)
     """Accepted whole, and share of its seconds accepted."""
     unlabelled: bool = False
+    told: bool = False
+    """Accepted whole with no contacts, and with those that KP2 tells."""
     windows: list[bool] = field(default_factory=list)
     broken: set[str] = field(default_factory=set)
-    """Criteria that the rollout as a whole breaks, with or without labels."""
+    """Criteria that the rollout as a whole breaks, with labels of any kind or without."""
     found: dict[str, set[str]] = field(default_factory=dict)
     """Fault -> criteria that say so and say nothing of the rollout itself; none if it was not found."""
+    small: list[str] = field(default_factory=list)
+    """Faults that moved no body far enough to matter."""
 
 
 def policy_file(path: Path) -> Path | None:
@@ -83,7 +93,8 @@ def walk(policy: Path, robot: Robot, command: Command) -> Rollout:
         return policy_walk(policy.parent, robot, command, SECONDS)
     one = deployed(ROBOT, load_policy(policy))
     plant = MujocoPlant(robot, MujocoOptions(timestep_s=TIMESTEP_S))
-    return run(robot, plant, one.controller(), one.motors(), steady_command(*command), SECONDS)
+    motors = dataclasses.replace(one.motors(), envelope=TorqueEnvelope(limit=robot.torque_limit))
+    return run(robot, plant, one.controller(), motors, steady_command(*command), SECONDS)
 
 
 def judge(policy: Path, command: Command, seed: tuple[int, int], limits: FeasibilitySettings) -> Judged:
@@ -93,22 +104,30 @@ def judge(policy: Path, command: Command, seed: tuple[int, int], limits: Feasibi
     if rollout.fell:
         return Judged(fell=True)
     clip = rollout.clip("walk", start_s=START_S)
-    whole, share, broken = _judged(clip, robot, limits)
-    bare, _, broken_bare = _judged(dataclasses.replace(clip, contacts=None), robot, limits)
+    own = {kind: _judged(one, robot, limits) for kind, one in by_labels(clip, robot).items()}
     width = round(WINDOW_S * clip.fps)
     windows = [clip.cut(start, start + width, "window") for start in range(0, clip.frame_count - width + 1, width)]
-    found: dict[str, set[str]] = {}
-    if np.abs(command).max() >= STILL:
-        found = _faults(clip, command, robot, rng, limits) | _weak(rollout, rng, limits)
-    return Judged(
-        labelled=(whole, share),
-        unlabelled=bare,
+    found = Judged(
+        labelled=own[""][:2],
+        unlabelled=own[NO_LABELS][0],
+        told=own[TOLD_LABELS][0],
         windows=[_judged(window, robot, limits)[0] for window in windows],
-        broken=broken | broken_bare,
-        found={
-            fault: codes - (broken_bare if fault.endswith(UNLABELLED) else broken) for fault, codes in found.items()
-        },
+        broken=set().union(*(broken for _, _, broken in own.values())),
     )
+    if np.abs(command).max() >= STILL:
+        _faults(clip, command, robot, rng, limits, found)
+        _weak(policy, command, rollout, rng, limits, found)
+    for fault, codes in found.found.items():
+        kind = next((kind for kind in (NO_LABELS, TOLD_LABELS) if fault.endswith(kind)), "")
+        found.found[fault] = codes - own[kind][2]
+    return found
+
+
+def by_labels(clip: RobotClip, robot: Robot) -> dict[str, RobotClip]:
+    """The clip with its own contacts, with none, and with those that KP2 tells."""
+    bare = dataclasses.replace(clip, contacts=None)
+    told = dataclasses.replace(clip, contacts=label_robot_contacts(bare, robot))
+    return {"": clip, NO_LABELS: bare, TOLD_LABELS: told}
 
 
 def stands(clip: RobotClip, limits: FeasibilitySettings) -> bool:
@@ -127,27 +146,46 @@ def _judged(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> tuple
 
 
 def _faults(
-    clip: RobotClip, command: Command, robot: Robot, rng: np.random.Generator, limits: FeasibilitySettings
-) -> dict[str, set[str]]:
-    found = {}
-    for name, plant in FAULTS.items():
+    clip: RobotClip,
+    command: Command,
+    robot: Robot,
+    rng: np.random.Generator,
+    limits: FeasibilitySettings,
+    found: Judged,
+) -> None:
+    """Each fault once, judged with labels of every kind."""
+    for name, fault in FAULTS.items():
         slow = name == "double speed" and command[0] < RUN_SPEED
-        if name.endswith(UNLABELLED) or slow or (name == SWAPPED and stands(clip, limits)):
+        if slow or (name in (SWAPPED, LABELS) and stands(clip, limits)):
             continue
-        planted = plant(clip, robot, rng)
-        found[name] = _judged(planted, robot, limits)[2]
-        found[name + UNLABELLED] = _judged(dataclasses.replace(planted, contacts=None), robot, limits)[2]
-    return found
+        planted = fault.plant(clip, robot, rng)
+        if not matters(name, clip, planted, robot):
+            found.small.append(name)
+            continue
+        for kind, one in by_labels(planted, robot).items():
+            if name != LABELS or not kind:
+                found.found[name + kind] = _judged(one, robot, limits)[2]
 
 
-def _weak(rollout: Rollout, rng: np.random.Generator, limits: FeasibilitySettings) -> dict[str, set[str]]:
-    """The rollout judged for a robot with a motor too weak for it; only torque criteria count."""
+def _weak(
+    policy: Path,
+    command: Command,
+    rollout: Rollout,
+    rng: np.random.Generator,
+    limits: FeasibilitySettings,
+    found: Judged,
+) -> None:
+    """The rollout judged for a robot with a motor too weak for it; only torque criteria count.
+
+    It matters where the same policy by the same command takes the weak robot elsewhere.
+    """
     robot = weakened_robot(rollout, START_S, rng)
     if robot is None:
-        return {}
+        return
     clip = rollout.clip("walk", start_s=START_S)
-    found = {}
-    for name, one in ((WEAK, clip), (WEAK + UNLABELLED, dataclasses.replace(clip, contacts=None))):
-        codes = _judged(one, robot, limits)[2]
-        found[name] = {code for code in codes if code.startswith("torque_over")}
-    return found
+    weak = walk(policy, robot, command)
+    if not weak.fell and displacement(clip, weak.clip("walk", start_s=START_S), robot) < MATTERS_M:
+        found.small.append(WEAK)
+        return
+    for kind, one in by_labels(clip, robot).items():
+        found.found[WEAK + kind] = _judged(one, robot, limits)[2] & set(GROUPS[WEAK_GROUP])

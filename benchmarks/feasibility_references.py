@@ -25,6 +25,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.feasibility_rates import LEAST, rate  # noqa: E402
 from benchmarks.feasibility_tracker import STEP_S, Followed, follow, moved  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline import time_series  # noqa: E402
@@ -37,8 +38,6 @@ from pipeline.feasibility.torque_criteria import dynamics  # noqa: E402
 from pipeline.files import settings  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
 
-LEAST = 98.0
-"""Per cent of the plants that matter that have to be found."""
 NEED, NEED_S = 1.2, 0.2
 """Torque over the limit of a motor that is planted, and for how long [s]."""
 SHY = 0.98
@@ -179,7 +178,7 @@ def bars_of(found: list[Found]) -> list[Bar]:
         Bar(name="references", value=sum(one.references for one in found)),
         Bar(name="not followed, left out", value=sum(one.lost for one in found)),
         Bar(name="no motor of a standing leg to weaken", value=sum(one.still for one in found)),
-        Bar(name=f"a limit of {SHY:g} of the most: some body moved 5 cm", value=_percent(shy), unit="%"),
+        rate(f"a limit of {SHY:g} of the most: some body moved 5 cm", shy),
         Bar(name="weak motors planted", value=len(plants)),
         Bar(name="    that matter: some body moved 5 cm", value=len(matter)),
         _found("found, of those that matter", matter, LEAST),
@@ -194,12 +193,7 @@ def bars_of(found: list[Found]) -> list[Bar]:
 
 
 def _found(name: str, plants: list[Plant], least: float | None = None) -> Bar:
-    value = _percent([bool(plant.broken) for plant in plants])
-    return Bar(name=name, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
-
-
-def _percent(values: list[bool]) -> float:
-    return 100.0 * float(np.mean(values)) if values else float("nan")
+    return rate(name, [bool(plant.broken) for plant in plants], least)
 
 
 def _arguments() -> argparse.Namespace:

@@ -1,0 +1,82 @@
+"""Rates as bars, and the two tables of the rollouts: what is known to be good, and what was planted into it."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.feasibility_faults import FAULTS
+from benchmarks.feasibility_judge import NO_LABELS, TOLD_LABELS, WEAK, WEAK_GROUP, WINDOW_S, Judged
+from benchmarks.report import Bar
+from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.likeness_criteria import FIGURES
+
+LEAST = 98.0
+"""Per cent of either kind that have to be judged rightly."""
+
+
+def rate(name: str, values: Sequence[bool | float], least: float | None = None) -> Bar:
+    """The mean of values as per cent, which has to be `least` or more; of none it is told, and nothing is asked."""
+    if not len(values):
+        return Bar(name=f"{name}: none", value=0.0, unit="%")
+    value = 100.0 * float(np.mean(values))
+    return Bar(name=name, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
+
+
+def criteria() -> list[str]:
+    """Codes of the criteria that a rollout is held to, in their order; the others have tables of their own."""
+    elsewhere = {*GROUPS["tracking stability"], *FIGURES, LENGTH}
+    return [code for code in GROUP_OF if code not in elsewhere]
+
+
+def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
+    """Known-good motion: accepted, and how many hold each criterion; who fell did not walk, and is told."""
+    fallen, judged = sum(one.fell for one in judged), [one for one in judged if not one.fell]
+    windows = [held for one in judged for held in one.windows]
+    bars = [
+        Bar(name="known-good rollouts", value=len(judged)),
+        Bar(name="rollouts that fell, left out", value=fallen),
+        rate("known good: seconds accepted", [one.labelled[1] for one in judged], LEAST),
+        rate("known good: accepted whole", [one.labelled[0] for one in judged], LEAST),
+        rate("known good: accepted whole, contacts not labelled", [one.unlabelled for one in judged], LEAST),
+        rate("known good: accepted whole, contacts that KP2 tells", [one.told for one in judged], LEAST),
+        rate(f"known good: windows of {WINDOW_S:g} s accepted", windows, LEAST),
+    ]
+    return bars + [
+        rate(f"known good: hold {code}, labels of any kind or none", [code not in one.broken for one in judged])
+        for code in codes
+    ]
+
+
+def fault_bars(judged: list[Judged]) -> list[Bar]:
+    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion."""
+    found: dict[str, list[set[str]]] = defaultdict(list)
+    for one in judged:
+        for fault, codes in one.found.items():
+            found[fault].append(codes)
+    small = Counter(fault for one in judged for fault in one.small)
+    bars = [Bar(name=f"too small to matter, left out: {fault}", value=small[fault]) for fault in sorted(small)]
+    by_group: dict[str, list[set[str]]] = defaultdict(list)
+    for fault, each in sorted(found.items()):
+        group = group_of(fault)
+        by_group[group] += each
+        bars.append(rate(f"found: {fault} ({len(each)} planted)", [bool(codes) for codes in each], LEAST))
+        bars.append(rate(f"    by {group}", [bool(codes & set(GROUPS[group])) for codes in each]))
+        counts = Counter(code for codes in each for code in sorted(codes))
+        bars += [rate(f"    by {code}", [code in codes for codes in each]) for code, _ in counts.most_common()]
+    return bars + [bar for group, each in sorted(by_group.items()) for bar in _group_bars(group, each)]
+
+
+def group_of(fault: str) -> str:
+    """The group of criteria that is made to find a fault, with labels of any kind or none."""
+    name = fault.removesuffix(NO_LABELS).removesuffix(TOLD_LABELS)
+    return WEAK_GROUP if name == WEAK else FAULTS[name].group
+
+
+def _group_bars(group: str, each: list[set[str]]) -> list[Bar]:
+    """Of all plants that a group of criteria is made for: found by it, and by each criterion of it."""
+    own = set(GROUPS[group])
+    bars = [rate(f"{group}: found, of {len(each)} made for it", [bool(codes & own) for codes in each])]
+    return bars + [rate(f"    by {code}", [code in codes for codes in each]) for code in GROUPS[group]]

@@ -1,0 +1,125 @@
+"""Both rates of the criteria of tracking: motion that a robot tracks in MuJoCo, and divergence, planted or simulated.
+
+The robot stands and swings its arms, each joint by an angle and at a rate of its own, held by PD control alone; half of
+the robots are pushed and come back. It diverges where its ankles are as soft as its own or its legs too weak, and it
+falls; the other faults are planted into the rollout. They count where some body is .25 m or more from where it was:
+good tracking is up to .1 m off, so 5 cm are none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from benchmarks.feasibility_faults import displacement
+from benchmarks.feasibility_rates import rate
+from benchmarks.report import Bar
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility.criteria import GROUPS
+from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.tracking_criteria import tracking
+from pipeline.robot import Robot, load_robot
+from pipeline.simulation.events import Push
+from tests.factories.robot_clips import standing
+from tests.factories.tracked_motion import tracked
+
+CODES = tuple(GROUPS["tracking stability"])
+SECONDS = 6.0
+MATTERS_M = 0.25
+"""BeyondMimic's bound on the height of hands and feet, for the way of any body."""
+SIDES, ARM = ("Left", "Right"), ("Shoulder_Pitch", "Shoulder_Roll", "Elbow_Pitch", "Elbow_Yaw")
+SWING, RATE_HZ = (0.1, 0.5), (0.2, 0.7)
+"""Of each arm's joints: angle [rad] and how often."""
+SHOVE_N = (10.0, 40.0)
+
+
+def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: float) -> list[Bar]:
+    """Rollouts that track are to hold every criterion; divergence that matters is to break one."""
+    rng, robot = np.random.default_rng(seed), load_robot("t1")
+    good: list[set[str]] = []
+    found: dict[str, list[set[str]]] = {}
+    for number in range(count):
+        reference = swinging(robot, rng)
+        rollout = tracked(robot, reference, events=_pushes(rng) if number % 2 else ()).clip("rollout")
+        good.append(_broken(rollout, reference, robot, limits))
+        plants = {name: plant(rollout, robot, rng) for name, plant in PLANTS.items()}
+        plants["ankles too soft, in simulation"] = tracked(robot, reference, ankles=1.0).clip("rollout")
+        plants["legs too weak, in simulation"] = tracked(_weak(robot, rng), reference).clip("rollout")
+        for name, planted in plants.items():
+            if displacement(rollout, planted, robot) >= MATTERS_M:
+                found.setdefault(name, []).append(_broken(planted, reference, robot, limits) - good[-1])
+    bars = [rate(f"known good: tracked rollouts ({count}) that hold all", [not codes for codes in good], least)]
+    bars += [rate(f"known good: hold {code}", [code not in codes for codes in good]) for code in CODES]
+    for name, each in found.items():
+        bars.append(rate(f"found: {name} ({len(each)} planted)", [bool(codes) for codes in each], least))
+        bars += [rate(f"    by {code}", [code in codes for codes in each]) for code in CODES]
+    return bars
+
+
+def swinging(robot: Robot, rng: np.random.Generator) -> RobotClip:
+    """It stands and every joint of its arms swings to one side and back, from rest."""
+    clip = standing(robot, SECONDS, name="swing")
+    times_s = np.arange(clip.frame_count) / clip.fps
+    joints = clip.joint_pos.copy()
+    for joint in (robot.joint(f"{side}_{name}") for side in SIDES for name in ARM):
+        angle = rng.uniform(*SWING) * (1.0 if rng.random() < 0.5 else -1.0)
+        joints[:, joint] += 0.5 * angle * (1.0 - np.cos(2.0 * np.pi * rng.uniform(*RATE_HZ) * times_s))
+    inside = np.clip(joints, robot.joint_lower + 0.05, robot.joint_upper - 0.05)
+    return dataclasses.replace(clip, joint_pos=inside)
+
+
+def drifting_arm(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
+    """An arm goes off by .8 to 1.2 rad at the end, ever further."""
+    side, sign = (("Left", -1.0), ("Right", 1.0))[int(rng.integers(2))]
+    way = sign * np.linspace(0.0, rng.uniform(0.8, 1.2), clip.frame_count)
+    return _shifted(clip, robot.joint(f"{side}_Shoulder_Roll"), way)
+
+
+def arm_elsewhere(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
+    """From some second on an arm is .8 to 1.2 rad elsewhere."""
+    side = SIDES[int(rng.integers(2))]
+    start = int(rng.integers(clip.frame_count // 4, 3 * clip.frame_count // 4))
+    way = np.where(np.arange(clip.frame_count) >= start, rng.uniform(0.8, 1.2), 0.0)
+    return _shifted(clip, robot.joint(f"{side}_Shoulder_Pitch"), way)
+
+
+def root_too_low(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
+    """From some second on the root is 28 to 40 cm lower than that of what is tracked."""
+    start = int(rng.integers(clip.frame_count // 4, 3 * clip.frame_count // 4))
+    root = clip.root_pos_w.copy()
+    root[start:, 2] -= rng.uniform(0.28, 0.4)
+    return dataclasses.replace(clip, root_pos_w=root)
+
+
+PLANTS = {
+    "an arm that drifts off": drifting_arm,
+    "an arm that is elsewhere": arm_elsewhere,
+    "a root that is too low": root_too_low,
+}
+
+
+def _shifted(clip: RobotClip, joint: int, way: np.ndarray) -> RobotClip:
+    joints = clip.joint_pos.copy()
+    joints[:, joint] += way
+    return dataclasses.replace(clip, joint_pos=joints)
+
+
+def _pushes(rng: np.random.Generator) -> tuple[Push, ...]:
+    way, size = rng.uniform(-np.pi, np.pi), rng.uniform(*SHOVE_N)
+    force_w = size * np.array([np.cos(way), np.sin(way), 0.0])
+    return (Push(start_s=float(rng.uniform(1.0, 4.0)), duration_s=0.2, force_w=force_w),)
+
+
+def _weak(robot: Robot, rng: np.random.Generator) -> Robot:
+    """The robot with legs that can't carry it."""
+    legs = [index for index, name in enumerate(robot.joint_names) if "Hip" in name or "Knee" in name]
+    limit = robot.torque_limit.copy()
+    limit[legs] = rng.uniform(1.0, 3.0)
+    return dataclasses.replace(robot, torque_limit=limit)
+
+
+def _broken(rollout: RobotClip, reference: RobotClip, robot: Robot, limits: FeasibilitySettings) -> set[str]:
+    motion = motion_of(rollout, robot, limits, reference.cut(0, rollout.frame_count, "reference"))
+    return {verdict.code for verdict in tracking(motion, limits.tracking) if not verdict.holds}
