@@ -75,9 +75,10 @@ def _frozen_and_shaking(
 
 
 def _touches(one: Defect, shaking: Defect) -> bool:
-    """Whether a joint's frozen stretch ends where shaking begins, or begins where it ends."""
-    beside = min(abs(one.stop - shaking.start), abs(one.start - shaking.stop)) <= BESIDE
-    return one.code in ("frozen_joint", "dropout") and beside
+    """Whether a joint jumps into its frozen stretch from shaking, or out of one that it did not jump into."""
+    if one.code == "dropout":
+        return abs(one.start - shaking.stop) <= BESIDE
+    return one.code == "frozen_joint" and abs(one.stop - shaking.start) <= BESIDE
 
 
 def _bridged(clip: HumanClip, findings: Findings) -> Seen:

@@ -19,7 +19,10 @@ from pipeline.repair.unsteadiness import Seen, limits, turn_limits
 LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
 """Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
 TOE_SHARE = 1.5
-"""Toes bend so fast when they land that their limit is this many times as large."""
+"""Toes bend so fast when they land that the limit of a clip's own toes is this many times as large."""
+MOST_TIMES = 3.0
+"""What a clip misses by makes its limits no more than so many times as large: sound files reach 2.2 times the least,
+and in a short clip spikes themselves are among what it misses by."""
 CLEAR = 3
 """A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
 
@@ -63,7 +66,9 @@ def _candidates(
     turn_limit = limits(turn, least, settings.spike_spread, usual)
     place_limit = limits(place, np.full(place.shape[1], settings.position_jump), settings.spike_spread, usual)
     place_limit[0] = max(place_limit[0], settings.root_jump)
-    turn_limit[list(TOES)] *= TOE_SHARE
+    toes = list(TOES)
+    turn_limit[toes] = np.where(turn_limit[toes] > least[toes], TOE_SHARE * turn_limit[toes], turn_limit[toes])
+    turn_limit = np.minimum(turn_limit, MOST_TIMES * least)
     size = np.maximum(turn / turn_limit, place / place_limit)
     if not (size > 1.0).any():
         return []
