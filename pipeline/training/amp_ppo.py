@@ -8,24 +8,16 @@ from typing import Any
 import torch
 from rsl_rl.algorithms import PPO
 
-from pipeline.training.cloning import Cloning, Imitation
 from pipeline.training.discriminator import Discriminator, style_reward
 from pipeline.training.options import Options
-
-
-CLONING_STEPS = 8
-"""Towards the clips' actions an iteration."""
 
 
 class AmpPpo(PPO):
     """rsl-rl's PPO; with `options.style` at 0 it is that alone."""
 
-    def __init__(
-        self, *args: Any, options: Options, expert: torch.Tensor, joints: int, draws: Cloning | None, **kwargs: Any
-    ):
+    def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._options = options
-        self._imitation = Imitation(self.actor, draws, options.discriminator_batch) if draws is not None else None
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
@@ -33,7 +25,6 @@ class AmpPpo(PPO):
         """Set by the run: how far its schedules are."""
         self.followed = 0.0
         """Set by the run: the share of the commands that is reached."""
-        self.clone_loss = float("nan")
         self._synchronized = False
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -64,47 +55,12 @@ class AmpPpo(PPO):
         share = _grown(self.iteration, options.final_iterations)
         return options.desired_kl + (options.final_kl - options.desired_kl) * share
 
-    def pretrain(self) -> float:
-        """Bring a fresh actor to the clips' actions; the last loss."""
-        assert self._imitation is not None
-        return float(self._imitation.pretrain(self._options.cloning_steps, self._options.cloning_rate))
-
-    def cloning_rate(self) -> float:
-        """Of the steps towards the clips' actions at this iteration."""
-        options = self._options
-        share = options.cloning + (options.cloning_end - options.cloning) * _grown(
-            self.iteration, options.cloning_iterations
-        )
-        return options.cloning_rate * share
-
     def update(self) -> dict[str, float]:
-        """The discriminator's gradient steps, then PPO's, then those towards the clips' actions."""
+        """The discriminator's gradient steps, then PPO's."""
         if self.discriminator is not None:
             self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
         self.desired_kl = self.held_kl()
-        kept = self._kept_actor()
-        losses = super().update()
-        if kept is not None:
-            self._put_back(kept)
-        rate = self.cloning_rate()
-        if self._imitation is not None and rate > 0.0:
-            for _ in range(CLONING_STEPS):
-                loss = self._imitation.step(rate)
-            self.clone_loss = float(loss)
-        return losses
-
-    def _kept_actor(self) -> list[torch.Tensor] | None:
-        """The actor's parameters, while only the critic is to learn."""
-        if self.iteration >= self._options.critic_iterations:
-            return None
-        return [value.detach().clone() for value in self.actor.parameters()]
-
-    def _put_back(self, kept: list[torch.Tensor]) -> None:
-        with torch.no_grad():
-            for value, before in zip(self.actor.parameters(), kept, strict=True):
-                value.copy_(before)
-                self.optimizer.state.pop(value, None)
-        self.learning_rate = self._options.learning_rate
+        return super().update()
 
     def take_step_figures(self) -> dict[str, float]:
         """Mean task and style reward a step and D on the policy since the last call."""

@@ -161,20 +161,6 @@ class Options:
     """Weight of E[D^2], which keeps a score that has no zero from drifting."""
     replay_windows: int = 500_000
 
-    # The clips' own actions
-    cloning_steps: int = 0
-    """Gradient steps towards the joint targets of the clips before the first iteration …"""
-    cloning_rate: float = 1e-3
-    """… at this rate, which falls."""
-    cloning: float = 0.0
-    """Rate of such steps beside PPO's in each iteration, as a share of `cloning_rate`; 0: none."""
-    cloning_iterations: tuple[int, int] = (100, 500)
-    """It falls between these iterations to …"""
-    cloning_end: float = 0.0
-    """… this share."""
-    critic_iterations: int = 0
-    """Iterations at the start in which only the critic learns."""
-
     # PPO
     steps: int = 24
     """Control steps of each environment an iteration."""

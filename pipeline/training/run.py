@@ -20,7 +20,6 @@ from rsl_rl.runners import OnPolicyRunner
 from pipeline.training.amp_ppo import AmpPpo
 from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
-from pipeline.training.cloning import Cloning
 from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
@@ -64,17 +63,14 @@ class TrainingRun:
         wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
-        draws = Cloning(bundle.expert, bundle.robot, request.device) if clones(options) else None
         self.runner = OnPolicyRunner(
-            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled), draws), None, request.device
+            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
         self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]  # runner_cfg names it
         self.iteration = 0
         """How many iterations are done."""
         if request.resume:
             self._resume()
-        if self.iteration == 0 and options.cloning_steps:
-            print(f"cloned: loss {self.algorithm.pretrain():.4f}", flush=True)
         self._curves = Curves(request.out / "curves.csv", self.iteration)
 
     @property
@@ -154,7 +150,6 @@ class TrainingRun:
             "style_share": self.algorithm.style_share(),
             "learning_rate": self.algorithm.learning_rate,
             "action_std": std,
-            "clone_loss": self.algorithm.clone_loss,
         }
         if self.rank:
             return
@@ -205,12 +200,7 @@ class TrainingRun:
 AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
 
 
-def clones(options: Options) -> bool:
-    """Whether anything is learnt from the clips' own actions."""
-    return options.cloning_steps > 0 or options.cloning > 0.0 or options.cloning_end > 0.0
-
-
-def runner_cfg(options: Options, windows: torch.Tensor, joints: int, draws: Cloning | None) -> dict[str, Any]:
+def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
     """rsl-rl's configuration of the runner."""
     network = {
         "class_name": "MLPModel",
@@ -242,7 +232,6 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int, draws: Clon
             "options": options,
             "expert": windows,
             "joints": joints,
-            "draws": draws,
         },
     }
 
@@ -262,8 +251,8 @@ def _line(row: dict[str, float], iterations: int) -> str:
     d = f"D {row['d_expert']:.1f}/{row['d_policy']:.1f}"
     ends = f"episodes {row['episode_s']:.1f} s, stalls {row['stalls_per_min']:.1f}/min"
     head = f"iteration {row['iteration']} of {iterations}, {row['seconds']:.0f} s"
-    followed = f"followed {row['followed']:.2f}, style share {row['style_share']:.2f}, std {row['action_std']:.2f}"
-    return f"{head}: {style}, {d}, {', '.join(pairs)}, {ends}, {followed}, {row['steps_per_s']:.0f} steps/s"
+    gate = f"followed {row['followed']:.2f}, style share {row['style_share']:.2f}, deviation {row['action_std']:.2f}"
+    return f"{head}: {style}, {d}, {', '.join(pairs)}, {ends}, {gate}, {row['steps_per_s']:.0f} steps/s"
 
 
 def _device_name(device: str) -> str:
