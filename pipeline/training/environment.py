@@ -22,7 +22,7 @@ from pipeline.training.commands import VelocityCommand, VelocityCommandCfg
 from pipeline.training.curves import Record
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import begin_episodes
-from pipeline.training.motion_features import state_features
+from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST, observation_cfg
 from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, grown, push_velocity
@@ -82,9 +82,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         robot, options = self.context.bundle.robot, self.context.options
         self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
-        span = (options.window - 1) * options.window_stride + 1
         size = 18 + 2 * len(self.controlled_index) + (3 if options.discriminator_command else 0)
-        self._motion = torch.zeros(self.num_envs, span, size, device=self.device)
+        self._motion = torch.zeros(self.num_envs, window_span(options), size, device=self.device)
         self.record = Record(self.device)
         super().load_managers()
 
@@ -124,8 +123,14 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """How well the command is followed on each axis (n, 3), worked out once a step."""
         if self._kernels is None:
             sigma2 = self.context.options.sigma2
-            self._kernels = tracking(self.command, self.readings.velocity, sigma2)
+            self._kernels = tracking(self.command, self.tracked_velocity, sigma2)
         return self._kernels
+
+    @property
+    def tracked_velocity(self) -> torch.Tensor:
+        """Velocity (n, 3) that is held against the command."""
+        mean = self.context.options.tracking_of == "mean"
+        return self.readings.mean_velocity if mean else self.readings.velocity
 
     def step(self, action: torch.Tensor):
         """mjlab's step; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows within one episode."""
@@ -133,7 +138,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         result = super().step(action)
         self.record.add(self)
         self._motion = torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1)
-        self.extras["motion"] = self._motion[:, :: self.context.options.window_stride]
+        self.extras["motion"] = window_frames(self._motion, self.context.options)
         self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
         return result
 

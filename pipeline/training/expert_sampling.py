@@ -9,7 +9,7 @@ import torch
 
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.commands import draw_commands
-from pipeline.training.motion_features import frame_features
+from pipeline.training.motion_features import frame_features, window_frames, window_span
 from pipeline.training.options import Options
 
 CELL = np.array([0.3, 0.3, 0.6])
@@ -82,7 +82,7 @@ def expert_windows(expert: ExpertFrames, options: Options, seed: int) -> torch.T
     Drawn by cell, that is the command which the window answers, not the one its frames obey to the last digit: so that
     the commands alone are distributed as the policy's and tell nothing of where a window comes from.
     """
-    span = (options.window - 1) * options.window_stride + 1
+    span = window_span(options)
     starts = window_starts(expert, span)
     rng = np.random.default_rng(seed)
     if options.discriminator_command and options.expert_by_cell:
@@ -93,8 +93,8 @@ def expert_windows(expert: ExpertFrames, options: Options, seed: int) -> torch.T
         weight = cell_weights(expert, starts, options, seed) if by_cell else frame_weights(expert, starts)
         drawn = rng.choice(starts, options.expert_windows, p=weight)
         command = expert.command[drawn + span // 2]
-    rows = drawn[:, None] + options.window_stride * np.arange(options.window)
-    windows = frame_features(torch.from_numpy(expert.frames))[torch.from_numpy(rows)]
+    rows = drawn[:, None] + np.arange(span)
+    windows = window_frames(frame_features(torch.from_numpy(expert.frames))[torch.from_numpy(rows)], options)
     if not options.discriminator_command:
         return windows
     given = torch.from_numpy(command).to(windows)[:, None].expand(-1, options.window, -1)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import torch
 
+from pipeline.training.options import Options
+
 FLOORS = {"joint_pos": 0.1, "ends": 0.05, "lin_vel": 0.2, "ang_vel": 0.3, "joint_vel": 1.0, "command": 0.3}
 """Least standard deviation [rad, m, m/s, rad/s, rad/s, m/s and rad/s] that features are divided by: what hardly moves
 in the data must not outweigh all else."""
@@ -56,6 +58,18 @@ def floors(joints: int, command: bool = False, joint_vel: float = FLOORS["joint_
     sizes |= {"command": 3} if command else {}
     least = {**FLOORS, "joint_vel": joint_vel}
     return torch.cat([torch.full((size,), least[name]) for name, size in sizes.items()])
+
+
+def window_span(options: Options) -> int:
+    """Control steps that a window is over."""
+    return (options.window - 1) * options.window_stride + (options.window_stride if options.window_means else 1)
+
+
+def window_frames(steps: torch.Tensor, options: Options) -> torch.Tensor:
+    """The frames (n, h, f) that the discriminator sees of `window_span` control steps (n, s, f)."""
+    if options.window_means:
+        return steps.unflatten(1, (options.window, options.window_stride)).mean(dim=2)
+    return steps[:, :: options.window_stride]
 
 
 class FeatureNormalizer:

@@ -55,12 +55,16 @@ class Options:
     """Of the paper's energy weight."""
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
+    slide_of: str = "centre"
+    """What slides: the `centre` of the sole, or its `lowest` corner after a contact's first step."""
     action_rate_factor: float = 1.0
     """Of the paper's action-rate weight."""
     tracking_product: float = 0.0
     """Share of the three tracking terms' weight that their product has instead of their sum."""
     product_sigma2: float = 0.5
     """Width of the product's kernel: wide, so that it also leads from far off."""
+    tracking_of: str = "instant"
+    """Velocity that the tracking terms and their product see: `instant`, or `mean`, averaged over about a step."""
     progress: float = 0.0
     """Weight of the share of the commanded speed and yaw rate that is reached: no bell, so it leads from anywhere."""
     mean_tracking: float = 0.0
@@ -140,6 +144,8 @@ class Options:
     """Frames the discriminator sees."""
     window_stride: int = 1
     """Control steps between these frames."""
+    window_means: bool = False
+    """Whether each of them is the mean of the control steps up to the next, else the first of these."""
     joint_vel_floor: float = 1.0
     """Least deviation [rad/s] that joint velocities are divided by before the discriminator sees them."""
     discriminator_command: bool = False

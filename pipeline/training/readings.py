@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
+
+from pipeline.training.training_error import TrainingError
 
 MEAN_TIME_S = 0.4
 """Time constant of the averaged velocity."""
@@ -45,6 +48,22 @@ def _kept(work: Any) -> Any:
     return property(value)
 
 
+def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str]) -> torch.Tensor:
+    """Corners (2, 4, 3) of the soles of the left and right foot from their centres, in the feet's frames [m].
+
+    Raises TrainingError for a foot that is no box.
+    """
+    found = []
+    for foot in feet:
+        body = model.site(f"robot/{foot}").bodyid[0]
+        boxes = [geom for geom in (model.geom(f"robot/{name}") for name in shapes) if geom.bodyid[0] == body]
+        if len(boxes) != 1 or boxes[0].type[0] != mujoco.mjtGeom.mjGEOM_BOX:
+            raise TrainingError(f"the foot of '{foot}' has {len(boxes)} shapes; corners are known of one box.")
+        length, width, _ = boxes[0].size
+        found.append([[x * length, y * width, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    return torch.tensor(found, dtype=torch.float32)
+
+
 class Readings:
     """Quantities of N environments at the current step. Joints are in the robot's order (J).
 
@@ -58,6 +77,7 @@ class Readings:
         self._root = self._indexing.root_body_id
         self._foot_sites, self._end_sites = self._sites(feet), self._sites(ends)
         self._foot_bodies = env.sim.model.site_bodyid[self._foot_sites]
+        self._corners = _sole_corners(env.sim.mj_model, env.context.bundle.robot.shapes["feet"], feet).to(env.device)
         self._forces = {name: self._addresses(name) for name in ("feet_contact", "other_contact")}
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
         self._stance = torch.zeros(env.num_envs, 2, device=env.device)
@@ -175,6 +195,21 @@ class Readings:
         cvel = data.cvel[:, self._foot_bodies]
         arm = self.feet_pos_w - data.subtree_com[:, self._root, None]
         return cvel[..., 3:] + torch.cross(cvel[..., :3], arm, dim=-1)
+
+    @property
+    def lowest_corner_vel_w(self) -> torch.Tensor:
+        """Velocity of each sole's lowest corner (n, 2, 3) [m/s]: 0 for a foot that rolls over heel and toe."""
+        data = self._env.sim.data
+        rotation = data.xmat[:, self._foot_bodies]
+        lowest = (rotation[:, :, 2, None] * self._corners).sum(dim=-1).argmin(dim=-1)
+        corner = self._corners[torch.arange(2, device=lowest.device), lowest]
+        arm = (rotation @ corner[..., None])[..., 0]
+        return self.feet_vel_w + torch.cross(data.cvel[:, self._foot_bodies, :3], arm, dim=-1)
+
+    @property
+    def settled_contacts(self) -> torch.Tensor:
+        """Feet that touch now as they did a control step ago (n, 2): a foot that comes down still swings."""
+        return self.contacts & (self._stance > 0.0)
 
     @_kept
     def feet_force_w(self) -> torch.Tensor:

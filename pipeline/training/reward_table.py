@@ -91,7 +91,7 @@ def _tracking(options: Options) -> tuple[Term, ...]:
         name="tracking_product",
         equation="exp(-|v_cmd - v|^2 / product_sigma2), all axes at once",
         weight=9.0 * options.tracking_product,
-        value=lambda env: terms.joint_tracking(env.command, env.readings.velocity, options.product_sigma2),
+        value=lambda env: terms.joint_tracking(env.command, env.tracked_velocity, options.product_sigma2),
         added="a robot that stands is paid two of three sums, but little of the product",
     )
     return (*each, product)
@@ -157,7 +157,7 @@ def _feet(options: Options) -> tuple[Term, ...]:
             name="feet_slide",
             equation="sum 1[c_i] |v_i,xy|",
             weight=-0.25 * options.slide_factor,
-            value=lambda env: terms.feet_slide(env.readings.contacts, env.readings.feet_vel_w),
+            value=_slide(options),
         ),
         Term(
             name="feet_force",
@@ -184,6 +184,12 @@ def _feet(options: Options) -> tuple[Term, ...]:
             value=lambda env: terms.feet_lateral_distance(env.command, _lateral_gap(env)),
         ),
     )
+
+
+def _slide(options: Options) -> Callable:
+    if options.slide_of == "centre":
+        return lambda env: terms.feet_slide(env.readings.contacts, env.readings.feet_vel_w)
+    return lambda env: terms.feet_slide(env.readings.settled_contacts, env.readings.lowest_corner_vel_w)
 
 
 def _added(options: Options) -> tuple[Term, ...]:

@@ -19,7 +19,7 @@ from pipeline.training.expert_sampling import (
     frame_weights,
     window_starts,
 )
-from pipeline.training.motion_features import FeatureNormalizer, frame_features
+from pipeline.training.motion_features import FeatureNormalizer, frame_features, window_frames, window_span
 from pipeline.training.options import Options
 from tests.factories.training_bundle import identity_frames
 
@@ -39,6 +39,17 @@ def expert() -> ExpertFrames:
         clip_start=np.array([0, 30, 50]),
         clip_weight=np.array([1.0, 3.0]),
     )
+
+
+def test_frames_of_a_window_are_means_of_the_steps_up_to_the_next():
+    steps = torch.arange(24.0).reshape(2, 6, 2)
+    options = OPTIONS.changed(window=3, window_stride=2, window_means=True)
+    assert window_span(options) == 6
+    expected = (steps[:, ::2] + steps[:, 1::2]) / 2.0
+    assert torch.equal(window_frames(steps, options), expected)
+    firsts = options.changed(window_means=False)
+    assert window_span(firsts) == 5
+    assert torch.equal(window_frames(steps[:, :5], firsts), steps[:, :5:2])
 
 
 def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import json
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -54,6 +55,25 @@ def put(env, frames: torch.Tensor) -> None:
     robot.write_joint_state_to_sim(joints, joint_vel, env_ids=ids)
     env.sim.forward()
     env.readings.fresh()
+
+
+def test_the_lowest_corner_of_a_sole_moves_as_the_jacobian_says(env, robot):
+    taken = torch.from_numpy(expert_frames(wandering(robot), robot)[[5, 30, 60, 90]]).float()
+    put(env, taken)
+    model, told = env.sim.mj_model, env.readings.lowest_corner_vel_w
+    data = mujoco.MjData(model)
+    jacobian = np.zeros((3, model.nv))
+    for number in range(ENVS):
+        data.qpos[:], data.qvel[:] = env.sim.data.qpos[number].numpy(), env.sim.data.qvel[number].numpy()
+        mujoco.mj_forward(model, data)
+        for side, foot in enumerate(("left_foot", "right_foot")):
+            geom = data.geom(f"robot/{foot}_collision")
+            size = model.geom(geom.id).size
+            signs = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+            corners_w = geom.xpos + (signs * size) @ geom.xmat.reshape(3, 3).T
+            lowest_w = corners_w[np.argmin(corners_w[:, 2])]
+            mujoco.mj_jac(model, data, jacobian, None, lowest_w, model.body(f"robot/{foot}_link").id)
+            np.testing.assert_allclose(told[number, side].numpy(), jacobian @ data.qvel, atol=2e-4)
 
 
 def test_features_of_a_state_are_those_of_the_expert_frame_it_was_set_to(env, robot):
