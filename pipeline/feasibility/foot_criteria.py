@@ -6,20 +6,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.motion import Motion, told_contacts
 from pipeline.feasibility.settings import FootSettings
 from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.feasibility.verdict import Verdict
 from pipeline.quality.foot_slip import inner_contacts
 from pipeline.quality.percentile import percentile_of_least
-from pipeline.quality.sole_contact import contact_from_sole
 
 SIDES = ("left", "right")
 
 
 def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Mean and 95th percentile of slip against limits that grow with the speed over ground."""
-    slip = slowest_point_speed(motion.sole)
+    slip = slowest_point_speed(motion.sole, settings.level)
     standing = _standing(motion, slip)
     found = slip[standing]
     mean_slip = float(found.mean()) if found.size else 0.0
@@ -87,8 +86,10 @@ def floating(motion: Motion, settings: FootSettings) -> Verdict:
 
 
 def flight(motion: Motion, settings: FootSettings) -> Verdict:
-    """Longest time with no foot on the ground: both soles above it, or neither foot in contact. Feet that skate too fast
-    to be in contact carry nothing either."""
+    """Longest time with no foot on the ground: both soles above it, or neither foot in contact.
+
+    Feet that skate too fast to be in contact carry nothing either.
+    """
     above = np.all(motion.sole.height > settings.flight_height, axis=1) | ~motion.contacts.any(axis=1)
     fps = motion.clip.fps
     flights = time_series.runs(above)
@@ -109,7 +110,7 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
 
 def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
-    seen = contact_from_sole(motion.sole)
+    seen = told_contacts(motion.sole, motion.contact)
     value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
     return Verdict(
         code="contact_disagreement",

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.feasibility.contact_settings import ContactSettings
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import SoleMotion, sole_motion
@@ -29,6 +30,8 @@ class Motion:
     contacts: Bool[np.ndarray, "t 2"]
     """The clip's labels; told from the soles where it has none."""
     labelled: bool
+    contact: ContactSettings
+    """What contact is where nothing is labelled."""
     velocity: CommandVelocity
     commands: Float[np.ndarray, "t 3"]
     """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
@@ -73,8 +76,9 @@ def motion_of(
         clip=clip,
         robot=robot,
         sole=sole,
-        contacts=contact_from_sole(sole) if clip.contacts is None else clip.contacts,
+        contacts=told_contacts(sole, settings.contact) if clip.contacts is None else clip.contacts,
         labelled=clip.contacts is not None,
+        contact=settings.contact,
         velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
         commands=command_velocity_over_time(clip.root_pos_w, clip.root_quat_w, clip.fps),
         smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
@@ -82,6 +86,17 @@ def motion_of(
         reference=reference,
         least_frames=round(settings.cut.share_s * FPS),
         short_share=settings.cut.short_share,
+    )
+
+
+def told_contacts(sole: SoleMotion, contact: ContactSettings) -> Bool[np.ndarray, "t 2"]:
+    """Which feet are in contact, told from the motion of their soles."""
+    return contact_from_sole(
+        sole,
+        below=contact.height,
+        on_speed=contact.on_speed,
+        off_speed=contact.off_speed,
+        shortest_s=contact.shortest_s,
     )
 
 

@@ -21,9 +21,6 @@ from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.robot import Robot
 
-MAX_CUTS = 3
-"""How often what is left of a clip is cut again; a cut moves the ends that filters see."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class _Stretch:
@@ -66,7 +63,7 @@ def process(
     motion = motion_of(clip, robot, settings, reference)
     whole = assess(motion, settings)
     said = _Judged(reasons=[], judgements=[], unlike=likeness(numbers, settings.likeness))
-    stretches = _judge(whole, 0, settings, numbers, said, MAX_CUTS)
+    stretches = _judge(whole, 0, settings, numbers, said, settings.cut.max_cuts)
     reasons = said.reasons
     unlike = [verdict for verdict in said.unlike if not verdict.holds]
     if unlike:

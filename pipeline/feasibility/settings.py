@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
+from pipeline.feasibility.contact_settings import ContactSettings
 from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.likeness_settings import LikenessSettings
 from pipeline.feasibility.torque_settings import CUTOFF_HZ, RATIO, SECONDS, TorqueSettings
@@ -66,6 +67,8 @@ class JointSettings:
 class FootSettings:
     """Feet on the ground."""
 
+    level: Metres
+    """Corners of a sole that lie by less than this above its lowest one are on the ground with it [m]."""
     slip_mean: MetresPerSecondBySpeed
     """Largest mean slip [m/s]: a + b times the speed over ground."""
     slip_p95: MetresPerSecondBySpeed
@@ -86,6 +89,7 @@ class FootSettings:
     def __post_init__(self) -> None:
         check(
             self,
+            level=LENGTH,
             slip_mean=SPEED,
             slip_p95=SPEED,
             penetration_p95=LENGTH,
@@ -153,6 +157,7 @@ class FeasibilitySettings:
     likeness: LikenessSettings
     joints: JointSettings
     torque: TorqueSettings
+    contact: ContactSettings
     feet: FootSettings
     collision: CollisionSettings
     root: RootSettings

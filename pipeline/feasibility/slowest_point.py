@@ -15,15 +15,12 @@ from jaxtyping import Bool, Float
 
 from pipeline.quality.sole import SoleMotion
 
-LEVEL = 0.01
-"""Corners of a foot that lie by less than this above its lowest one are on the ground with it [m]: as much as soles of
-standing feet sink into it or stay off."""
 
-
-def slowest_point_speed(sole: SoleMotion) -> Float[np.ndarray, "t 2"]:
-    """Least horizontal speed [m/s] over the part of each sole that is level with its lowest corner."""
+def slowest_point_speed(sole: SoleMotion, level_m: float) -> Float[np.ndarray, "t 2"]:
+    """Least horizontal speed [m/s] over the part of each sole that is level with its lowest corner: corners by less
+    than `level_m` above it [m] are on the ground with it."""
     height = sole.corner_pos_w[..., 2]
-    level = height <= height.min(axis=2, keepdims=True) + LEVEL
+    level = height <= height.min(axis=2, keepdims=True) + level_m
     return distance_from_zero(sole.corner_vel_w[..., :2], level)
 
 

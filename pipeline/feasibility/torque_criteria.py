@@ -14,24 +14,8 @@ from pipeline.feasibility.reference_need import need_over_allowed
 from pipeline.feasibility.torque_settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
 from pipeline.feasibility.windowed_mean import windowed_mean
-from pipeline.quality.sole_contact import CONTACT_HEIGHT, OFF_SPEED
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
 from pipeline.simulation.inverse_dynamics import motion_forces, states
-
-STRICT_EXCESS = 0.003
-"""Cost of torque past a limit where the motion is consistent: so much less than the root's that all need shows as
-torque. At ten times that, a hip that needs five times its limit leaves .06 of the weight at the root, and a rollout
-that forces explain is taken for a reference."""
-
-REFERENCE_EXCESS = 10.0
-"""Cost of torque past a limit where it is not: more, so that limits are kept and the root shows what is missing."""
-
-LABEL_REACH, TOLD_REACH = 1, 2
-"""A force is sought this many frames around a contact: an acceleration at 50 Hz is over three frames, and contacts told
-from the soles begin and end a frame late or early."""
-
-CONSISTENT_PERCENTILE = 90.0
-"""Of the residual over frames: one fault in a consistent motion does not make it a reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +37,11 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     limits of its own.
     """
     contacts = _Contacts(motion, settings)
-    strict = contacts.solve(STRICT_EXCESS)
-    percentiles = np.percentile(_residual(motion, strict), CONSISTENT_PERCENTILE, axis=0)
+    strict = contacts.solve(settings.strict_excess)
+    percentiles = np.percentile(_residual(motion, strict), 100.0 * settings.consistent_share, axis=0)
     bounds = settings.consistent
     consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
-    solution = strict if consistent else contacts.solve(REFERENCE_EXCESS)
+    solution = strict if consistent else contacts.solve(settings.reference_excess)
     limits = settings.dynamic_residual if consistent else _reference_limits(motion.ground_speed, settings)
     asked = (
         ()
@@ -107,14 +91,14 @@ def _touching(motion: Motion, settings: TorqueSettings) -> Bool[np.ndarray, "t 2
     Where nothing is labelled, low corners that stay where they are. A foot that swings through a centimetre above the
     ground would else be one to lean on, and no torque of the standing leg could ever be needed.
     """
-    height, reach = motion.sole.corner_pos_w[..., 2], LABEL_REACH
+    height, reach_s = motion.sole.corner_pos_w[..., 2], settings.label_reach_s
     if motion.labelled:
         bearing = (height < settings.touch_height) & motion.contacts[:, :, None]
     else:
-        slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < OFF_SPEED
-        bearing, reach = (height < CONTACT_HEIGHT) & slow, TOLD_REACH
+        slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < motion.contact.off_speed
+        bearing, reach_s = (height < motion.contact.height) & slow, settings.told_reach_s
     touching = bearing.copy()
-    for away in range(1, reach + 1):
+    for away in range(1, round(reach_s * motion.clip.fps) + 1):
         touching[away:] |= bearing[:-away]
         touching[:-away] |= bearing[away:]
     return touching

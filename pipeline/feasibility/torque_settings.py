@@ -69,8 +69,18 @@ class TorqueSettings:
     """Largest share of a joint's frames over its limit."""
     over_run_s: Seconds
     """Longest time a joint may be over its limit without a break [s]."""
+    label_reach_s: Seconds
+    """A force is sought this long before and after a contact, as accelerations are over three frames [s] ..."""
+    told_reach_s: Seconds
+    """... and this long where contacts are told from the soles, which begin and end a frame late or early [s]."""
+    strict_excess: Plain
+    """Cost of torque past a limit against the root's residual where a motion is taken at its word ..."""
+    reference_excess: Plain
+    """... and where its limits come first."""
     consistent: Residual
-    """A motion whose residual is below this in nine of ten frames is taken for dynamically consistent."""
+    """A motion whose residual is below this ..."""
+    consistent_share: OfFrames
+    """... in that share of the frames is dynamically consistent: one fault in it does not make a reference."""
     dynamic_residual: Residual
     """Largest mean residual over a window of a consistent motion."""
     reference_force: Annotated[tuple[float, float], Unit("of the weight")]
@@ -94,6 +104,11 @@ class TorqueSettings:
             peak_ratio=RATIO,
             over_share=SHARE,
             over_run_s=SECONDS,
+            label_reach_s=Range(0.0, 0.5),
+            told_reach_s=Range(0.0, 0.5),
+            strict_excess=Range(0.0, 100.0, open_low=True),
+            reference_excess=Range(0.0, 1000.0, open_low=True),
+            consistent_share=SHARE,
             reference_force=NOT_NEGATIVE,
             reference_lever=NOT_NEGATIVE,
             residual_window_s=Range(0.02, 10.0),

@@ -21,18 +21,25 @@ SHORTEST_S = 0.04
 """Contacts and gaps shorter than this are not believed (judgement: two frames at 50 Hz)."""
 
 
-def contact_from_sole(sole: SoleMotion) -> Bool[np.ndarray, "t 2"]:
-    """Contact of the left and right foot: low and slow, with hysteresis.
+def contact_from_sole(
+    sole: SoleMotion,
+    *,
+    below: float = CONTACT_HEIGHT,
+    on_speed: float = ON_SPEED,
+    off_speed: float = OFF_SPEED,
+    shortest_s: float = SHORTEST_S,
+) -> Bool[np.ndarray, "t 2"]:
+    """Contact of the left and right foot: lower than `below` [m] and slow, with hysteresis [m/s].
 
-    Short gaps are closed first, then short contacts dropped.
+    Gaps shorter than `shortest_s` are closed first, then short contacts dropped.
     """
-    low, speed = sole.height < CONTACT_HEIGHT, sole.mean_speed
+    low, speed = sole.height < below, sole.mean_speed
     contact = np.zeros(low.shape, dtype=bool)
     state = np.zeros(2, dtype=bool)
     for frame in range(len(low)):
-        state = low[frame] & (speed[frame] < np.where(state, OFF_SPEED, ON_SPEED))
+        state = low[frame] & (speed[frame] < np.where(state, off_speed, on_speed))
         contact[frame] = state
-    shortest = round(SHORTEST_S * sole.fps)
+    shortest = round(shortest_s * sole.fps)
     for side in range(2):
         for wanted in (False, True):
             for start, stop in time_series.runs(contact[:, side] == wanted):

@@ -17,7 +17,7 @@ from pipeline.quality.sole_contact import contact_from_sole
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
 
-FRAMES = 100
+FRAMES, LEVEL = 100, 0.01
 CORNERS = np.array([[0.12, 0.05, 0.0], [0.12, -0.05, 0.0], [-0.1, -0.05, 0.0], [-0.1, 0.05, 0.0]])
 """Of a sole about its ankle [m]."""
 
@@ -42,18 +42,18 @@ def _soles(*feet) -> SoleMotion:
 
 def test_a_foot_that_turns_on_the_spot_stands_and_its_corners_do_not():
     soles = _soles(_foot(turning=4.0), _foot(turning=4.0, pivot=(0.03, -0.02)))
-    np.testing.assert_allclose(slowest_point_speed(soles), 0.0, atol=1e-12)
+    np.testing.assert_allclose(slowest_point_speed(soles, LEVEL), 0.0, atol=1e-12)
     assert np.all(soles.lowest_corner_speed > 0.4)
 
 
 def test_a_foot_that_turns_about_a_point_beside_it_slides_as_its_nearest_point_does():
     soles = _soles(_foot(turning=2.0, pivot=(0.32, 0.0)), _foot(turning=2.0, pivot=(0.12 + 0.3, 0.05 + 0.4)))
-    np.testing.assert_allclose(slowest_point_speed(soles), [[2.0 * 0.2, 2.0 * 0.5]] * FRAMES)
+    np.testing.assert_allclose(slowest_point_speed(soles, LEVEL), [[2.0 * 0.2, 2.0 * 0.5]] * FRAMES)
 
 
 def test_a_foot_that_slides_along_slides_at_its_speed():
     soles = _soles(_foot((0.3, -0.4)), _foot((0.3, 0.0), turning=0.5))
-    slip = slowest_point_speed(soles)
+    slip = slowest_point_speed(soles, LEVEL)
     np.testing.assert_allclose(slip[:, 0], 0.5)
     assert np.all(slip[:, 1] == pytest.approx(0.3 - 0.5 * 0.05))
 
@@ -61,7 +61,7 @@ def test_a_foot_that_slides_along_slides_at_its_speed():
 def test_only_the_part_of_the_sole_that_is_on_the_ground_may_stand():
     pos, vel = _foot(turning=4.0)
     raised = pos + np.array([0.0, 0.0, 1.0]) * np.array([0.0, 0.0, 0.03, 0.03])[:, None]  # on its toes
-    slip = slowest_point_speed(_soles((raised, vel), (pos, vel)))
+    slip = slowest_point_speed(_soles((raised, vel), (pos, vel)), LEVEL)
     np.testing.assert_allclose(slip, [[4.0 * 0.12, 0.0]] * FRAMES, atol=1e-12)
 
 

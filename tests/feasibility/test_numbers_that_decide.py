@@ -1,0 +1,166 @@
+"""Numbers that no motion is held against decide verdicts too: another value of each gives another verdict."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.feasibility import FeasibilitySettings, process
+from pipeline.feasibility.foot_criteria import foot_slip, label_disagreement
+from pipeline.feasibility.motion import Motion, motion_of
+from pipeline.feasibility.torque_criteria import dynamics
+from pipeline.files import settings
+from pipeline.quality.sole import SoleMotion
+from pipeline.robot import Robot
+from tests.factories.robot_clips import standing
+
+LIMITS = settings.read(Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml", FeasibilitySettings)
+
+
+def _with(name: str, value: float) -> FeasibilitySettings:
+    """The file's settings with another value of `section.name`."""
+    section, key = name.split(".")
+    return dataclasses.replace(LIMITS, **{section: dataclasses.replace(getattr(LIMITS, section), **{key: value})})
+
+
+def _soles_replaced(motion: Motion, height: np.ndarray, velocity: np.ndarray) -> Motion:
+    """The motion with soles whose corners are at a height [m] (t, 4) and move at a velocity [m/s] (t, 4, 3)."""
+    sole = motion.sole
+    pos, vel = sole.corner_pos_w.copy(), np.broadcast_to(velocity[:, None], sole.corner_vel_w.shape).copy()
+    pos[..., 2] = height[:, None]
+    return dataclasses.replace(motion, sole=SoleMotion(fps=sole.fps, corner_pos_w=pos, corner_vel_w=vel))
+
+
+def _on_the_left_foot(robot: Robot, lean: float = 0.2) -> RobotClip:
+    """It leans to the left over its left foot, whose label alone says contact."""
+    clip = standing(robot, 2.0)
+    joints = clip.joint_pos.copy()
+    joints[:, robot.joint("Left_Ankle_Roll")] += lean
+    tilt = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.full(clip.frame_count, -lean))
+    contacts = np.tile(np.array([True, False]), (clip.frame_count, 1))
+    return dataclasses.replace(clip, joint_pos=joints, root_quat_w=tilt, contacts=contacts)
+
+
+def _on_the_ground(motion: Motion, blinking: int = 0) -> Motion:
+    """The motion with soles on the ground; every so many frames they are off it in one of them."""
+    frames = motion.clip.frame_count
+    height = np.zeros((frames, 4))
+    if blinking:
+        height[::blinking] = 0.05
+    return _soles_replaced(motion, height, np.zeros((frames, 4, 3)))
+
+
+def _consistent(motion: Motion, limits: FeasibilitySettings) -> bool:
+    return dynamics(motion, limits.torque).consistent
+
+
+def _slips_at_the_heel(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Both feet turn about their toes; the heels are 5 mm lower."""
+    motion = motion_of(standing(robot), robot, limits)
+    corners = motion.sole.corner_pos_w[0, 0]
+    front = corners[:, 0] > corners[:, 0].mean()
+    height = np.tile(np.where(front, 0.005, 0.0), (motion.clip.frame_count, 1))
+    velocity = np.where(front, 0.0, 0.5)[:, None] * np.array([0.0, 1.0, 0.0])
+    soles = _soles_replaced(motion, height, np.tile(velocity, (motion.clip.frame_count, 1, 1)))
+    return not all(verdict.holds for verdict in foot_slip(soles, limits.feet))
+
+
+def _keeps_what_is_left(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """A clip with one frame that is no posture at all."""
+    clip = standing(robot, 4.0)
+    joints = clip.joint_pos.copy()
+    joints[100, robot.joint("Left_Elbow_Yaw")] += 2.0
+    outcome = process(dataclasses.replace(clip, joint_pos=joints), {}, settings=limits, robot=robot)
+    return bool(outcome.pieces)
+
+
+def _is_explained_without_a_frame_in_three(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Standing, with no contact labelled in each third frame."""
+    clip = standing(robot, 2.0)
+    contacts = np.ones((clip.frame_count, 2), dtype=bool)
+    contacts[::3] = False
+    return _consistent(motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits), limits)
+
+
+def _is_explained_when_soles_blink(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Standing without labels, the soles off the ground in each third frame."""
+    clip = dataclasses.replace(standing(robot, 2.0), contacts=None)
+    return _consistent(_on_the_ground(motion_of(clip, robot, limits), blinking=3), limits)
+
+
+def _is_explained_with_a_fault(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Standing, with no contact labelled in .1 s of two."""
+    clip = standing(robot, 2.0)
+    contacts = np.ones((clip.frame_count, 2), dtype=bool)
+    contacts[50:56] = False
+    return _consistent(motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits), limits)
+
+
+def _weak_hip_shows(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """On one leg with a hip of 2 N m."""
+    limit = robot.torque_limit.copy()
+    limit[robot.joint("Left_Hip_Roll")] = 2.0
+    weak = dataclasses.replace(robot, torque_limit=limit)
+    found = dynamics(_on_the_ground(motion_of(_on_the_left_foot(weak), weak, limits)), limits.torque)
+    return found.consistent and not all(verdict.holds for verdict in found.verdicts)
+
+
+def _limits_of_a_reference_are_kept(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Beside its standing foot, with a hip of 10 N m: no forces explain it."""
+    limit = robot.torque_limit.copy()
+    limit[robot.joint("Left_Hip_Roll")] = 10.0
+    weak = dataclasses.replace(robot, torque_limit=limit)
+    found = dynamics(_on_the_ground(motion_of(_on_the_left_foot(weak, 0.02), weak, limits)), limits.torque)
+    assert not found.consistent
+    return next(verdict.holds for verdict in found.verdicts if verdict.code == "torque_over_run_s")
+
+
+def _soles_bear(height: float, speed: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def explained(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Standing without labels on soles at that height [m] and of that speed [m/s]."""
+        motion = motion_of(dataclasses.replace(standing(robot, 2.0), contacts=None), robot, limits)
+        frames = motion.clip.frame_count
+        velocity = np.tile([speed, 0.0, 0.0], (frames, 4, 1))
+        return _consistent(_soles_replaced(motion, np.full((frames, 4), height), velocity), limits)
+
+    return explained
+
+
+def _labels_agree(speeds: np.ndarray) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def agree(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Labelled as standing throughout, with soles of those speeds [m/s]."""
+        motion = motion_of(standing(robot, 2.0), robot, limits)
+        velocity = speeds[:, None, None] * np.tile([1.0, 0.0, 0.0], (motion.clip.frame_count, 4, 1))
+        return label_disagreement(_soles_replaced(motion, np.zeros((len(speeds), 4)), velocity), limits.feet).holds
+
+    return agree
+
+
+SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
+"""Faster than contact begins, not than it ends; and too fast in two of four frames."""
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "case"),
+    [
+        ("feet.level", 0.001, _slips_at_the_heel),
+        ("cut.max_cuts", 0, _keeps_what_is_left),
+        ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
+        ("torque.told_reach_s", 0.0, _is_explained_when_soles_blink),
+        ("torque.consistent_share", 1.0, _is_explained_with_a_fault),
+        ("torque.strict_excess", 3.0, _weak_hip_shows),
+        ("torque.reference_excess", 0.003, _limits_of_a_reference_are_kept),
+        ("contact.height", 0.002, _soles_bear(0.005, 0.0)),
+        ("contact.off_speed", 0.3, _soles_bear(0.0, 0.5)),
+        ("contact.on_speed", 0.6, _labels_agree(SLOW)),
+        ("contact.shortest_s", 0.1, _labels_agree(BLINKING)),
+    ],
+)
+def test_another_value_gives_another_verdict(
+    robot: Robot, name: str, value: float, case: Callable[[Robot, FeasibilitySettings], bool]
+):
+    assert case(robot, LIMITS) != case(robot, _with(name, value))
