@@ -11,8 +11,9 @@ import numpy as np
 from benchmarks.feasibility_faults import FAULTS, LABELS, MATTERS_M, displacement, matters
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
-from pipeline.feasibility import FeasibilitySettings, process
+from pipeline.feasibility import FeasibilitySettings, assess, process
 from pipeline.feasibility.criteria import GROUPS
+from pipeline.feasibility.motion import motion_of
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.repair.robot_contacts import label_robot_contacts
 from pipeline.robot import Robot, load_robot
@@ -164,7 +165,7 @@ def _faults(
             continue
         for kind, one in by_labels(planted, robot).items():
             if name != LABELS or not kind:
-                found.found[name + kind] = _judged(one, robot, limits)[2]
+                found.found[name + kind] = _broken(one, robot, limits)
 
 
 def _weak(
@@ -188,4 +189,9 @@ def _weak(
         found.small.append(WEAK)
         return
     for kind, one in by_labels(clip, robot).items():
-        found.found[WEAK + kind] = _judged(one, robot, limits)[2] & set(GROUPS[WEAK_GROUP])
+        found.found[WEAK + kind] = _broken(one, robot, limits) & set(GROUPS[WEAK_GROUP])
+
+
+def _broken(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> set[str]:
+    """Criteria that a clip breaks as a whole."""
+    return {verdict.code for verdict in assess(motion_of(clip, robot, limits), limits).broken}
