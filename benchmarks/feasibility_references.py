@@ -34,9 +34,10 @@ from pipeline.clips.robot_clip import RobotClip  # noqa: E402
 from pipeline.errors import PipelineError  # noqa: E402
 from pipeline.feasibility import FeasibilitySettings  # noqa: E402
 from pipeline.feasibility.motion import Motion, motion_of  # noqa: E402
-from pipeline.feasibility.torque_criteria import dynamics  # noqa: E402
+from pipeline.feasibility.torque_criteria import Dynamics, dynamics, torque_over_limit  # noqa: E402
 from pipeline.files import settings  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
+from pipeline.simulation.contact_wrench import GRAVITY  # noqa: E402
 
 NEED, NEED_S = 1.2, 0.2
 """Torque over the limit of a motor that is planted, and for how long [s]."""
@@ -63,6 +64,8 @@ class Plant:
     """Way of the body that goes furthest [m]; infinite if the robot fell."""
     broken: frozenset[str]
     """Criteria of torque and balance that break with it."""
+    added: tuple[float, float] = (0.0, 0.0)
+    """How much further the admissible forces have to go than for the whole robot; see `shift`."""
 
 
 @dataclass
@@ -76,6 +79,10 @@ class Found:
     plants: list[Plant] = dataclasses.field(default_factory=list)
     shy: list[float] = dataclasses.field(default_factory=list)
     """Way of the body that goes furthest where a motor hardly is too weak [m]."""
+    shifts: list[tuple[float, float]] = dataclasses.field(default_factory=list)
+    """Of whole robots; see `shift`."""
+    asked_too_much: int = 0
+    """References whose forces that leave least at the root are over a torque limit."""
 
 
 def main() -> int:
@@ -115,10 +122,13 @@ def _plant_into(clip: RobotClip, limits: FeasibilitySettings, rng: np.random.Gen
     """Follow a part of a clip, and again with two weak motors and one that hardly is."""
     robot = load_robot("t1")
     motion = _part(motion_of(clip, robot, limits), limits, rng)
-    own = {verdict.code for verdict in dynamics(motion, limits.torque).verdicts if not verdict.holds}
-    if own:
+    own = dynamics(motion, limits.torque)
+    if not all(verdict.holds for verdict in own.verdicts):
         return
     found.references += 1
+    found.shifts.append(shift(own, robot))
+    asked = torque_over_limit(motion, own.root_first.joint_torque, limits.torque)
+    found.asked_too_much += not all(verdict.holds for verdict in asked)
     whole = follow(motion, limits.torque)
     if moved(robot, whole.qpos, whole.reference_qpos).max() > LOST_M:
         found.lost += 1
@@ -130,15 +140,26 @@ def _plant_into(clip: RobotClip, limits: FeasibilitySettings, rng: np.random.Gen
     for _ in range(2):
         joint, least = needs[int(rng.integers(len(needs)))]
         weak = dataclasses.replace(motion, robot=weakened(robot, joint, least / NEED))
-        broken = {verdict.code for verdict in dynamics(weak, limits.torque).verdicts if not verdict.holds}
+        with_it = dynamics(weak, limits.torque)
+        broken = frozenset(verdict.code for verdict in with_it.verdicts if not verdict.holds)
+        force, lever = np.subtract(shift(with_it, robot), found.shifts[-1])
         way = moved(robot, follow(weak, limits.torque, held=whole).qpos, whole.qpos).max()
         name, limit = robot.joint_names[joint], float(least / NEED)
-        plant = Plant(clip=clip.name, joint=name, limit=limit, moved=float(way), broken=frozenset(broken))
+        added = (float(force), float(lever))
+        plant = Plant(clip=clip.name, joint=name, limit=limit, moved=float(way), broken=broken, added=added)
         found.plants.append(plant)
     joint = needs[int(rng.integers(len(needs)))][0]
     most = SHY * float(np.abs(whole.torque[:, joint]).max())
     shy = dataclasses.replace(motion, robot=weakened(robot, joint, most))
     found.shy.append(float(moved(robot, follow(shy, limits.torque, held=whole).qpos, whole.qpos).max()))
+
+
+def shift(found: Dynamics, robot: Robot) -> tuple[float, float]:
+    """How far the forces that keep the torques within their limits are from those that leave least at the root: means
+    over the clip of force over weight and of the lever [m] by which the centre of pressure has to be elsewhere."""
+    away = (found.judged.residual_w - found.root_first.residual_w) / (robot.total_mass * GRAVITY)
+    force, lever = np.linalg.norm(away[:, :3], axis=1), np.linalg.norm(away[:, 3:5], axis=1)
+    return float(force.mean()), float(lever.mean())
 
 
 def _part(motion: Motion, limits: FeasibilitySettings, rng: np.random.Generator) -> Motion:
@@ -178,18 +199,35 @@ def bars_of(found: list[Found]) -> list[Bar]:
         Bar(name="references", value=sum(one.references for one in found)),
         Bar(name="not followed, left out", value=sum(one.lost for one in found)),
         Bar(name="no motor of a standing leg to weaken", value=sum(one.still for one in found)),
+        rate("over a torque limit, the root first", _share(sum(one.asked_too_much for one in found), found)),
+        *_shift_bars("limits first, another force", [each for one in found for each in one.shifts]),
         rate(f"a limit of {SHY:g} of the most: some body moved 5 cm", shy),
         Bar(name="weak motors planted", value=len(plants)),
         Bar(name="    that matter: some body moved 5 cm", value=len(matter)),
         _found("found, of those that matter", matter, LEAST),
         _found("found, of the others", [plant for plant in plants if plant.moved < MATTERS_M]),
     ]
+    bars += _shift_bars("a weak motor that matters adds", [plant.added for plant in matter])
     counts = Counter(code for plant in matter for code in plant.broken)
     share = {code: 100.0 * count / len(matter) for code, count in counts.most_common()}
     bars += [Bar(name=f"    by {code}", value=value, unit="%") for code, value in share.items()]
     others = [dataclasses.replace(plant, broken=plant.broken - {FIGURE}) for plant in matter]
     bars.append(_found(f"    by anything but {FIGURE}", others))
     return bars
+
+
+def _share(count: int, found: list[Found]) -> list[bool]:
+    return [True] * count + [False] * (sum(one.references for one in found) - count)
+
+
+def _shift_bars(name: str, shifts: list[tuple[float, float]]) -> list[Bar]:
+    """Median and most of both parts."""
+    forces, levers = np.array(shifts or [(0.0, 0.0)]).T
+    return [
+        Bar(name=f"{name}, {kind}", value=float(value), unit=unit)
+        for values, unit in ((forces, "of the weight"), (levers, "m"))
+        for kind, value in (("median", np.median(values)), ("most", values.max()))
+    ]
 
 
 def _found(name: str, plants: list[Plant], least: float | None = None) -> Bar:

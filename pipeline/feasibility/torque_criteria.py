@@ -25,6 +25,10 @@ class Dynamics:
     verdicts: tuple[Verdict, ...]
     consistent: bool
     """Contact forces explain nearly all of it: it was made by physics, or could have been."""
+    root_first: ContactSolution
+    """The forces that leave least at the root ..."""
+    judged: ContactSolution
+    """... and those that torque is judged by: where the motion is not explained, the ones that keep to the limits."""
 
 
 def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
@@ -53,7 +57,7 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
         *asked,
         *_residuals(motion, solution, limits, settings),
     )
-    return Dynamics(verdicts=verdicts, consistent=consistent)
+    return Dynamics(verdicts=verdicts, consistent=consistent, root_first=strict, judged=solution)
 
 
 def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
