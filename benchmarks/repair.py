@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.repair_files import FILE_KINDS, HARMLESS  # noqa: E402
-from benchmarks.repair_floors import FLOOR_NUMBER, TOLD_BEFORE, judge_floor  # noqa: E402
+from benchmarks.repair_floors import COUNTED, FLOOR_NUMBER, ground_bars, judge_floor  # noqa: E402
 from benchmarks.repair_judge import Verdict, judge_plant  # noqa: E402
 from benchmarks.repair_picture import draw  # noqa: E402
 from benchmarks.repair_quality import contact_bars, gap_bars, sound_bars  # noqa: E402
@@ -70,6 +70,7 @@ def main() -> int:
         bars += sound_bars(arguments.mocap, limits)
         bars += gap_bars(arguments.mocap, limits, arguments.count)
         bars += contact_bars(arguments.policies, limits)
+        bars += ground_bars(arguments.mocap, limits)
     return 0 if report(bars, machine=machine(), json=arguments.json) else 1
 
 
@@ -78,8 +79,9 @@ def judge_chunk(kind: str, first: int, mocap: Path, seed: int) -> list[Verdict]:
     numbers = range(first, first + CHUNK)
     if kind in KINDS:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
-        one = judge_floor if kind in FLOOR_NUMBER else judge_plant
-        return [one(kind, number, seed, mocap, limits) for number in numbers]
+        if kind in FLOOR_NUMBER:
+            return [one for number in numbers for one in judge_floor(kind, number, seed, mocap, limits)]
+        return [judge_plant(kind, number, seed, mocap, limits) for number in numbers]
     harmless: Callable[..., Verdict] | None = HARMLESS.get(kind)
     if harmless is not None:
         limits = settings_file.read(ROOT / "data" / "repair.yaml", RepairSettings)
@@ -93,7 +95,7 @@ def kind_bars(kind: str, verdicts: list[Verdict]) -> list[Bar]:
     if kind in FLOOR_NUMBER:
         groups = sorted({one.group for one in verdicts})
         each = [bar for group in groups for bar in _floor_bars(kind, group, verdicts)]
-        return [*_found(kind, [one for one in verdicts if one.group != TOLD_BEFORE]), *each]
+        return [*_found(kind, [one for one in verdicts if one.group in COUNTED]), *each]
     counted = [one for one in verdicts if one.strength >= 1.0]
     if kind in HARMLESS:
         return [_percent(f"{kind} ({len(counted)}): the same comes out", [one.detected for one in counted])]
@@ -107,18 +109,15 @@ def _found(name: str, verdicts: list[Verdict]) -> list[Bar]:
 
 
 def _floor_bars(kind: str, group: str, verdicts: list[Verdict]) -> list[Bar]:
-    """Floors of one group of clips; of those told of without a plant there is nothing to be held to."""
+    """Floors of one group of clips, with bounds where it is counted."""
     own = [one for one in verdicts if one.group == group]
-    name = f"{kind}, {group}"
-    if group == TOLD_BEFORE:
-        (bar,) = _found(name, own)
-        return [dataclasses.replace(bar, name=bar.name.replace("found", "still told"), sense="", bound=None)]
     right = [one.located for one in own if one.strength >= 1.0 and one.located is not None]
-    return [*_found(name, own), *([_percent(f"{name}: right", right)] if right else [])]
+    bars = _found(f"{kind}, {group}", own) + ([_percent(f"{kind}, {group}: right", right)] if right else [])
+    return bars if group in COUNTED else [dataclasses.replace(bar, sense="", bound=None) for bar in bars]
 
 
 def _counted(verdicts: list[Verdict]) -> int:
-    return sum(one.strength >= 1.0 and one.group != TOLD_BEFORE for one in verdicts)
+    return sum(one.strength >= 1.0 and one.group in ("", *COUNTED) for one in verdicts)
 
 
 def _percent(name: str, values: list[bool]) -> Bar:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import matplotlib
 
-from benchmarks.repair_floors import TOLD_BEFORE
+from benchmarks.repair_floors import COUNTED
 from benchmarks.repair_judge import Verdict
 
 matplotlib.use("Agg")
@@ -39,7 +39,7 @@ def draw(verdicts: dict[str, list[Verdict]], path: Path) -> None:
     figure, axes = pyplot.subplots(figsize=(8.0, 4.5), dpi=110)
     markers = "os^vD<>pP*X"
     for marker, kind in zip(markers, [kind for kind in SHOWN if kind in verdicts], strict=False):
-        drawn = [one for one in verdicts[kind] if one.group != TOLD_BEFORE]
+        drawn = [one for one in verdicts[kind] if one.group in ("", *COUNTED)]
         strength = np.array([one.strength for one in drawn])
         found = np.array([one.detected for one in drawn], dtype=float)
         which = np.digitize(strength, EDGES)

@@ -15,8 +15,10 @@ from pipeline.repair.defect import Findings
 from pipeline.repair.settings import FloorSettings
 
 FEWEST_FRAMES = 5
-SHORTEST_STANCE_S, LONGEST_STANCE_S = 0.06, 0.5
+SHORTEST_STANCE_S, LONGEST_STANCE_S = 0.06, 0.6
 """Shorter stances are none; longer ones are looked at in parts [s]."""
+LOOKS = 2
+"""How often the slope is sought."""
 FEWEST_STANCES, SHORTEST_WAY_S = 4, 0.5
 """So many stances tell a slope, by those that are so far apart [s]."""
 FALLBACK_PERCENTILE = 5.0
@@ -55,22 +57,20 @@ def find_floor(
     between stances (Theil and Sen), which single steps onto something do not change.
     """
     toes = [_toe(clip, side, sound, findings, recorded) for side in FEET]
-    stances = [_stances(pos_w, seen, clip.fps, settings) for pos_w, seen in toes]
-    when = np.concatenate([frames for frames, _ in stances])
-    height = np.concatenate([heights for _, heights in stances])
-    if len(height) < FEWEST_FRAMES:
-        toes = np.concatenate([clip.pos(f"{side}_toe")[sound, 2] for side in FEET])
-        lowest = float(np.percentile(toes, FALLBACK_PERCENTILE)) if len(toes) else settings.ball_height
+    slope = 0.0
+    for _ in range(LOOKS):  # what is slow over a ground that drifts is known better once the drift is
+        slope += _slope([_stances(*toe, slope, clip.fps, settings) for toe in toes], clip.fps, settings)
+    taken = slope if abs(slope) * clip.duration_s > settings.drift_limit else 0.0
+    level = np.concatenate([_stances(*toe, taken, clip.fps, settings)[1] for toe in toes])
+    if len(level) < FEWEST_FRAMES:
+        lows = np.concatenate([clip.pos(f"{side}_toe")[sound, 2] for side in FEET])
+        lowest = float(np.percentile(lows, FALLBACK_PERCENTILE)) if len(lows) else settings.ball_height
         return Floor(height=lowest - settings.ball_height, drift=0.0, slope_m_s=0.0, stance_frames=0)
-    middle = (clip.frame_count - 1) / 2.0
-    slope = _slope(stances, clip.fps, settings)
-    drifts = abs(slope) * clip.duration_s > settings.drift_limit
-    level = height - slope * (when - middle) / clip.fps if drifts else height
     inside = np.abs(level - densest(level, settings.band)) <= settings.band / 2.0
     return Floor(
         height=float(np.median(level[inside])) - settings.ball_height,
         drift=slope * clip.duration_s,
-        slope_m_s=slope if drifts else 0.0,
+        slope_m_s=taken,
         stance_frames=int(inside.sum()),
     )
 
@@ -110,36 +110,58 @@ def _toe(
 
 
 def _stances(
-    toe_pos_w: Float[np.ndarray, "t 3"], seen: Bool[np.ndarray, " t"], fps: float, settings: FloorSettings
+    toe_pos_w: Float[np.ndarray, "t 3"],
+    seen: Bool[np.ndarray, " t"],
+    slope_m_s: float,
+    fps: float,
+    settings: FloorSettings,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Frames in which a toe is slow, of those in which it is seen, and its heights there [m]."""
-    speed = np.linalg.norm(time_series.derivative(toe_pos_w, fps), axis=1)
+    """Frames in which a toe is slow, of those in which it is seen, and its heights there [m], without a slope."""
+    level_w = toe_pos_w.copy()
+    level_w[:, 2] -= slope_m_s * (np.arange(len(level_w)) - (len(level_w) - 1) / 2.0) / fps
+    speed = np.linalg.norm(time_series.derivative(level_w, fps), axis=1)
     frames = np.flatnonzero((speed < settings.slow_m_s) & seen)
-    return frames.astype(float), toe_pos_w[frames, 2]
+    return frames.astype(float), level_w[frames, 2]
 
 
 def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: FloorSettings) -> float:
-    """Median slope of the ground between stances [m/s], each weighed by its time apart; 0 where too few are told."""
-    time_s, height = [], []
-    for frames, heights in stances:
-        bounds = [0, *(np.flatnonzero(np.diff(frames) > 1) + 1).tolist(), len(frames)]
-        for low, high in itertools.pairwise(bounds):
-            parts = max(1, round((high - low) / (fps * LONGEST_STANCE_S)))
-            for part in range(parts):
-                start, stop = (low + (high - low) * edge // parts for edge in (part, part + 1))
-                if stop - start >= SHORTEST_STANCE_S * fps:
-                    time_s.append((frames[start] + frames[stop - 1]) / 2.0 / fps)
-                    height.append(np.sort(heights[start:stop])[(stop - start) // 2])
+    """Slope of the ground through the stances [m/s]; 0 where too few are told.
+
+    Their median slope, each pair weighed by its time apart (Theil and Sen), tells which stances are on the ground; the
+    line through those, each weighed by its time, is steadier where all of them wander.
+    """
+    parts = [part for frames, heights in stances for part in _parts(frames, heights, fps)]
+    time_s, height, weight = np.array(parts).reshape(-1, 3).T
     first, second = np.triu_indices(len(time_s), 1)
-    apart = np.abs(np.array(time_s)[second] - np.array(time_s)[first]) if len(first) else np.zeros(0)
-    far = apart > SHORTEST_WAY_S
+    far = np.abs(time_s[second] - time_s[first]) > SHORTEST_WAY_S
     if len(time_s) < FEWEST_STANCES or not far.any():
         return 0.0
-    first, second, apart = first[far], second[far], apart[far]
-    slopes = (np.array(height)[second] - np.array(height)[first]) / (np.array(time_s)[second] - np.array(time_s)[first])
+    first, second = first[far], second[far]
+    slopes = (height[second] - height[first]) / (time_s[second] - time_s[first])
     order = np.argsort(slopes, kind="stable")
-    total = np.cumsum(apart[order])
-    return float(slopes[order][np.searchsorted(total, total[-1] / 2.0)])
+    total = np.cumsum(np.abs(time_s[second] - time_s[first])[order])
+    slope = float(slopes[order][np.searchsorted(total, total[-1] / 2.0)])
+    off = height - slope * time_s
+    off -= np.median(off)
+    weight = weight * np.clip(1.0 - (off / settings.band) ** 2, 0.0, None) ** 2
+    middle = np.average(time_s, weights=weight)
+    return slope + float((weight * off * (time_s - middle)).sum() / (weight * (time_s - middle) ** 2).sum())
+
+
+def _parts(frames: np.ndarray, heights: np.ndarray, fps: float) -> list[tuple[float, float, float]]:
+    """Time [s], height [m] and duration [s] of a foot's stances, long ones in parts."""
+    result = []
+    bounds = [0, *(np.flatnonzero(np.diff(frames) > 1) + 1).tolist(), len(frames)]
+    for low, high in itertools.pairwise(bounds):
+        parts = max(1, int((high - low) / (fps * LONGEST_STANCE_S)))
+        for part in range(parts):
+            start, stop = (low + (high - low) * edge // parts for edge in (part, part + 1))
+            if stop - start >= SHORTEST_STANCE_S * fps:
+                when = (frames[start] + frames[stop - 1]) / 2.0 / fps
+                result.append(
+                    (float(when), float(np.sort(heights[start:stop])[(stop - start) // 2]), (stop - start) / fps)
+                )
+    return result
 
 
 def densest(values: Float[np.ndarray, " n"], width: float) -> float:

@@ -57,6 +57,8 @@ class Rest:
     stop: int
     entered: float
     left: float
+    whole: bool
+    """The clip does not begin or end in it."""
 
     @property
     def frames(self) -> int:
@@ -101,7 +103,13 @@ def find_holds(
     count, ahead = len(value), (value, jump, unknown)
     back = (value[::-1], np.concatenate([[0.0], jump[:0:-1]]), unknown[::-1])
     rests = [
-        Rest(start=start, stop=stop, entered=_jump(*back, count + 1 - start), left=_jump(*ahead, stop))
+        Rest(
+            start=start,
+            stop=stop,
+            entered=_jump(*back, count + 1 - start),
+            left=_jump(*ahead, stop),
+            whole=start > 1 and stop < count,
+        )
         for start, stop in time_series.runs(still & ~unknown)
     ]
     poses = value[[one.stop - 1 for one in rests]]
@@ -171,7 +179,8 @@ def _hold(one: Rest, others: list[Rest], limits: Limits) -> Hold:
     entered, left = one.entered > limits.jump, one.left > limits.jump
     start, stop = one.start - entered, one.stop
     near = sorted(
-        (other for other in others if not other.jumps(limits.jump)), key=lambda other: abs(other.start - start)
+        (other for other in others if other.whole and not other.jumps(limits.jump)),
+        key=lambda other: abs(other.start - start),
     )
     at_least = min((other.frames for other in near[:NEAREST]), default=0)
     if left and not entered and not any(0 < one.start - other.stop <= PAUSE for other in others):

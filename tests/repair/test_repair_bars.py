@@ -9,7 +9,18 @@ import pytest
 
 from benchmarks.repair import kind_bars
 from benchmarks.repair_clips import Sound
-from benchmarks.repair_floors import FLOOR_NUMBER, GENERATED, REAL, TOLD_BEFORE, floor_verdict, tracked_badly
+from benchmarks.repair_floors import (
+    AS_IT_IS,
+    FLOOR_NUMBER,
+    GENERATED,
+    REAL,
+    WANDERING,
+    floor_verdict,
+    put_on_ground,
+    smooth_way,
+    tracked_badly,
+    wander,
+)
 from benchmarks.repair_judge import Verdict, judge
 from pipeline.clips.outcome import Outcome
 from pipeline.files import settings as settings_files
@@ -83,7 +94,7 @@ def test_floor_of_the_generator_is_right_by_its_distance_from_the_truth(kind, of
     assert (verdict.detected, verdict.located) == (False, right)
 
 
-def test_floor_of_a_recording_matters_by_the_plant_alone_and_goes_unsaid_where_its_own_ground_takes_it_away(settings):
+def test_floor_of_a_recording_as_it_is_goes_unsaid_where_its_own_ground_takes_the_plant_away(settings):
     clip = turned(walker(fps=60.0), 0.0, (0.0, 0.0, -0.02))
     sound = Sound(clip=clip, skeleton="", real=True, speed_m_s=1.2)
     told = {}
@@ -91,22 +102,49 @@ def test_floor_of_a_recording_matters_by_the_plant_alone_and_goes_unsaid_where_i
         moved = turned(clip, 0.0, (0.0, 0.0, 0.04 * sign))
         drawn = plant("floor_offset", clip, np.random.default_rng(0))
         planted = dataclasses.replace(drawn, clip=moved, size=0.04 * sign, strength=0.04 / 0.03)
-        verdict = floor_verdict("floor_offset", sound, REAL, planted, process(moved, {}, settings=settings))
+        verdict = floor_verdict("floor_offset", sound, AS_IT_IS, planted, process(moved, {}, settings=settings))
         assert verdict.strength == pytest.approx(0.04 / 0.03)
         assert verdict.located is None
         told[sign] = verdict.detected
     assert told == {-1.0: True, 1.0: False}
 
 
-def test_rates_of_floors_are_by_group_and_recordings_told_of_before_are_held_to_nothing():
+@pytest.mark.parametrize("kind", list(FLOOR_NUMBER))
+def test_floor_of_a_recording_that_was_put_on_its_ground_is_what_was_planted(kind, settings):
+    clip = turned(walker(fps=60.0), 0.0, (0.0, 0.0, -0.04))
+    pos = clip.body_pos_w + 0.06 * np.linspace(-0.5, 0.5, clip.frame_count)[:, None, None] * [0.0, 0.0, 1.0]
+    level = put_on_ground(dataclasses.replace(clip, body_pos_w=pos), settings)
+    assert process(level, {}, settings=settings).reasons == ()
+    sound = Sound(clip=level, skeleton="", real=True, speed_m_s=1.2)
+    for seed in range(4):
+        planted = plant(kind, level, np.random.default_rng(seed))
+        verdict = floor_verdict(kind, sound, REAL, planted, process(planted.clip, {}, settings=settings))
+        assert verdict.located, verdict.text
+        assert verdict.detected or verdict.strength < 1.0, verdict.text
+
+
+def test_wander_has_neither_mean_nor_slope_in_all_frames_nor_in_those_that_are_kept():
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        frames, start, length = 480, int(rng.integers(100)), int(rng.integers(60, 280))
+        way = wander(smooth_way(frames, 60.0, rng), slice(start, start + length))
+        kept = np.delete(np.arange(frames), np.s_[start : start + length])
+        assert np.sqrt((way**2).mean(axis=0)) == pytest.approx(0.005)
+        assert np.abs(np.diff(way, axis=0)).max() < 0.004
+        for which in (np.arange(frames), kept):
+            assert np.polyfit(which / frames, way[which], 1) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rates_of_floors_are_by_group_and_recordings_as_they_are_and_wandering_are_held_to_nothing():
     verdicts = [
         Verdict(kind="floor_offset", clip="", strength=2.0, detected=detected, located=located, text="", group=group)
         for detected, located, group in (
             (True, True, GENERATED),
             (True, False, GENERATED),
-            (False, None, REAL),
-            (True, None, REAL),
-            (False, None, TOLD_BEFORE),
+            (False, True, REAL),
+            (True, True, REAL),
+            (False, None, AS_IT_IS),
+            (True, False, WANDERING),
         )
     ]
     bars = {bar.name: (bar.value, bar.holds) for bar in kind_bars("floor_offset", verdicts)}
@@ -115,5 +153,8 @@ def test_rates_of_floors_are_by_group_and_recordings_told_of_before_are_held_to_
         "floor_offset, generated (2 of 2): found": (100.0, True),
         "floor_offset, generated: right": (50.0, False),
         "floor_offset, real (2 of 2): found": (50.0, False),
-        "floor_offset, real, told of without a plant (1 of 1): still told": (0.0, None),
+        "floor_offset, real: right": (100.0, True),
+        "floor_offset, real, as they are (1 of 1): found": (0.0, None),
+        "floor_offset, real, wandering (1 of 1): found": (100.0, None),
+        "floor_offset, real, wandering: right": (0.0, None),
     }
