@@ -58,7 +58,7 @@ class Candidate:
 
 
 def candidates(folder: Path, checkpoints: Sequence[Path], first: int, done: bool) -> list[Candidate]:
-    """The checkpoints of `first` and more iterations; of a run that is done, also the means of its last two to four.
+    """The checkpoints of `first` and more iterations; of a run that is done, also the means of its last two to five.
 
     The last one is there whatever its iteration.
     """
@@ -66,7 +66,7 @@ def candidates(folder: Path, checkpoints: Sequence[Path], first: int, done: bool
     taken = [path for path in checkpoints if number[path] >= first] or (list(checkpoints[-1:]) if done else [])
     found = [Candidate(folder=folder, checkpoints=(path,)) for path in taken]
     if done:
-        found += [Candidate(folder=folder, checkpoints=tuple(taken[-n:])) for n in (2, 3, 4) if n <= len(taken)]
+        found += [Candidate(folder=folder, checkpoints=tuple(taken[-n:])) for n in (2, 3, 4, 5) if n <= len(taken)]
     return found
 
 

@@ -121,14 +121,14 @@ def test_the_shipped_policy_walks_and_what_is_planted_into_it_is_found(root: Pat
     limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
     file = policy_file(root / "robots" / "t1" / "policies" / "walk")
     assert file is not None
-    found = judge(file, (0.8, 0.0, 0.0), (1, 1), limits)
+    found = judge(file, (1.2, 0.0, 0.0), (1, 1), limits)
     assert not found.fell
     assert found.labelled == (True, 1.0)
     assert found.unlabelled
     assert found.told
     assert np.all(found.windows)
     assert found.broken == set()
-    assert "double speed" not in found.found  # half of .8 m/s can be walked at twice the speed
+    assert "double speed" not in found.found  # 1.2 m/s can be walked at twice the speed
     planted = {"joint past its limit", "teleport", "feet swapped", "floor 5 cm high", "floor 5 cm low"}
     for fault in planted:
         assert found.found[fault], fault
