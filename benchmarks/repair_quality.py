@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.repair_clips import CALLED_CLEAN, REAL, Sound, generated, recorded, sound_clips
+from benchmarks.repair_called_clean import called_clean_bars
+from benchmarks.repair_clips import CALLED_CLEAN, Sound, generated, recorded, sound_clips
 from benchmarks.report import Bar
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET, HumanClip, body
@@ -60,13 +61,7 @@ def sound_bars(folder: Path, settings: RepairSettings) -> list[Bar]:
         everything = [everything[0] + flagged, everything[1] + total]
     bars.append(_most("sound clips, all: frames flagged", 100.0 * everything[0] / everything[1], "%", 0.5))
     for sound in recorded(folder, dict(CALLED_CLEAN)):
-        first = REAL[sound.clip.name][1]
-        assert first is not None
-        flagged, more = everything[0] + _marked(sound, settings)[1], sound.clip.frame_count - first
-        name = (
-            f"and with {first} to {sound.clip.frame_count - 1} of {sound.clip.name}, clean by its index: frames flagged"
-        )
-        bars.append(_most(name, 100.0 * flagged / (everything[1] + more), "%", 0.5))
+        bars += called_clean_bars(sound, _marked(sound, settings)[1], (everything[0], everything[1]))
     return [*bars, *_bounce_bars(settings)]
 
 

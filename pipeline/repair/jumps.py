@@ -74,7 +74,7 @@ def _edges(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: Det
     place = measured.place > limits(measured.place, near, settings.jump_spread, usual) * ends
     turn_limit = limits(measured.turn, least, settings.jump_spread, usual)
     turn_limit[1:] = np.maximum(turn_limit[1:], _slow(measured.turn[usual, 1:], least[1:], rate))
-    turn_limit[list(TOES)] = np.maximum(turn_limit[list(TOES)], TOE_SHARE * settings.angle_jump)
+    turn_limit[list(TOES)] = np.maximum(turn_limit[list(TOES)], TOE_SHARE * settings.angle_jump * rate)
     alone = np.maximum(turn_limit, settings.angle_jump * rate)
     fast = np.zeros_like(place)
     fast[1:] = rotation.length(seen.local_turns) * fps > settings.angular_speed

@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks import repair_called_clean
 from benchmarks.repair import kind_bars
+from benchmarks.repair_called_clean import called_clean_bars, peak_g
 from benchmarks.repair_clips import Sound
 from benchmarks.repair_floors import (
     AS_IT_IS,
@@ -22,6 +24,7 @@ from benchmarks.repair_floors import (
     wander,
 )
 from benchmarks.repair_judge import Verdict, judge
+from pipeline.clips.human_clip import body
 from pipeline.clips.outcome import Outcome
 from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
@@ -158,3 +161,19 @@ def test_rates_of_floors_are_by_group_and_recordings_as_they_are_and_wandering_a
         "floor_offset, real, wandering (1 of 1): found": (100.0, None),
         "floor_offset, real, wandering: right": (0.0, None),
     }
+
+
+def test_feet_that_accelerate_as_none_can_are_told_from_those_that_swing(monkeypatch):
+    clip = walker(fps=120.0, seconds=6.0)
+    monkeypatch.setitem(repair_called_clean.REAL, clip.name, (0, 500))
+    usual = peak_g(clip, "left", 0, clip.frame_count)
+    pos = clip.body_pos_w.copy()
+    pos[600:650, body("right_toe"), 0] += 0.1
+    spoilt = Sound(clip=dataclasses.replace(clip, body_pos_w=pos), skeleton="", real=True, speed_m_s=1.2)
+    share, there, elsewhere, times = called_clean_bars(spoilt, 50, (10, 1000))
+    assert share.value == pytest.approx(100.0 * 60 / (1000 + clip.frame_count - 500))
+    assert there.value == pytest.approx(0.1 * 120.0**2 / 9.81, rel=0.1)
+    assert elsewhere.value == pytest.approx(usual, rel=0.1)
+    assert times.holds
+    sound = Sound(clip=clip, skeleton="", real=True, speed_m_s=1.2)
+    assert not called_clean_bars(sound, 50, (10, 1000))[-1].holds
