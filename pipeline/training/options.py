@@ -56,7 +56,7 @@ class Options:
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
-    """What slides: the `centre` of the sole, or its `lowest` corner after a contact's first step."""
+    """What slides: the `centre` of the sole, or its `lowest` corner."""
     action_rate_factor: float = 1.0
     """Of the paper's action-rate weight."""
     tracking_product: float = 0.0

@@ -104,7 +104,9 @@ GATED_STYLE = STRICT_STALL.changed(
 
 WIDE_STYLE = GATED_STYLE.changed(joint_vel_floor=4.0, window=6, window_stride=4)
 
-LONG_STEPS = WIDE_STYLE.changed(tracking_of="mean", slide_of="lowest", slide_factor=24.0, window_means=True)
+LONG_STEPS = WIDE_STYLE.changed(
+    tracking_of="mean", slide_of="lowest", slide_factor=24.0, single_stance=10.0, window_means=True
+)
 
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),

@@ -206,11 +206,6 @@ class Readings:
         arm = (rotation @ corner[..., None])[..., 0]
         return self.feet_vel_w + torch.cross(data.cvel[:, self._foot_bodies, :3], arm, dim=-1)
 
-    @property
-    def settled_contacts(self) -> torch.Tensor:
-        """Feet that touch now as they did a control step ago (n, 2): a foot that comes down still swings."""
-        return self.contacts & (self._stance > 0.0)
-
     @_kept
     def feet_force_w(self) -> torch.Tensor:
         """Net contact force on each foot [N] at the last physics step (n, 2, 3)."""

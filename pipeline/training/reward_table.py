@@ -189,7 +189,7 @@ def _feet(options: Options) -> tuple[Term, ...]:
 def _slide(options: Options) -> Callable:
     if options.slide_of == "centre":
         return lambda env: terms.feet_slide(env.readings.contacts, env.readings.feet_vel_w)
-    return lambda env: terms.feet_slide(env.readings.settled_contacts, env.readings.lowest_corner_vel_w)
+    return lambda env: terms.feet_slide(env.readings.contacts, env.readings.lowest_corner_vel_w)
 
 
 def _added(options: Options) -> tuple[Term, ...]:
