@@ -16,6 +16,7 @@ import dagster as dg
 
 from pipeline.errors import PipelineError
 from pipeline.files import digest
+from pipeline.training.presets import DEFAULT
 
 LOG_EVERY_S = 10.0
 """How often a line of progress goes into the log at most."""
@@ -32,7 +33,7 @@ class TrainingFailedError(PipelineError):
 class TrainingConfig(dg.Config):
     """What is trained, and on what."""
 
-    preset: str = "tracking_amp"
+    preset: str = DEFAULT
     """Of pipeline/training/presets.py."""
     options: list[str] = []  # noqa: RUF012, a field
     """Single options that differ from the preset, as `name=value`."""

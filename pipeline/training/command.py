@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.training.presets import PRESETS, preset
+from pipeline.training.presets import DEFAULT, PRESETS, preset
 from pipeline.training.training_error import TrainingError
 
 
@@ -79,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--bundle", type=Path)
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--preset", default="tracking_amp")
+    parser.add_argument("--preset", default=DEFAULT)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--num-envs", type=int, default=4096)

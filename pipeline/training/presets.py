@@ -137,6 +137,10 @@ PRESETS: dict[str, tuple[str, Options]] = {
 """Name of a preset: what it is, and its options."""
 
 
+DEFAULT = "wide_style"
+"""What is trained where nothing else is asked for: the setting that gave the best policy so far."""
+
+
 def preset(name: str) -> Options:
     """The options of a preset. Raises TrainingError for a name that is none."""
     if name not in PRESETS:

@@ -33,6 +33,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.training.presets import DEFAULT
 from pipeline.training.training_error import TrainingError
 
 SWEEPS = ("full", "brief")
@@ -163,7 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--bundle", type=Path, default=Path("data/policies/t1/bundle"))
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--pack", type=Path)
-    parser.add_argument("--preset", default="gated_style")
+    parser.add_argument("--preset", default=DEFAULT)
     parser.add_argument("--seeds", type=int, nargs="+")
     parser.add_argument("--arm", nargs="+", action="append", default=[], metavar="TEXT")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")

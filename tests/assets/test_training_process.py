@@ -14,6 +14,7 @@ import pytest
 
 from assets import training_process
 from assets.training_process import Run, TrainingConfig, TrainingFailedError, run_of, train
+from pipeline.training.presets import DEFAULT
 from tests.factories.training_stand_in import write_training_stand_in
 
 LOG = logging.getLogger("training")
@@ -42,7 +43,7 @@ def start(run, place):
 def test_without_a_gpu_a_trial_is_trained(place, monkeypatch):
     run = asked(place, 0, monkeypatch)
     assert (run.trial, run.device, run.num_envs, run.iterations) == (True, "cpu", 8, 2)
-    assert run.folder.name.startswith("trial-tracking_amp-seed1-")
+    assert run.folder.name.startswith(f"trial-{DEFAULT}-seed1-")
     start(run, place)
     config = json.loads((run.folder / "config.json").read_text())
     assert (config["num_envs"], config["device"]) == (8, "cpu")

@@ -24,7 +24,7 @@ from pipeline.training.initial_state import _of_frames
 from pipeline.training.mirror import Mirror
 from pipeline.training.motion_features import frame_features
 from pipeline.training.policy_file import act, policy_arrays
-from pipeline.training.presets import preset
+from pipeline.training.presets import DEFAULT, preset
 from tests.factories.robot_clips import wandering
 from tests.factories.training_bundle import small_bundle
 
@@ -173,7 +173,7 @@ def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, caps
     assert [row["iteration"] for row in rows] == ["1", "2"]
     assert json.loads((out / "done.json").read_text())["iterations"] == 2
     config = json.loads((out / "config.json").read_text())
-    assert config["options"]["style"] == preset("tracking_amp").style
+    assert config["options"]["style"] == preset(DEFAULT).style
     newest = newest_checkpoint(out / "checkpoints")
     assert newest is not None
     assert newest.name == "model_000002.pt"
