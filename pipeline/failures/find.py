@@ -14,6 +14,7 @@ from pipeline.failures.falls import falls
 from pipeline.failures.fingerprint import fingerprint_of
 from pipeline.failures.gait import slips, stumbles
 from pipeline.failures.held import excuse_at, excuse_failures, excuses
+from pipeline.failures.missed import missed_bars, without_kind
 from pipeline.failures.motors import hot_motors, speed_saturations, torque_saturations
 from pipeline.failures.packets import lost_packets
 from pipeline.failures.settings import FailureSettings
@@ -53,7 +54,8 @@ def find_failures(
         *hot_motors(signals, settings.heat),
         *lost_packets(signals, settings.packets),
     ]
-    found = [_excused(_explained(each, signals, found, settings), excused, settings) for each in found]
+    found = [_explained(each, signals, found, settings) for each in found]
+    found = [_excused(each, excused, settings) for each in (*found, *missed_bars(signals, found, until_s))]
     found = [
         dataclasses.replace(each, command_known=bool(signals.commanded[signals.at(each.time_s)])) for each in found
     ]
@@ -122,7 +124,7 @@ def _commands(
 
 def _notes(signals: Signals, command_known: bool) -> tuple[str, ...]:
     trial = signals.trial
-    notes = list(trial.notes)
+    notes = [*trial.notes, *without_kind(signals)]
     if not np.isfinite(np.asarray(trial.kp)).any():
         notes.append("no /joint_ctrl: what the motors were asked for is not known, saturation is not looked for")
     if not command_known:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.files import digest
+from pipeline.hardware_logs import missed_bars
 from pipeline.hardware_logs.bag_reader import BagReader
 from pipeline.hardware_logs.layout import Layout
 from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
@@ -73,11 +74,12 @@ def ingest(
         flow.run()
         stated = flow.stated or _facts(source, report, sidecar)
         layout = _layout(flow, stated, report)
-        notes = _notes(flow, stated, report)
+        missed, doubts = _missed(stated, layout, len(files.trials))
+        notes = (*_notes(flow, stated, report), *doubts)
         content = digest.of_file(path)
         names = [name if number == 1 else f"{name}+{number}" for number in range(1, len(files.trials) + 1)]
         heads = [
-            _head(each, trial, layout, stated, report, notes, content, settings)
+            {**_head(each, trial, layout, stated, report, notes, content, settings), **missed}
             for each, trial in zip(names, files.trials, strict=True)
         ]
         paths = files.finish(heads)
@@ -117,6 +119,14 @@ def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[s
     if report.losses or report.integrity == "unverified":
         said.insert(0, report.sentence())
     return tuple(said)
+
+
+def _missed(stated: StatedFacts, layout: Layout, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The part of the head of a log that is believed to have missed bars, and why it is not."""
+    missed, doubts = missed_bars.heard(stated.facts, layout.joint_names)
+    if missed and pieces > 1:
+        return {}, (f"in which of its {pieces} trials it missed its bars is not known: they are left out.",)
+    return {"missed": [asdict(each) for each in missed]} if missed else {}, doubts
 
 
 def _head(

@@ -116,7 +116,7 @@ def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, 
         return {}, None, ["its metadata is damaged and left out."]
     try:
         return _parsed(values), int(values["start_ns"]) if "start_ns" in values else None, []
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         return {}, None, ["its metadata can't be read and is left out."]
 
 

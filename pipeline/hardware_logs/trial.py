@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import pyarrow.parquet as pq
 from jaxtyping import Float, Int
 
 from pipeline.errors import FileError
+from pipeline.hardware_logs.missed_bars import MissedBar
 from pipeline.hardware_logs.robot_log import OperatorEvent
 
 FORMAT = "booster-lab trial 1"
@@ -63,6 +64,8 @@ class Trial:
     """What was noticed, a sentence each: losses, oddities that are no reason to refuse it."""
     events: tuple[OperatorEvent, ...]
     gaps: tuple[Gap, ...]
+    missed: tuple[MissedBar, ...] = ()
+    """Of a simulated trial of a validation: what it missed there."""
 
     time_s: Float[np.ndarray, " n"]
     """Regular, from 0; float64."""
@@ -130,7 +133,8 @@ def head_of(trial: Trial) -> dict[str, Any]:
     head = {each.name: getattr(trial, each.name) for each in fields(trial) if each.name not in ARRAYS}
     head["events"] = [vars(event) for event in trial.events]
     head["gaps"] = [vars(gap) for gap in trial.gaps]
-    return head
+    missed = [asdict(each) for each in head.pop("missed")]
+    return {**head, "missed": missed} if missed else head
 
 
 class TrialWriter:
@@ -196,6 +200,7 @@ def read_trial(path: Path) -> Trial:
     head["joint_names"], head["notes"] = tuple(head["joint_names"]), tuple(head["notes"])
     head["events"] = tuple(OperatorEvent(**event) for event in head["events"])
     head["gaps"] = tuple(Gap(**gap) for gap in head["gaps"])
+    head["missed"] = tuple(MissedBar(**each) for each in head.get("missed", ()))
     return Trial(**head, **arrays)
 
 

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.deployment import digest
+from pipeline.hardware_logs.missed_bars import KNOWN, MissedBar, note_of
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.hardware_logs.write import write_mcap
 from pipeline.simulation.record import Rollout
+from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.figures import FIGURES
+from pipeline.validation.figures import FIGURES, Numbers, most_saturated
 from pipeline.validation.trial import Trial
-from pipeline.validation.verdict import CellVerdict, Verdict
+from pipeline.validation.verdict import CellVerdict, Reason, Verdict
 from pipeline.validation.walk import Worlds, walk
 from pipeline.virtual_robot.record import record
 
 LONGEST_NOTE = 400
 """Letters of the reasons that go into a log."""
+OF_FALLS = ("falls", "survival")
+"""Figures of a cell's trials together."""
 
 
 def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[Path, ...]:
@@ -38,11 +44,12 @@ def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
     one, trial = worlds.one, worst_trial(cell)
     rollout = walk(worlds, trial, stop_on_fall=False)
     said = "; ".join(map(str, cell.reasons))
+    notes = {"validation cell": cell.measured.cell.name, "reasons": said[:LONGEST_NOTE], "seed": str(trial.seed)}
     facts = LogFacts(
         robot=one.robot.name,
         policy_digest=digest(one.policy),
         events=tuple(OperatorEvent(time_s=event.start_s, kind="pushed") for event in trial.events),
-        notes={"validation cell": cell.measured.cell.name, "reasons": said[:LONGEST_NOTE], "seed": str(trial.seed)},
+        notes=notes | note_of(missed_by(cell, rollout, one.envelope)),
     )
     gains = trial.conditions.gain_factor
     rng = np.random.default_rng(trial.seed)
@@ -51,13 +58,62 @@ def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
 
 def worst_trial(cell: CellVerdict) -> Trial:
     """The first that fell; where none did, the one with the worst of the first figure that misses its bar."""
+    return cell.measured.cell.trials[_worst(cell)]
+
+
+def _worst(cell: CellVerdict) -> int:
     one = cell.measured
     if one.fallen:
-        return one.cell.trials[one.fallen[0]]
+        return one.fallen[0]
     name = cell.reasons[0].figure
     values = [numbers[name] for numbers in one.trials]
     worst = max(values) if FIGURES[name].lower_is_better else min(values)
-    return one.cell.trials[values.index(worst)]
+    return values.index(worst)
+
+
+def missed_by(cell: CellVerdict, rollout: Rollout, envelope: TorqueEnvelope) -> tuple[MissedBar, ...]:
+    """The bars that a cell's worst trial missed itself, in the order of the verdict's reasons.
+
+    What only other trials of the cell missed is not in this log, so it is in the reasons and not here. Nor is a figure
+    beyond anything that a reader of logs believes.
+    """
+    trial, numbers = worst_trial(cell), cell.measured.trials[_worst(cell)]
+    found = []
+    for reason in cell.reasons:
+        if reason.figure in OF_FALLS:
+            seen = (
+                {"got": reason.got, "from_s": numbers["fell_s"], "until_s": numbers["fell_s"]}
+                if numbers["fell"]
+                else {}
+            )
+        elif not numbers["fell"] and not cell.bars.bars[reason.figure].holds(numbers[reason.figure]):
+            seen = _measured(reason.figure, numbers, trial, rollout, envelope)
+        else:
+            seen = {}
+        with suppress(ValueError):
+            found += [_missed(cell, reason, seen)] if seen else []
+    return tuple(found)
+
+
+def _missed(cell: CellVerdict, reason: Reason, seen: dict[str, Any]) -> MissedBar:
+    bar = cell.bars.bars[reason.figure]
+    asked = bar.at_most if bar.at_most is not None else bar.at_least
+    assert asked is not None
+    return MissedBar(cell=reason.cell, figure=reason.figure, asked=asked, **seen)
+
+
+def _measured(name: str, numbers: Numbers, trial: Trial, rollout: Rollout, envelope: TorqueEnvelope) -> dict[str, Any]:
+    """A trial's own figure and where it is from: the axis on which its velocity is off most, the joint at its limit."""
+    seen: dict[str, Any] = {"got": numbers[name], "from_s": trial.measure_s, "until_s": trial.seconds}
+    if name == "saturation":
+        seen["joint"] = most_saturated(rollout, trial.measure_s, envelope)
+    if KNOWN[name].axes:
+        wanted = trial.command.last
+        asked = {"forward": wanted.forward, "lateral": wanted.lateral, "yaw": wanted.yaw_rate}
+        reached = {"forward": numbers["forward"], "lateral": numbers["lateral"], "yaw": numbers["yaw_rate"]}
+        axis = max(KNOWN[name].axes, key=lambda each: abs(reached[each] - asked[each]))
+        seen |= {"axis": axis, "commanded": asked[axis], "achieved": reached[axis]}
+    return seen
 
 
 def file_name(cell: str) -> str:

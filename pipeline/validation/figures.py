@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.quality.foot_slip import lowest_corner_slip
@@ -85,13 +86,27 @@ def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Num
     """Power of all joints and saturation of the legs'."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     torque, speed = rollout.torque[taken], rollout.qvel[taken, 6:]
-    legs = leg_joints(rollout)
-    lower, upper = envelope.bounds(speed)
-    reached = (torque >= SATURATED * np.abs(upper)) | (torque <= -SATURATED * np.abs(lower))
+    reached = at_envelope(torque, speed, envelope)
     return {
         "power": float(np.abs(torque * speed).sum(axis=1).mean()),
-        "saturation": 100.0 * float(reached[:, legs].mean()),
+        "saturation": 100.0 * float(reached[:, leg_joints(rollout)].mean()),
     }
+
+
+def at_envelope(
+    torque: Float[np.ndarray, "n j"], speed: Float[np.ndarray, "n j"], envelope: TorqueEnvelope
+) -> Bool[np.ndarray, "n j"]:
+    """Samples at which a joint gives all that it can at its speed."""
+    lower, upper = envelope.bounds(speed)
+    return (torque >= SATURATED * np.abs(upper)) | (torque <= -SATURATED * np.abs(lower))
+
+
+def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> str:
+    """The leg joint that is at its envelope most from `measure_s` on."""
+    taken = slice(round(measure_s / rollout.timestep_s), None)
+    reached = at_envelope(rollout.torque[taken], rollout.qvel[taken, 6:], envelope).mean(axis=0)
+    legs = leg_joints(rollout)
+    return rollout.robot.joint_names[legs[int(np.argmax(reached[legs]))]]
 
 
 def leg_joints(rollout: Rollout) -> np.ndarray:

@@ -53,6 +53,8 @@ def test_metadata_that_was_changed_is_left_out_as_a_whole(key):
         {"command_source": "guess"},
         {"start_ns": "soon"},
         {"notes": "[" * 100_000},
+        {"notes": '["carpet"]'},
+        {"command": f"[[0, 1, 2, {10**400}]]"},
     ],
 )
 def test_metadata_of_others_that_makes_no_sense_is_left_out(values):

@@ -1,10 +1,13 @@
 """A trial goes to Parquet and back."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from pipeline.errors import FileError
 from pipeline.hardware_logs import Gap, OperatorEvent, Trial, read_trial, write_trial
+from pipeline.hardware_logs.missed_bars import MissedBar
 from pipeline.hardware_logs.trial import ARRAYS, TrialWriter, head_of
 
 
@@ -52,6 +55,14 @@ def test_a_trial_comes_back_as_it_was(tmp_path):
     trial = a_trial()
     write_trial(tmp_path / "trial", trial)
     assert_same(read_trial(tmp_path / "trial"), trial)
+
+
+def test_missed_bars_come_back_and_others_have_no_word_of_them(tmp_path):
+    missed = MissedBar(cell="vx +0.6", figure="slip", got=0.2, asked=0.1, from_s=4.0, until_s=10.0)
+    trial = dataclasses.replace(a_trial(), simulated=True, missed=(missed,))
+    write_trial(tmp_path / "trial", trial)
+    assert_same(read_trial(tmp_path / "trial"), trial)
+    assert "missed" in head_of(trial) and "missed" not in head_of(a_trial())
 
 
 def test_the_same_trial_gives_the_same_bytes(tmp_path):
