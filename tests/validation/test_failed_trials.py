@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.deployment import deployment_task, digest
+from pipeline.deployment import digest
 from pipeline.failures.find import find_failures
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial
@@ -24,17 +24,7 @@ from pipeline.validation.trial import Profile, Trial, Wanted
 from pipeline.validation.verdict import CellVerdict, Reason, Verdict
 from pipeline.validation.walk import Worlds
 from tests.factories.log_trials import FAILURES, nominal_actuators, trial_of
-from tests.factories.policies import still_policy
 from tests.factories.validation_walks import cell, gliding_rollout, measured
-
-
-@pytest.fixture
-def still(robot: Robot) -> Deployed:
-    """A robot held in its default pose, which any push topples."""
-    task = deployment_task(robot)
-    return Deployed(
-        robot=robot, task=task, policy=still_policy(task), envelope=TorqueEnvelope(limit=robot.torque_limit)
-    )
 
 
 @pytest.fixture
