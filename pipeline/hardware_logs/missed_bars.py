@@ -17,7 +17,7 @@ from pipeline.hardware_logs.robot_log import LogFacts
 
 NOTE = "missed bars"
 """Key of the note."""
-CELL = re.compile(r"[A-Za-z0-9 .,+-]{1,80}")
+CELL = re.compile(r"[A-Za-z0-9_ .,+-]{1,80}")
 MOST_LETTERS, MOST_BARS = 20_000, 16
 """Of a note."""
 MOST_SECONDS = 3600.0

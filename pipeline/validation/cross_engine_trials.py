@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.deployment import digest
+from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.hardware_logs.write import write_mcap
-from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult, off_command
+from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult, errors_of, off_command
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
 from pipeline.validation.cross_engine_walk import walk
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.failed_trials import LONGEST_NOTE, file_name
+from pipeline.validation.failed_trials import LONGEST_NOTE, file_name, off_most
 from pipeline.virtual_robot.record import record
 
 
@@ -43,6 +46,29 @@ def first_failures(cell: CellResult, said: Cell) -> tuple[tuple[str, int], ...]:
     return tuple(found)
 
 
+def missed_by(cell: CellResult, engine: str, seed: int, said: Cell) -> tuple[MissedBar, ...]:
+    """The bars that a walk missed: of a fall its engine's falls, else the velocities that are off."""
+    one, bars = cell.figures[engine][seed], cell.bars.bars
+    if one.fell_s is not None:
+        fallen = float(sum(each.fell for each in cell.figures[engine]))
+        seen: dict[str, dict[str, Any]] = {"falls": {"got": fallen, "from_s": one.fell_s, "until_s": one.fell_s}}
+    else:
+        end_s = sum(segment.seconds for segment in said.segments)
+        reached = one.forward_m_s, one.lateral_m_s, one.yaw_rate_rad_s
+        span = {"from_s": end_s - said.measured_s, "until_s": end_s}
+        errors = errors_of(said, one)
+        seen = {
+            name: {"got": error, **span, **off_most(name, said.segments[-1].command, reached)}
+            for name, error in errors.items()
+        }
+    found = []
+    for name, each in seen.items():
+        if name in bars and not bars[name].holds(each["got"]):
+            with suppress(ValueError):  # beyond what a reader of logs believes
+                found.append(MissedBar(cell=cell.name, figure=name, asked=bars[name].at_most or 0.0, **each))
+    return tuple(found)
+
+
 def failure_log(
     deployed: Deployed, cell: CellResult, engine: str, seed: int, settings: CrossEngineSettings
 ) -> RobotLog:
@@ -52,5 +78,6 @@ def failure_log(
     pushes = () if said.push is None else (OperatorEvent(time_s=said.push.start_s, kind="pushed"),)
     reasons = "; ".join(cell.reasons)[:LONGEST_NOTE]
     notes = {"validation cell": cell.name, "engine": engine, "seed": str(seed), "reasons": reasons}
+    notes |= note_of(missed_by(cell, engine, seed, said))
     facts = LogFacts(robot=deployed.robot.name, policy_digest=digest(deployed.policy), events=pushes, notes=notes)
     return record(rollout, deployed.task.kp, deployed.task.kd, facts, np.random.default_rng(seed))

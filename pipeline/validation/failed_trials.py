@@ -26,6 +26,7 @@ LONGEST_NOTE = 400
 """Letters of the reasons that go into a log."""
 OF_FALLS = ("falls", "survival")
 """Figures of a cell's trials together."""
+AXES: tuple[str, ...] = ("forward", "lateral", "yaw")
 
 
 def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[Path, ...]:
@@ -108,12 +109,16 @@ def _measured(name: str, numbers: Numbers, trial: Trial, rollout: Rollout, envel
     if name == "saturation":
         seen["joint"] = most_saturated(rollout, trial.measure_s, envelope)
     if KNOWN[name].axes:
-        wanted = trial.command.last
-        asked = {"forward": wanted.forward, "lateral": wanted.lateral, "yaw": wanted.yaw_rate}
-        reached = {"forward": numbers["forward"], "lateral": numbers["lateral"], "yaw": numbers["yaw_rate"]}
-        axis = max(KNOWN[name].axes, key=lambda each: abs(reached[each] - asked[each]))
-        seen |= {"axis": axis, "commanded": asked[axis], "achieved": reached[axis]}
+        reached = numbers["forward"], numbers["lateral"], numbers["yaw_rate"]
+        seen |= off_most(name, trial.command.last.goal, reached)
     return seen
+
+
+def off_most(figure: str, goal: tuple[float, float, float], reached: tuple[float, float, float]) -> dict[str, Any]:
+    """Of a figure of velocity the axis that is off most, what was asked there and what was reached."""
+    wanted, got = dict(zip(AXES, goal, strict=True)), dict(zip(AXES, reached, strict=True))
+    axis = max(KNOWN[figure].axes, key=lambda each: abs(got[each] - wanted[each]))
+    return {"axis": axis, "commanded": wanted[axis], "achieved": got[axis]}
 
 
 def file_name(cell: str) -> str:

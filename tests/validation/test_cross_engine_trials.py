@@ -11,12 +11,13 @@ import pytest
 from pipeline.batch import ClipPool
 from pipeline.deployment import deployment_task
 from pipeline.files.settings import read
+from pipeline.hardware_logs.missed_bars import MissedBar, heard
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
-from pipeline.validation.cross_engine_trials import failure_log, first_failures, write_failures
+from pipeline.validation.cross_engine_trials import failure_log, first_failures, missed_by, write_failures
 from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures
 from pipeline.validation.deployed import Deployed
 from tests.factories.policies import still_policy
@@ -90,6 +91,15 @@ def test_where_none_falls_the_first_walk_off_its_command_is_written():
     assert failures((slow, fell), (good, slow)) == ((MUJOCO, 1), (DART, 1))
     assert failures((good, good), (good, good)) == ()
 
+    bars = CellBars(required=True, why="", bars={**bars.bars, "falls": Bar(unit="trials", source="test", at_most=0.0)})
+    cell = CellResult(name="walk", bars=bars, figures={MUJOCO: (good, slow), DART: (fell, slow)}, reasons=("r",))
+    span = {"from_s": 0.5, "until_s": 1.0, "axis": "forward", "commanded": 0.6, "achieved": 0.2}
+    off = MissedBar(cell="walk", figure="speed_error", got=0.6 - 0.2, asked=0.1, **span)
+    assert missed_by(cell, MUJOCO, 0, said) == ()
+    assert missed_by(cell, MUJOCO, 1, said) == (off,)
+    down = MissedBar(cell="walk", figure="falls", got=1.0, asked=0.0, from_s=0.4, until_s=0.4)
+    assert missed_by(cell, DART, 0, said) == (down,)
+
 
 def test_a_log_holds_the_fall_to_its_end(
     tmp_path: Path, limp: Deployed, settings: CrossEngineSettings, found: CrossEngineResult
@@ -99,6 +109,8 @@ def test_a_log_holds_the_fall_to_its_end(
     assert log.facts.notes["validation cell"] == "stand"
     assert "fell after" in log.facts.notes["reasons"]
     assert log.facts.simulated
+    ((down,), doubts) = heard(log.facts, limp.robot.joint_names)
+    assert (down.figure, down.got, down.asked, doubts) == ("falls", 2.0, 0.0, ()) and down.from_s < 1.5
     assert np.isfinite(log.low_state.joint_pos).all() and np.isfinite(log.low_state.acc_b).all()
     assert np.ptp(log.low_state.time_ns) * 1e-9 == pytest.approx(1.5, abs=0.1)
     assert np.abs(log.low_state.rpy[-1, :2]).max() > 0.3  # it lies, or is on its way
