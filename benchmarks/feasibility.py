@@ -24,8 +24,10 @@ import joblib
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.feasibility_faults import FAULTS  # noqa: E402
 from benchmarks.feasibility_judge import (  # noqa: E402
     PUBLISHED,
+    WEAK,
     Command,
     Judged,
     commands_on_axes,
@@ -82,7 +84,7 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
         drawn: list[Judged] = []
         for seed in (None, *arguments.seeds):
             commands = commands_on_axes() if seed is None else drawn_commands(arguments.drawn, seed)
-            judged = _judge_all(file, commands, seed or 0, limits, arguments.jobs)
+            judged = _judge_all(file, commands, seed or 0, limits, arguments)
             title = "on the axes" if seed is None else f"seed {seed}"
             yield f"{name}, {title}", [*known_good_bars(judged, codes), *fault_bars(judged)]
             drawn += judged if seed is not None else []
@@ -101,10 +103,12 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
 
 
 def _judge_all(
-    file: Path, commands: list[Command], seed: int, limits: FeasibilitySettings, processes: int
+    file: Path, commands: list[Command], seed: int, limits: FeasibilitySettings, arguments: argparse.Namespace
 ) -> list[Judged]:
-    jobs = [joblib.delayed(judge)(file, command, (seed, number), limits) for number, command in enumerate(commands)]
-    return [one for one in joblib.Parallel(n_jobs=processes)(jobs) if one is not None]
+    planted = arguments.only if arguments.only is not None else (*FAULTS, WEAK)
+    one = joblib.delayed(judge)
+    jobs = [one(file, command, (seed, number), limits, planted) for number, command in enumerate(commands)]
+    return [found for found in joblib.Parallel(n_jobs=arguments.jobs)(jobs) if found is not None]
 
 
 def _arguments() -> argparse.Namespace:
@@ -113,6 +117,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--project", type=Path, default=ROOT, help="a checkout with an expert database, for likeness")
     parser.add_argument("--drawn", type=int, default=80, help="commands drawn from the whole box, for each seed")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS), help="of drawn commands and of faults")
+    parser.add_argument("--only", nargs="*", choices=(*FAULTS, WEAK), metavar="FAULT", help="faults that are planted")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     return parser.parse_args()

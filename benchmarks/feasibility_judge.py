@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -98,8 +99,14 @@ def walk(policy: Path, robot: Robot, command: Command) -> Rollout:
     return run(robot, plant, one.controller(), motors, steady_command(*command), SECONDS)
 
 
-def judge(policy: Path, command: Command, seed: tuple[int, int], limits: FeasibilitySettings) -> Judged:
-    """A rollout by a command, as it is and with each fault."""
+def judge(
+    policy: Path,
+    command: Command,
+    seed: tuple[int, int],
+    limits: FeasibilitySettings,
+    planted: Collection[str] = (*FAULTS, WEAK),
+) -> Judged:
+    """A rollout by a command, as it is and with each fault that is `planted`."""
     robot, rng = load_robot("t1"), np.random.default_rng(seed)
     rollout = walk(policy, robot, command)
     if rollout.fell:
@@ -116,8 +123,9 @@ def judge(policy: Path, command: Command, seed: tuple[int, int], limits: Feasibi
         broken=set().union(*(broken for _, _, broken in own.values())),
     )
     if np.abs(command).max() >= STILL:
-        _faults(clip, command, robot, rng, limits, found)
-        _weak(policy, command, rollout, rng, limits, found)
+        _faults(clip, command, robot, rng, limits, found, planted)
+        if WEAK in planted:
+            _weak(policy, command, rollout, rng, limits, found)
     for fault, codes in found.found.items():
         kind = next((kind for kind in (NO_LABELS, TOLD_LABELS) if fault.endswith(kind)), "")
         found.found[fault] = codes - own[kind][2]
@@ -153,9 +161,10 @@ def _faults(
     rng: np.random.Generator,
     limits: FeasibilitySettings,
     found: Judged,
+    names: Collection[str],
 ) -> None:
     """Each fault once, judged with labels of every kind."""
-    for name, fault in FAULTS.items():
+    for name, fault in ((name, fault) for name, fault in FAULTS.items() if name in names):
         slow = name == "double speed" and command[0] < RUN_SPEED
         if slow or (name in (SWAPPED, LABELS) and stands(clip, limits)):
             continue
