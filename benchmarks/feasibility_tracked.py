@@ -40,9 +40,14 @@ def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: flo
     rng, robot = np.random.default_rng(seed), load_robot("t1")
     good: list[set[str]] = []
     found: dict[str, list[set[str]]] = {}
+    fallen = 0
     for number in range(count):
         reference = swinging(robot, rng)
-        rollout = tracked(robot, reference, events=_pushes(rng) if number % 2 else ()).clip("rollout")
+        simulated = tracked(robot, reference, events=_pushes(rng) if number % 2 else ())
+        if simulated.fell:
+            fallen += 1
+            continue
+        rollout = simulated.clip("rollout")
         good.append(_broken(rollout, reference, robot, limits))
         plants = {name: plant(rollout, robot, rng) for name, plant in PLANTS.items()}
         plants["ankles too soft, in simulation"] = tracked(robot, reference, ankles=1.0).clip("rollout")
@@ -50,7 +55,8 @@ def tracking_bars(limits: FeasibilitySettings, count: int, seed: int, least: flo
         for name, planted in plants.items():
             if displacement(rollout, planted, robot) >= MATTERS_M:
                 found.setdefault(name, []).append(_broken(planted, reference, robot, limits) - good[-1])
-    bars = [rate(f"known good: tracked rollouts ({count}) that hold all", [not codes for codes in good], least)]
+    bars = [Bar(name="rollouts that fell when they were pushed, left out", value=fallen)]
+    bars.append(rate(f"known good: tracked rollouts ({len(good)}) that hold all", [not codes for codes in good], least))
     bars += [rate(f"known good: hold {code}", [code not in codes for codes in good]) for code in CODES]
     for name, each in found.items():
         bars.append(rate(f"found: {name} ({len(each)} planted)", [bool(codes) for codes in each], least))
