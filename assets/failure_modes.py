@@ -141,6 +141,8 @@ def policy_path(robot: str, wanted: str) -> Path | None:
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
+    from pipeline.failures.missed import NOTED
+
     rows, kinds = [], {}
     reports = reports_of(manifest)
     for report in reports:
@@ -156,9 +158,11 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
                     "confidence": each.confidence,
                     "not the policy's": each.excuse,
                     "simulated": report.simulated,
+                    "missed bar": each.evidence.get("bar", ""),
                     "said": each.text(),
                 }
             )
+    noted = [(report, each.removeprefix(f"{NOTED}: ")) for report in reports for each in report.notes if NOTED in each]
     table = pd.DataFrame(rows, columns=None if rows else ["trial"])
     return {
         "trials": len(reports),
@@ -168,6 +172,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
         "what went wrong": table_of(table, list(table)),
+        NOTED: dg.MetadataValue.md("\n".join(f"- {report.trial}: {note}" for report, note in noted) or "none"),
     }
 
 

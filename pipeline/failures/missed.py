@@ -19,6 +19,7 @@ KIND_OF = {
     "saturation": "torque_saturation",
 }
 """Figure -> kind of failure. Power and steps while standing are of none: they are noted, and move nothing."""
+NOTED = "missed in the validation and no kind of failure"
 LEAST, MOST = 0.7, 0.95
 """Confidence of a bar that is just missed, and of one that is missed by half or more."""
 
@@ -42,9 +43,7 @@ def missed_bars(signals: Signals, found: Sequence[Failure], until_s: float) -> l
 def without_kind(signals: Signals) -> tuple[str, ...]:
     """Sentences on missed bars that are no kind of failure."""
     missed = signals.trial.missed if signals.trial.simulated else ()
-    return tuple(
-        f"missed in the validation and no kind of failure: {bar}" for bar in missed if bar.figure not in KIND_OF
-    )
+    return tuple(f"{NOTED}: {bar}" for bar in missed if bar.figure not in KIND_OF)
 
 
 def _same(failure: Failure, kind: str, bar: MissedBar, last_s: float) -> bool:

@@ -1,12 +1,16 @@
 """Each trial is looked at once, and one that cannot be looked at stops no other."""
 
+import dataclasses
+
 import pytest
 
 from assets import failure_modes
 from assets.project import Project
 from pipeline.batch import Manifest
+from pipeline.failures.missed import NOTED
 from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs import write_trial
+from pipeline.hardware_logs.missed_bars import MissedBar
 from tests.factories.log_trials import ROOT, trials_in
 
 
@@ -36,6 +40,20 @@ def test_a_trial_is_looked_at_once_and_again_when_a_threshold_changes(project, r
     settings.unlink()
     settings.write_text(text.replace("tilt_deg: 60.0", "tilt_deg: 61.0"))
     assert failure_modes._answer("side_left_fall", path, numbers)["new"]
+
+
+def test_the_page_shows_what_a_validation_missed_and_what_of_it_is_no_failure(project, robot, tmp_path):
+    (trial,) = trials_in(ROOT / "data/hardware_logs/demo/side_left_fall.mcap", robot)
+    span = {"cell": "vy -0.6", "from_s": 0.2, "until_s": 0.4}
+    slip, power = ("slip", 0.2, 0.1), ("power", 133.0, 112.0)
+    missed = tuple(MissedBar(figure=name, got=got, asked=asked, **span) for name, got, asked in (slip, power))
+    path = tmp_path / "trial.parquet"
+    write_trial(path, dataclasses.replace(trial, missed=missed))
+    answer = failure_modes._answer("x", path, {"robot": "t1", "log": "x"})
+    manifest = Manifest(stage="failure_modes", entries=(), judged=(), settings={"x": {"report": answer["report"]}})
+    said = failure_modes._failure_metadata(manifest)
+    assert "at most 0.1 m/s in the cell vy -0.6" in str(said["what went wrong"].value)
+    assert said[NOTED].md_str == "- side_left_fall: vy -0.6: power 133, asked is at most 112 W"
 
 
 def test_what_cannot_be_looked_at_says_why(project, tmp_path):
