@@ -23,6 +23,7 @@ from pipeline.hardware_logs import (
 from pipeline.hardware_logs.layout import K1
 from pipeline.hardware_logs.log_report import Bounds
 from pipeline.hardware_logs.mcap_records import DATA_END, RECORD_HEAD
+from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from tests.factories.robot_logs import START_NS, facts, low_states, robot_log
 
 
@@ -44,6 +45,18 @@ def test_the_schedule_is_the_command(robot, read):
     (trial,) = read(robot_log(robot, 1.5))
     np.testing.assert_array_equal(trial.command[trial.time_s < 1.0], 0.0)
     np.testing.assert_array_equal(trial.command[trial.time_s >= 1.0], np.tile([0.5, -0.25, 0.125], (250, 1)))
+
+
+def test_a_log_in_pieces_does_not_say_in_which_of_them_it_missed_a_bar(robot, read):
+    slip = MissedBar(cell="vx +0.6", figure="slip", got=0.2, asked=0.1, from_s=0.5, until_s=1.0)
+    log = robot_log(robot, 1.0, facts=facts(notes=note_of((slip,))))
+    (whole,) = read(log)
+    assert whole.missed == (slip,)
+    late = log.low_state.time_ns + np.where(np.arange(500) < 250, 0, 3_000_000_000)
+    pieces = read(dataclasses.replace(log, low_state=dataclasses.replace(log.low_state, time_ns=late)))
+    assert len(pieces) == 2
+    for each in pieces:
+        assert each.missed == () and any("in which of its 2 trials" in note for note in each.notes)
 
 
 def test_sticks_are_the_command_where_the_log_says_so(robot, read):
