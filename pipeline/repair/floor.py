@@ -128,7 +128,8 @@ def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: F
     """Slope of the ground through the stances [m/s]; 0 where too few are told.
 
     Their median slope, each pair weighed by its time apart (Theil and Sen), tells which stances are on the ground; the
-    line through those, each weighed by its time, is steadier where all of them wander.
+    line through those, each weighed by its time, is steadier where all of them wander. Where less than two are within
+    the band of their middle height (a foot that rests on a step), the median slope is all that is told.
     """
     parts = [part for frames, heights in stances for part in _parts(frames, heights, fps)]
     time_s, height, weight = np.array(parts).reshape(-1, 3).T
@@ -144,6 +145,8 @@ def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: F
     off = height - slope * time_s
     off -= np.median(off)
     weight = weight * np.clip(1.0 - (off / settings.band) ** 2, 0.0, None) ** 2
+    if np.unique(time_s[weight > 0.0]).size < 2:
+        return slope
     middle = np.average(time_s, weights=weight)
     return slope + float((weight * off * (time_s - middle)).sum() / (weight * (time_s - middle) ** 2).sum())
 
