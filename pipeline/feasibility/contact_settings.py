@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.feasibility.units import Metres, MetresPerSecond, Seconds
-from pipeline.files.ranges import Range, check
+from pipeline.files.ranges import Range, check, increasing
 
 _SPEED = Range(0.0, 5.0, open_low=True)
 
@@ -26,6 +26,7 @@ class ContactSettings:
     def __post_init__(self) -> None:
         check(
             self,
+            increasing(self, "on_speed", "off_speed"),
             height=Range(0.0, 0.2, open_low=True),
             on_speed=_SPEED,
             off_speed=_SPEED,

@@ -25,6 +25,11 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             "speed_over_share: {value: 5",
             r"'joints.speed_over_share' is 5, allowed is 0 to 1",
         ),
+        (
+            "on_speed: {value: 0.4",
+            "on_speed: {value: 0.9",
+            r"'contact.off_speed' is 0.7, allowed is more than 'on_speed'",
+        ),
         ("friction: {value: 1.0", "friction: {value: 0", r"'torque.friction' is 0"),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (
