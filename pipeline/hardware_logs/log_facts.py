@@ -162,6 +162,8 @@ def _with_sidecar(said: dict[str, Any], path: Path) -> tuple[dict[str, Any], lis
         one, other = said.get(name), getattr(sidecar, name)
         if one and other and one != other:
             raise FactsError(f"its metadata states the {name} '{one}', its sidecar '{other}'")
+    if sidecar.simulated and said.get("simulated") is False:
+        raise FactsError("its metadata states that it is not simulated, its sidecar that it is")
     stated = {
         each.name: getattr(sidecar, each.name)
         for each in dataclasses.fields(sidecar)

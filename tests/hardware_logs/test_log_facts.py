@@ -78,6 +78,11 @@ def test_a_sidecar_corrects_what_it_may(tmp_path):
     assert stated.remarks == ("its sidecar states simulated.",)
 
 
+def test_a_log_of_a_robot_is_not_made_a_simulated_one_by_its_sidecar(tmp_path):
+    with pytest.raises(FactsError, match="states that it is not simulated"):
+        stated_facts(to_metadata(facts(simulated=False), START_NS), sidecar(tmp_path, "simulated: true\n"))
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
