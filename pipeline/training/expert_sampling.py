@@ -14,6 +14,8 @@ from pipeline.training.options import Options
 
 CELL = np.array([0.3, 0.3, 0.6])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
+CHUNK = 10_000
+"""Windows gathered at a time: all steps of 200,000 would take a gigabyte."""
 CELL_SAMPLES = 20_000
 """Commands drawn to find how often each cell is asked for."""
 
@@ -93,8 +95,13 @@ def expert_windows(expert: ExpertFrames, options: Options, seed: int) -> torch.T
         weight = cell_weights(expert, starts, options, seed) if by_cell else frame_weights(expert, starts)
         drawn = rng.choice(starts, options.expert_windows, p=weight)
         command = expert.command[drawn + span // 2]
-    rows = drawn[:, None] + np.arange(span)
-    windows = window_frames(frame_features(torch.from_numpy(expert.frames))[torch.from_numpy(rows)], options)
+    features = frame_features(torch.from_numpy(expert.frames))
+    windows = torch.cat(
+        [
+            window_frames(features[torch.from_numpy(part[:, None] + np.arange(span))], options)
+            for part in np.array_split(drawn, max(1, len(drawn) // CHUNK))
+        ]
+    )
     if not options.discriminator_command:
         return windows
     given = torch.from_numpy(command).to(windows)[:, None].expand(-1, options.window, -1)

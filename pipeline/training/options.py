@@ -8,6 +8,17 @@ from typing import Any
 
 from pipeline.training.training_error import TrainingError
 
+WORDS = {
+    "terrain": ("plane", "rough"),
+    "motors": ("line", "box"),
+    "mixture": ("paper", "balanced"),
+    "joint_limit": ("indicator", "excess"),
+    "slide_of": ("centre", "lowest"),
+    "tracking_of": ("instant", "mean"),
+    "saturation_of": ("limit", "line"),
+}
+"""Options that are one of some words."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -184,6 +195,11 @@ class Options:
     hidden: tuple[int, ...] = (512, 256, 128)
     symmetry: bool = True
     """Mirrored samples beside each mini-batch's own."""
+
+    def __post_init__(self) -> None:
+        for name, words in WORDS.items():
+            if getattr(self, name) not in words:
+                raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
 
     def changed(self, **values: Any) -> Options:
         """These options with some changed. Raises TrainingError for a name or value that is none."""

@@ -10,10 +10,14 @@ from __future__ import annotations
 from typing import Any
 
 import mujoco
+import numpy as np
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
 from pipeline.training.training_error import TrainingError
+
+AT_M = 1e-6
+"""What is that close is the same place [m]."""
 
 MEAN_TIME_S = 0.4
 """Time constant of the averaged velocity."""
@@ -51,7 +55,7 @@ def _kept(work: Any) -> Any:
 def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str]) -> torch.Tensor:
     """Corners (2, 4, 3) of the soles of the left and right foot from their centres, in the feet's frames [m].
 
-    Raises TrainingError for a foot that is no box.
+    Raises TrainingError for a foot that is no box above the middle of its sole.
     """
     found = []
     for foot in feet:
@@ -59,6 +63,11 @@ def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str
         boxes = [geom for geom in (model.geom(f"robot/{name}") for name in shapes) if geom.bodyid[0] == body]
         if len(boxes) != 1 or boxes[0].type[0] != mujoco.mjtGeom.mjGEOM_BOX:
             raise TrainingError(f"the foot of '{foot}' has {len(boxes)} shapes; corners are known of one box.")
+        off = model.site(f"robot/{foot}").pos - boxes[0].pos + [0.0, 0.0, boxes[0].size[2]]
+        if np.abs(off).max() > AT_M or np.abs(boxes[0].quat - [1.0, 0.0, 0.0, 0.0]).max() > AT_M:
+            raise TrainingError(
+                f"the box of '{foot}' is not square above its sole's middle (by {np.abs(off).max():g} m)."
+            )
         length, width, _ = boxes[0].size
         found.append([[x * length, y * width, 0.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
     return torch.tensor(found, dtype=torch.float32)
@@ -77,7 +86,9 @@ class Readings:
         self._root = self._indexing.root_body_id
         self._foot_sites, self._end_sites = self._sites(feet), self._sites(ends)
         self._foot_bodies = env.sim.model.site_bodyid[self._foot_sites]
-        self._corners = _sole_corners(env.sim.mj_model, env.context.bundle.robot.shapes["feet"], feet).to(env.device)
+        if env.context.options.slide_of == "lowest":
+            shapes = env.context.bundle.robot.shapes["feet"]
+            self._corners = _sole_corners(env.sim.mj_model, shapes, feet).to(env.device)
         self._forces = {name: self._addresses(name) for name in ("feet_contact", "other_contact")}
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
         self._stance = torch.zeros(env.num_envs, 2, device=env.device)
@@ -198,7 +209,10 @@ class Readings:
 
     @property
     def lowest_corner_vel_w(self) -> torch.Tensor:
-        """Velocity of each sole's lowest corner (n, 2, 3) [m/s]: 0 for a foot that rolls over heel and toe."""
+        """Velocity of each sole's lowest corner (n, 2, 3) [m/s]: 0 for a foot that rolls over heel and toe.
+
+        There only where `slide_of` is `lowest`.
+        """
         data = self._env.sim.data
         rotation = data.xmat[:, self._foot_bodies]
         lowest = (rotation[:, :, 2, None] * self._corners).sum(dim=-1).argmin(dim=-1)

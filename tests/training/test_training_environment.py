@@ -40,7 +40,7 @@ def bundle_folder(tmp_path_factory, root, robot):
 
 @pytest.fixture(scope="module")
 def env(bundle_folder):
-    options = preset("tracking_amp").changed(**QUIET)
+    options = preset("tracking_amp").changed(**QUIET, slide_of="lowest")
     env = AmpEnvironment(read_bundle(bundle_folder), options, ENVS, "cpu", seed=1)
     env.reset()
     return env

@@ -131,11 +131,13 @@ def test_what_differs_from_the_paper_has_a_reason():
         for name in vars(paper)
         if getattr(paper, name) != getattr(ours, name)
     }
-    told = {name for name in differ if any(name.startswith(reason.split("_")[0]) for reason in REASONS)}
-    left = (
-        differ - told - {"terrain", "standing_share", "fast_share", "saturation", "window_stride", "discriminator_rate"}
-    )
-    assert left == {"desired_kl"}
+    assert differ - {"terrain"} == set(REASONS), "the plane is what the other presets are for"
+
+
+@pytest.mark.parametrize("name", ["slide_of", "tracking_of", "terrain"])
+def test_an_option_that_is_one_of_some_words_is_none_other(name):
+    with pytest.raises(TrainingError, match=f"'{name}' is 'center'; it must be"):
+        preset("paper").with_texts({name: "center"})
 
 
 def test_options_are_read_from_text_in_the_form_of_their_default():
