@@ -155,7 +155,7 @@ SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
         ("torque.strict_excess", 3.0, _weak_hip_shows),
         ("torque.reference_excess", 0.003, _limits_of_a_reference_are_kept),
         ("contact.height", 0.002, _soles_bear(0.005, 0.0)),
-        ("contact.off_speed", 0.3, _soles_bear(0.0, 0.5)),
+        ("contact.off_speed", 0.45, _soles_bear(0.0, 0.5)),
         ("contact.on_speed", 0.6, _labels_agree(SLOW)),
         ("contact.shortest_s", 0.1, _labels_agree(BLINKING)),
     ],
