@@ -90,7 +90,9 @@ class TrainingRun:
                 break
             begun = time.monotonic()
             self.runner.current_learning_iteration = self.iteration
-            self.algorithm.iteration = self.env.schedule = self._scheduled(before + begun - started)
+            self.algorithm.iteration = self.env.schedule = scheduled(
+                self.request, self.iteration, before + begun - started
+            )
             self.runner.learn(1)
             self.iteration += 1
             now = time.monotonic()
@@ -99,13 +101,6 @@ class TrainingRun:
                 self.save()
         self.save()
         self._finish(reason, before + time.monotonic() - started)
-
-    def _scheduled(self, seconds: float) -> float:
-        """The iteration that schedules are at after some seconds of training, those of earlier processes among them."""
-        planned, minutes = self.request.options.run_iterations, self.request.minutes
-        if not planned or minutes is None:
-            return float(self.iteration)
-        return max(planned * seconds / (60.0 * minutes), planned * self.iteration / self.request.iterations)
 
     def save(self) -> None:
         """Checkpoint, policy and curves; only the first process writes."""
@@ -195,6 +190,15 @@ class TrainingRun:
         steps = self.iteration * request.num_envs * request.options.steps * int(os.getenv("WORLD_SIZE", "1"))
         done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
         _write_json(request.out / "done.json", {**done, "steps_per_s": steps / max(seconds, 1e-9)})
+
+
+def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:
+    """The iteration that schedules are at after some iterations and seconds of training, those of earlier processes
+    among them."""
+    planned, minutes = request.options.run_iterations, request.minutes
+    if not planned or minutes is None:
+        return float(iteration)
+    return max(planned * seconds / (60.0 * minutes), planned * iteration / request.iterations)
 
 
 AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")

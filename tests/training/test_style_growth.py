@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import torch
@@ -17,7 +15,7 @@ from pipeline.training.expert_sampling import answering_starts, asked_commands, 
 from pipeline.training.motion_features import floors
 from pipeline.training.options import Options
 from pipeline.training.presets import preset
-from pipeline.training.run import TrainingRun
+from pipeline.training.run import RunRequest, scheduled
 from tests.factories.training_bundle import identity_frames
 
 JOINTS = 21
@@ -73,14 +71,22 @@ def test_what_is_followed_is_the_mean_over_moving_commands_each_at_most_one():
 
 
 @pytest.mark.parametrize(
-    ("planned", "minutes", "seconds", "scheduled"),
+    ("planned", "minutes", "seconds", "at"),
     [(1500, 20.0, 600.0, 750.0), (1500, None, 600.0, 40.0), (0, 20.0, 600.0, 40.0), (1500, 20.0, 0.0, 12.0)],
 )
-def test_schedules_go_by_the_runs_minutes_where_it_has_them(planned, minutes, seconds, scheduled):
-    options = Options(run_iterations=planned)
-    request = SimpleNamespace(options=options, minutes=minutes, iterations=5000)
-    run = SimpleNamespace(request=request, iteration=40)
-    assert TrainingRun._scheduled(run, seconds) == pytest.approx(scheduled)  # type: ignore[arg-type]
+def test_schedules_go_by_the_runs_minutes_where_it_has_them(tmp_path, planned, minutes, seconds, at):
+    request = RunRequest(
+        out=tmp_path,
+        preset="paper",
+        options=Options(run_iterations=planned),
+        num_envs=8,
+        device="cpu",
+        seed=1,
+        iterations=5000,
+        minutes=minutes,
+        resume=False,
+    )
+    assert scheduled(request, 40, seconds) == pytest.approx(at)
 
 
 def test_slow_commands_are_as_often_as_asked_for_and_on_one_axis():
