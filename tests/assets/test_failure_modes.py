@@ -56,6 +56,18 @@ def test_the_page_shows_what_a_validation_missed_and_what_of_it_is_no_failure(pr
     assert said[NOTED].md_str == "- side_left_fall: vy -0.6: power 133, asked is at most 112 W"
 
 
+def test_a_fault_of_ours_is_told_and_not_remembered(project, robot, tmp_path, monkeypatch):
+    (trial,) = trials_in(ROOT / "data/hardware_logs/demo/side_left_fall.mcap", robot)
+    path = tmp_path / "trial.parquet"
+    write_trial(path, trial)
+    numbers = {"robot": "t1", "log": "x"}
+    with monkeypatch.context() as broken:
+        broken.setattr("pipeline.failures.find.find_failures", lambda *args, **given: 1 / 0)
+        said = failure_modes._answer("x", path, numbers)
+    assert said["fault"] and "ZeroDivisionError" in said["unread"]
+    assert "report" in failure_modes._answer("x", path, numbers)
+
+
 def test_what_cannot_be_looked_at_says_why(project, tmp_path):
     assert "no folder robots/k7" in failure_modes._answer("x", tmp_path, {"robot": "k7"})["unread"]
     broken = tmp_path / "broken.parquet"
