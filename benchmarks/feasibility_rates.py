@@ -36,7 +36,7 @@ def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
     fallen, judged = sum(one.fell for one in judged), [one for one in judged if not one.fell]
     windows = [held for one in judged for held in one.windows]
     bars = [
-        Bar(name="known-good rollouts", value=len(judged)),
+        Bar(name="known-good rollouts", value=len(judged), sense=">=", bound=1),
         Bar(name="rollouts that fell, left out", value=fallen),
         rate("known good: seconds accepted", [one.labelled[1] for one in judged], LEAST),
         rate("known good: accepted whole", [one.labelled[0] for one in judged], LEAST),
