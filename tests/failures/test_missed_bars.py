@@ -166,11 +166,12 @@ def test_garbage_in_the_note_finds_nothing_and_stops_nothing(read_with, robot, a
 
 
 def test_equal_bars_are_equal_bytes(log):
-    def written() -> bytes:
-        notes = {**log.facts.notes, **note_of((SLIP, SLOW))}
+    def written(notes: dict[str, str]) -> bytes:
         return mcap_bytes(dataclasses.replace(log, facts=dataclasses.replace(log.facts, notes=notes)))
 
-    assert written() == written()
+    noted = {"reasons": "slip", **note_of((SLIP, SLOW))}
+    assert written(noted) == written(dict(reversed(noted.items()))), "whatever the order they were put in"
+    assert written(noted) != written({**noted, **note_of((SLOW, SLIP))})
 
 
 def test_the_rules_propose_from_it_and_say_that_it_is_simulated(standing, robot: Robot, actuators):
