@@ -77,7 +77,7 @@ class MessageFlow:
             yield from self.source.read()
         except (PipelineError, OSError):
             raise
-        except Exception as error:
+        except Exception as error:  # readers of three formats meet whatever is in a file
             raise self.report.refuse(f"it can't be read ({type(error).__name__}: {error})") from error
 
     def _records(self, records: Records) -> None:

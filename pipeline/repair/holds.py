@@ -24,7 +24,7 @@ PAUSE = 3
 """Of rests in one pose with no more frames between them the person had ended the first."""
 
 SAME = 1e-4
-"""Poses that are no further apart are one: rests creep a little [rad], [m]."""
+"""Poses that are no further apart are one: rests creep a little [entries of rotation matrices, m]."""
 NEAREST = 4
 """Of so many rests in a pose the shortest tells how long the person keeps it at least: about two on either side."""
 
