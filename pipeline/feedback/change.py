@@ -24,6 +24,19 @@ DIGITS = 16
 """Hex digits of a proposal's digest: enough to tell what was seen from what is approved."""
 
 
+def experiment_of(policy: str, log: str, *, simulated: bool) -> str:
+    """What a log counts with: a robot's log by itself, a simulated one with all that were simulated of its policy.
+
+    A simulator writes as many logs as one likes, so their number is no evidence: a policy in simulation is one
+    experiment.
+
+    Args:
+        policy: its digest
+        log: digest of the log, or of one of its recording's
+    """
+    return f"{policy} in simulation" if simulated else log
+
+
 class ChangeError(PipelineError):
     """A change that the rules do not allow."""
 
@@ -42,6 +55,11 @@ class Witness:
     simulated: bool
     said: str
     """The failure as a sentence."""
+
+    @property
+    def experiment(self) -> str:
+        """What it counts with; equal for all that count once."""
+        return experiment_of(self.policy, self.sha256, simulated=self.simulated)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +84,24 @@ class Change:
         """Digests of the logs it rests on, each once."""
         return tuple(dict.fromkeys(each.sha256 for each in self.witnesses))
 
+    @property
+    def experiments(self) -> int:
+        """How often its logs count."""
+        return len({each.experiment for each in self.witnesses})
+
     def text(self) -> str:
         """A sentence for a report."""
         simulated = " (simulated)" if all(each.simulated for each in self.witnesses) else ""
         return (
             f"{self.robot}, {SECTIONS[self.section]}: {self.what} from {self.before:g} to {self.value:g} "
-            f"(bound {self.bound:g}) by {len(self.logs)} log{'s' if len(self.logs) > 1 else ''}{simulated}"
+            f"(bound {self.bound:g}) by {self.counted()}{simulated}"
         )
+
+    def counted(self) -> str:
+        """Its logs and how often they count, as `28 logs that count as 1`."""
+        logs, counts = len(self.logs), self.experiments
+        alone = self.section == "motors" or counts == logs
+        return f"{logs} log{'s' if logs > 1 else ''}{'' if alone else f' that count as {counts}'}"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""
@@ -87,8 +116,8 @@ def proposal_digest(changes: Sequence[Change]) -> str:
 def check_bounds(changes: Sequence[Change], rules: FeedbackRules) -> None:
     """Raises ChangeError for changes beyond what the rules allow, all of them at once.
 
-    That holds for every change that takes effect, by whatever hand its file was written. The number of logs counts
-    too: one log can't move what takes two.
+    That holds for every change that takes effect, by whatever hand its file was written. The number of experiments
+    counts too: one can't move what takes two.
     """
     faults = [fault for each in changes for fault in _faults(each, rules)]
     seen: set[tuple[str, str, str]] = set()
@@ -116,7 +145,7 @@ def _faults(change: Change, rules: FeedbackRules) -> list[str]:
         return [f"{name} is {change.before:g} before, but {start:g} by the rules"]
     low, high = allowed
     if not low - 1e-9 <= change.value <= high + 1e-9:
-        return [f"{name} is {change.value:g}; by {len(change.logs)} logs allowed is {low:g} to {high:g}"]
+        return [f"{name} is {change.value:g}; by {change.counted()} allowed is {low:g} to {high:g}"]
     return []
 
 
@@ -158,24 +187,26 @@ def _strengths_allowed(change: Change, rules: FeedbackRules) -> tuple[float, flo
     if rule is None:
         return None
     ways = {answer.way for answer in rule.answers}
-    without, amount = neutral(kind), rule.amount(len(change.logs))
+    without, amount = neutral(kind), rule.amount(change.experiments)
     return without - amount * (LESS in ways), without + amount * bool({MORE, BOTH} & ways)
 
 
 def allowed_range(change: Change, rules: FeedbackRules) -> tuple[float, float] | None:
-    """Lowest and highest value that a change may have by the logs it rests on; None where there is no rule."""
-    logs = len(change.logs)
+    """Lowest and highest value that a change may have by the logs it rests on; None where there is no rule.
+
+    Experiments are counted. Of a motor's limit it is logs: they measure it, and more of them move it no further.
+    """
     if change.section in ("weights", "selection"):
         rule = rules.weights if change.section == "weights" else rules.selection
-        return 1.0, min(rule.per_log**logs, rule.most)
+        return 1.0, min(rule.per_experiment**change.experiments, rule.most)
     if change.section == "augmentation":
         return _strengths_allowed(change, rules)
     if change.section == "motors":
-        enough = logs >= rules.motors.least_logs
+        enough = len(change.logs) >= rules.motors.least_logs
         return rules.motors.lowest * change.before if enough else change.before, change.before
     ranges = rules.randomization.get(change.what)
     if change.section != "randomization" or ranges is None:
         return None
-    moved = ranges.start + ranges.per_log * logs
-    moved = min(moved, ranges.bound) if ranges.per_log > 0.0 else max(moved, ranges.bound)
+    moved = ranges.start + ranges.per_experiment * change.experiments
+    moved = min(moved, ranges.bound) if ranges.per_experiment > 0.0 else max(moved, ranges.bound)
     return min(ranges.start, moved), max(ranges.start, moved)

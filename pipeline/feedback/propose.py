@@ -1,14 +1,15 @@
 """From failures to changes, by rules. Every change names the logs behind it; what proposes nothing says why.
 
-What is counted is recordings, not failures: a robot that falls ten times in one log moves a number as far as one that
+What is counted is experiments, not failures: a robot that falls ten times in one log moves a number as far as one that
 falls once. A log that is there twice, as a copy, a torn copy or in pieces, counts once, with all of its trials. Which
-those are is asked after trust, so that a copy that cannot count takes nothing from the one that can.
+those are is asked after trust, so that a copy that cannot count takes nothing from the one that can. All simulated logs
+of one policy count once: a validation of more cells, or another one, moves no number further.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -133,23 +134,23 @@ def _answered(failure: Failure, answer: Answer) -> bool:
 
 def _perturbation(kind: str, skill: str, way: str, group: Sequence[Pair], rules: FeedbackRules) -> Change:
     sign, without = -1.0 if way == LESS else 1.0, neutral(kind)
-    rule, witnesses = rules.augmentation[kind], witnesses_of(group)
-    logs = len(witnesses)
-    return Change(
+    rule = rules.augmentation[kind]
+    change = Change(
         section="augmentation",
         robot=group[0][0].report.robot,
         what=f"{kind} of {skill}",
-        value=round(without + sign * rule.amount(logs), 6),
+        value=without,
         before=without,
         bound=round(without + sign * rule.most, 6),
-        witnesses=witnesses,
+        witnesses=witnesses_of(group),
     )
+    return replace(change, value=round(without + sign * rule.amount(change.experiments), 6))
 
 
 def _moved(
     section: str, group: Sequence[Pair], what: str, rules: FeedbackRules, *, before: float, bound: float
 ) -> Change:
-    """The change that goes as far from `before` as the rule lets this many logs."""
+    """The change that goes as far from `before` as the rule lets this many experiments."""
     change = Change(
         section=section,
         robot=group[0][0].report.robot,
@@ -162,7 +163,7 @@ def _moved(
     allowed = allowed_range(change, rules)
     assert allowed is not None
     furthest = max(allowed, key=lambda value: abs(value - before))
-    return Change(**{**vars(change), "value": round(furthest, 6)})
+    return replace(change, value=round(furthest, 6))
 
 
 def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[str]]:

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from pipeline.failures.failure import Failure
 from pipeline.failures.fingerprint import windows_of
 from pipeline.failures.trial_report import TrialReport
+from pipeline.feedback.change import experiment_of
 
 PIECES_APART_S = 1.0
 """Between the files of a split bag lies one message; no recorder is stopped and started within this."""
@@ -33,6 +34,11 @@ class Heard:
     report: TrialReport
     recording: str
     """The same for all trials of one recording: the SHA-256 of one of its logs."""
+
+    @property
+    def experiment(self) -> str:
+        """What it counts with."""
+        return experiment_of(self.report.policy, self.recording, simulated=self.report.simulated)
 
 
 def recorded(reports: Sequence[TrialReport]) -> tuple[list[Heard], list[str]]:

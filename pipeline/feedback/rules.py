@@ -38,7 +38,7 @@ class TrustRules:
     attitude_confirms: bool
     """Whether a fall counts only where the attitude shows it."""
     least_share: float
-    """Of the logs with such a command, that failed."""
+    """Of the experiments with such a command, that failed."""
 
     def __post_init__(self) -> None:
         check(self, least_confidence=SHARE, policies=Pattern(), simulated=OneOf(SIMULATED), least_share=SHARE)
@@ -46,14 +46,14 @@ class TrustRules:
 
 @dataclass(frozen=True, kw_only=True)
 class FactorRule:
-    """A factor on something that is there: `per_log` to the power of the logs, at most `most`."""
+    """A factor on something that is there: `per_experiment` to the power of the experiments, at most `most`."""
 
     kinds: tuple[str, ...]
-    per_log: float
+    per_experiment: float
     most: float
 
     def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS), per_log=Range(1.0, 2.0), most=Range(1.0, 10.0))
+        check(self, kinds=OneOf(KINDS), per_experiment=Range(1.0, 2.0), most=Range(1.0, 10.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,19 +74,19 @@ class Answer:
 
 @dataclass(frozen=True, kw_only=True)
 class PerturbationRule:
-    """A kind of perturbation: beside the original it begins at `first` and grows by `per_log`, at most to `most`."""
+    """A kind of perturbation: beside the original it begins at `first`, grows by `per_experiment`, ends at `most`."""
 
     answers: tuple[Answer, ...]
     first: float
-    per_log: float
+    per_experiment: float
     most: float
 
     def __post_init__(self) -> None:
-        check(self, first=POSITIVE, per_log=NOT_NEGATIVE, most=POSITIVE)
+        check(self, first=POSITIVE, per_experiment=NOT_NEGATIVE, most=POSITIVE)
 
-    def amount(self, logs: int) -> float:
-        """How far from the original this many logs let it go."""
-        return min(self.first + self.per_log * (logs - 1), self.most)
+    def amount(self, experiments: int) -> float:
+        """How far from the original this many experiments let it go."""
+        return min(self.first + self.per_experiment * (experiments - 1), self.most)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,13 +108,13 @@ class MotorRule:
 
 @dataclass(frozen=True, kw_only=True)
 class RangeRule:
-    """One end of a range that training draws from: `start` + `per_log` a log, as far as `bound`."""
+    """One end of a range that training draws from: `start` + `per_experiment` an experiment, as far as `bound`."""
 
     kinds: tuple[str, ...]
     causes: tuple[str, ...]
     """Causes that the failure's evidence has to name; none: any failure of the kinds."""
     start: float
-    per_log: float
+    per_experiment: float
     bound: float
 
     def __post_init__(self) -> None:
@@ -143,10 +143,9 @@ class _AnyRange(Range):
     """A rule that moves towards its bound."""
 
     def problem(self, value: RangeRule) -> str | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        moved = (value.bound - value.start) * value.per_log
-        return (
-            None if moved > 0.0 else f"moves by {value.per_log:g} a log, which is not from {value.start:g} to its bound"
-        )
+        moved = (value.bound - value.start) * value.per_experiment
+        step = f"moves by {value.per_experiment:g} an experiment"
+        return None if moved > 0.0 else f"{step}, which is not from {value.start:g} to its bound"
 
 
 def _unusable(rules: FeedbackRules) -> list[tuple[str, str]]:

@@ -41,7 +41,9 @@ def test_each_further_log_goes_on_to_that_side_up_to_the_bound(kind, direction, 
     for logs in (2, 9):
         found = proposal(*(report(number, failure(kind, direction=direction)) for number in range(logs)))
         (change,) = [each for each in found.changes if each.what == what]
-        assert change.value == pytest.approx(without + sign * min(rule.first + rule.per_log * (logs - 1), rule.most))
+        assert change.value == pytest.approx(
+            without + sign * min(rule.first + rule.per_experiment * (logs - 1), rule.most)
+        )
         assert (change.before, change.bound) == (without, pytest.approx(without + sign * rule.most))
         assert len(change.witnesses) == logs
 
@@ -64,7 +66,7 @@ def test_a_perturbation_beyond_its_logs_or_to_the_other_side_is_refused():
     (change,) = [each for each in proposal(report(1, failure("slip"))).changes if each.section == "augmentation"]
     assert allowed_range(change, RULES) == pytest.approx((0.9, 1.0))
     for value in (0.85, 1.1):
-        with pytest.raises(ChangeError, match=r"'step_length of side_left' is .*; by 1 logs allowed is 0\.9 to 1"):
+        with pytest.raises(ChangeError, match=r"'step_length of side_left' is .*; by 1 log allowed is 0\.9 to 1"):
             check_bounds([dataclasses.replace(change, value=value)], RULES)
     with pytest.raises(ChangeError, match=r"is 0 before, but 1 by the rules"):
         check_bounds([dataclasses.replace(change, before=0.0)], RULES)
@@ -115,7 +117,7 @@ def test_a_rule_for_what_kp4_has_not_is_refused_by_name(old, new, says, tmp_path
 def test_rules_of_the_form_with_playing_speeds_alone_are_refused_in_one_sentence(tmp_path):
     text = (DATA / "feedback_rules.yaml").read_text()
     start, stop = text.index("augmentation:\n"), text.index("motors:")
-    old = "augmentation:\n  kinds: [fall]\n  first: 0.15\n  per_log: 0.05\n  most: 0.2\n\n"
+    old = "augmentation:\n  kinds: [fall]\n  first: 0.15\n  per_experiment: 0.05\n  most: 0.2\n\n"
     path = tmp_path / "feedback_rules.yaml"
     path.write_text(text[:start] + old + text[stop:])
     with pytest.raises(SettingsError, match=r"'augmentation\.kinds' is \['fall'\], wanted a mapping"):

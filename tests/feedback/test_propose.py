@@ -14,16 +14,16 @@ from tests.factories.trial_reports import LEFT_CELL, RULES, failure, proposal, r
 
 def test_one_log_moves_a_weight_by_its_step_and_no_further():
     found = values(proposal(report(1, failure(), failure(time_s=5.0), failure("stumble"))))
-    assert found[("weights", LEFT_CELL)] == RULES.weights.per_log
-    assert found[("selection", "side_left")] == RULES.selection.per_log
+    assert found[("weights", LEFT_CELL)] == RULES.weights.per_experiment
+    assert found[("selection", "side_left")] == RULES.selection.per_experiment
     assert found[("augmentation", "time_scale of side_left")] == RULES.augmentation["time_scale"].first
 
 
 def test_each_further_log_moves_it_on_up_to_the_bound():
-    per_log, most = RULES.weights.per_log, RULES.weights.most
+    per_experiment, most = RULES.weights.per_experiment, RULES.weights.most
     for logs in (2, 3, 50):
         found = proposal(*(report(number, failure()) for number in range(logs)))
-        assert values(found)[("weights", LEFT_CELL)] == pytest.approx(min(per_log**logs, most))
+        assert values(found)[("weights", LEFT_CELL)] == pytest.approx(min(per_experiment**logs, most))
         assert all(change.value <= change.bound for change in found.changes)
 
 
@@ -146,7 +146,7 @@ def test_pushes_widen_only_by_falls_that_a_push_was_seen_before():
     assert ("randomization", "push_speed") not in values(proposal(report(1, failure())))
     pushed = failure(evidence={"attitude": True, "cause": "push"})
     rule = RULES.randomization["push_speed"]
-    assert values(proposal(report(1, pushed)))[("randomization", "push_speed")] == rule.start + rule.per_log
+    assert values(proposal(report(1, pushed)))[("randomization", "push_speed")] == rule.start + rule.per_experiment
 
 
 def test_low_friction_lowers_the_low_end_down_to_its_bound():
@@ -181,7 +181,7 @@ def test_whatever_is_in_the_logs_every_change_is_within_what_its_logs_allow(plan
 
 def test_a_change_beyond_what_its_logs_allow_is_refused():
     (change,) = [each for each in proposal(report(1, failure())).changes if each.section == "weights"]
-    with pytest.raises(ChangeError, match=r"by 1 logs allowed is 1 to 1.25"):
+    with pytest.raises(ChangeError, match=r"by 1 log allowed is 1 to 1.25"):
         check_bounds([dataclasses.replace(change, value=1.5)], RULES)
     with pytest.raises(ChangeError, match="names no log"):
         check_bounds([dataclasses.replace(change, witnesses=())], RULES)

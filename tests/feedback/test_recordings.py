@@ -10,7 +10,7 @@ from tests.factories.trial_reports import LEFT_CELL, RULES, failure, proposal, r
 
 START_NS = 3_600_000_000_000_000_000 // 2
 WEIGHT = ("weights", LEFT_CELL)
-ONE, TWO = RULES.weights.per_log, RULES.weights.per_log**2
+ONE, TWO = RULES.weights.per_experiment, RULES.weights.per_experiment**2
 
 
 def _timed(number: int, *failures, start_s: float = 0.0, seconds: float = 8.0, data: str = "a", **more) -> TrialReport:
@@ -74,12 +74,16 @@ def test_logs_of_another_policy_or_kind_at_the_same_time_are_two_unless_their_da
 
 
 def test_simulated_logs_that_begin_at_the_same_moment_are_two_if_any_half_second_differs():
+    def logs(*reports: TrialReport) -> int:
+        (change,) = [each for each in proposal(*reports).changes if each.section == "weights"]
+        return len(change.logs)
+
     one, other = (_timed(number, failure(), data=data, simulated=True) for number, data in ((1, "a"), (2, "b")))
-    assert _weight(one, other) == TWO
+    assert logs(one, other) == 2
     late = dataclasses.replace(other, fingerprint=one.fingerprint[:-8] + "b" * 8)
-    assert _weight(one, late) == TWO
+    assert logs(one, late) == 2
     unknown = dataclasses.replace(other, fingerprint=one.fingerprint[:-8] + UNKNOWN)
-    assert _weight(one, unknown) == ONE
+    assert logs(one, unknown) == 1
 
 
 def test_a_copy_without_its_sidecar_takes_nothing_from_the_first():
