@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,9 +16,16 @@ from pipeline.training.options import Options
 class AmpPpo(PPO):
     """rsl-rl's PPO; with `options.style` at 0 it is that alone."""
 
-    def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
+    def __init__(
+        self, *args: Any, options: Options, expert: torch.Tensor, joints: int, deviation: torch.Tensor, **kwargs: Any
+    ):
         super().__init__(*args, **kwargs)
         self._options = options
+        self._deviation = deviation.to(self.device)
+        self._std: torch.nn.Parameter = self._raw_actor.distribution.std_param  # type: ignore[union-attr]  # runner_cfg gives one
+        self._std.data.copy_(self._deviation)
+        self.update_s = 0.0
+        """Duration of the last update of the networks [s]."""
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
@@ -56,11 +64,27 @@ class AmpPpo(PPO):
         return options.desired_kl + (options.final_kl - options.desired_kl) * share
 
     def update(self) -> dict[str, float]:
-        """The discriminator's gradient steps, then PPO's."""
+        """The discriminator's gradient steps, then PPO's; exploration is held below its bound."""
+        begun = self._now()
         if self.discriminator is not None:
             self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
         self.desired_kl = self.held_kl()
-        return super().update()
+        figures = super().update()
+        self._std.data.copy_(torch.minimum(self._std.data, self.largest_deviation()))
+        self.update_s = self._now() - begun
+        return figures
+
+    def largest_deviation(self) -> torch.Tensor:
+        """Of each action at this iteration (a,)."""
+        options = self._options
+        if not options.std_end:
+            return torch.full_like(self._deviation, torch.inf)
+        return self._deviation * (1.0 + (options.std_end - 1.0) * _grown(self.iteration, options.std_iterations))
+
+    def _now(self) -> float:
+        if self.device.startswith("cuda"):
+            torch.cuda.synchronize()
+        return time.monotonic()
 
     def take_step_figures(self) -> dict[str, float]:
         """Mean task and style reward a step and D on the policy since the last call."""

@@ -4,7 +4,8 @@ Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_
 d_policy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length
 of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the
 achieved value on its axis, two seconds after the command at the earliest; followed (mean over these bins of achieved
-by commanded), style_share (of the style reward in the blend); learning_rate, action_std.
+by commanded), style_share (of the style reward in the blend); mid_steps_per_min (at
+commands of that bin); learning_rate, update_s (of the networks), action_std.
 """
 
 from __future__ import annotations
@@ -38,11 +39,15 @@ class Record:
     def __init__(self, device: str):
         self._velocity = torch.zeros(len(BINS), 3, device=device)
         self._episodes = torch.zeros(5, device=device)
+        self._steps = torch.zeros(2, device=device)
 
     def add(self, env) -> None:
         """A step of the environment, after it; velocities are taken of every eighth."""
         if env.common_step_counter % 8 == 0:
             self._add_velocity(env)
+        walks = BINS["mid"][1](env.command)
+        stepped = (env.readings.step_time > 0.0) & walks
+        self._steps += torch.stack([stepped.sum(), walks.sum()])
         done = env.reset_buf
         stalled = done & ~env.fell & ~env.reset_time_outs
         lengths = (env.ended_steps * done).sum()
@@ -72,6 +77,9 @@ class Record:
         for name, (count, commanded, achieved) in zip(BINS, self._velocity.tolist(), strict=True):
             figures[f"{name}_commanded"] = commanded / count if count else float("nan")
             figures[f"{name}_achieved"] = achieved / count if count else float("nan")
+        stepped, walked = self._steps.tolist()
+        figures["mid_steps_per_min"] = 60.0 * stepped / (walked * step_s) if walked else float("nan")
+        self._steps.zero_()
         self._velocity.zero_()
         self._episodes.zero_()
         return figures

@@ -30,6 +30,7 @@ from pipeline.training.readings import Readings
 from pipeline.training.reward_table import reward_cfg
 from pipeline.training.reward_terms import motor_limit, tracking
 from pipeline.training.robot_entity import robot_entity
+from pipeline.training.step_times import StepTimes
 from pipeline.training.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
 
@@ -72,6 +73,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
         self._kernels: torch.Tensor | None = None
+        self.step_times = StepTimes(bundle.expert, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         if device == "cpu":
             wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
+from pipeline.training.step_times import LEAST_SWING_S
 from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
@@ -93,6 +94,9 @@ class Readings:
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
         self._stance = torch.zeros(env.num_envs, 2, device=env.device)
         self._stood = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
+        self._set_down = torch.full((env.num_envs,), -1, device=env.device)
+        self._since = torch.zeros(env.num_envs, device=env.device)
+        self._step = torch.zeros(env.num_envs, device=env.device)
         self._known: dict[str, torch.Tensor] = {}
 
     def fresh(self) -> None:
@@ -240,12 +244,32 @@ class Readings:
         """How long each foot has been on the ground, or in the air [s] (n, 2)."""
         return self._stance
 
+    @property
+    def step_time(self) -> torch.Tensor:
+        """Where a foot has just been set down, how long ago the other one was [s] (n,); else 0.
+
+        A foot that bounces, or is set down twice running, makes no step, nor does the first one of an episode.
+        """
+        return self._step
+
     def advance(self) -> None:
-        """Once a control step, before rewards: the averaged velocity and the time of stances move on."""
+        """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
         self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
-        self._stance = (self._stance + self._env.step_dt) * (self.contacts == self._stood)
+        same, lasted = self.contacts == self._stood, self._stance + self._env.step_dt
+        self._advance_steps(self.contacts & ~same & (self._stance >= LEAST_SWING_S - 1e-6))
+        self._stance = lasted * same
         self._stood = self.contacts
+
+    def _advance_steps(self, landed: torch.Tensor) -> None:
+        """The time of steps, with feet (n, 2) that are set down now after a swing."""
+        self._since += self._env.step_dt
+        one = landed.any(dim=1)
+        foot = torch.where(landed[:, 0], 0, 1)
+        stepped = one & (foot != self._set_down)
+        self._step = self._since * (stepped & (self._set_down >= 0))
+        self._since *= ~stepped
+        self._set_down = torch.where(one, foot, self._set_down)
 
     def restart(self, env_ids: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""
@@ -253,3 +277,4 @@ class Readings:
         rotation = matrix_from_quat(self.root_quat_w[env_ids])
         self._mean[env_ids] = velocity_of(rotation, self.lin_vel_w[env_ids], self.ang_vel_b[env_ids])[0]
         self._stance[env_ids] = 0.0
+        self._set_down[env_ids] = -1

@@ -18,6 +18,8 @@ ASKED = 0.1
 """Speed [m/s] and yaw rate [rad/s] from which on a command asks for them."""
 STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
+STEP_SHARE = 0.75
+"""Of the clips' time of a step: one that takes as long is long enough."""
 
 
 def tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
@@ -108,6 +110,13 @@ def single_stance(
     single = (contacts.sum(dim=1) == 1) & (time <= (end_s or torch.inf))
     moves = (command.abs() > 1e-6).any(dim=1)
     return torch.clamp(time, max=STANCE_TIME) * (single & moves)
+
+
+def short_step(command: torch.Tensor, step_time: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """What the steps that end now (n,) [s] lack of STEP_SHARE of the wanted time (n,), as a share of it, while told to
+    move; 0 where none ends (a step time of 0)."""
+    lacking = (1.0 - step_time / (STEP_SHARE * wanted).clamp(min=1e-6)).clamp(min=0.0)
+    return lacking * (step_time > 0.0) * (command.abs() > 1e-6).any(dim=1)
 
 
 def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:

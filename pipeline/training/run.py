@@ -17,8 +17,9 @@ import torch
 from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
 
+from pipeline.training.action import SCALE
 from pipeline.training.amp_ppo import AmpPpo
-from pipeline.training.bundle import Bundle
+from pipeline.training.bundle import Bundle, RobotFacts
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
@@ -57,15 +58,14 @@ class TrainingRun:
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank
         options = request.options
+        torch.set_float32_matmul_precision("high")  # TF32 where there are such units, as mjlab's own training has it
         env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
         self.env = env
         wrapped = RslRlVecEnvWrapper(env)
         wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
-        self.runner = OnPolicyRunner(
-            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
-        )
+        self.runner = OnPolicyRunner(wrapped, runner_cfg(options, windows, bundle.robot), None, request.device)
         self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]  # runner_cfg names it
         self.iteration = 0
         """How many iterations are done."""
@@ -144,6 +144,7 @@ class TrainingRun:
             "followed": self.algorithm.followed,
             "style_share": self.algorithm.style_share(),
             "learning_rate": self.algorithm.learning_rate,
+            "update_s": self.algorithm.update_s,
             "action_std": std,
         }
         if self.rank:
@@ -204,7 +205,16 @@ def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:
 AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
 
 
-def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
+def first_deviation(options: Options, robot: RobotFacts) -> torch.Tensor:
+    """Deviation of the actions (a,) that exploration begins with, in the policy's order."""
+    index = robot.index(robot.policy_joints)
+    least = np.full(len(index), options.init_std)
+    if options.init_torque:
+        least = np.minimum(least, options.init_torque * robot.effort_limit[index] / (robot.kp[index] * SCALE))
+    return torch.from_numpy(least).float()
+
+
+def runner_cfg(options: Options, windows: torch.Tensor, robot: RobotFacts) -> dict[str, Any]:
     """rsl-rl's configuration of the runner."""
     network = {
         "class_name": "MLPModel",
@@ -235,7 +245,8 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
             else None,
             "options": options,
             "expert": windows,
-            "joints": joints,
+            "joints": len(robot.controlled),
+            "deviation": first_deviation(options, robot),
         },
     }
 
@@ -254,9 +265,10 @@ def _line(row: dict[str, float], iterations: int) -> str:
     style = f"task {row['task_reward']:.3f}, style {row['style_reward']:.3f}"
     d = f"D {row['d_expert']:.1f}/{row['d_policy']:.1f}"
     ends = f"episodes {row['episode_s']:.1f} s, stalls {row['stalls_per_min']:.1f}/min"
+    steps = f"{row['mid_steps_per_min']:.0f} steps/min"
     head = f"iteration {row['iteration']} of {iterations}, {row['seconds']:.0f} s"
     gate = f"followed {row['followed']:.2f}, style share {row['style_share']:.2f}, deviation {row['action_std']:.2f}"
-    return f"{head}: {style}, {d}, {', '.join(pairs)}, {ends}, {gate}, {row['steps_per_s']:.0f} steps/s"
+    return f"{head}: {style}, {d}, {', '.join(pairs)}, {steps}, {ends}, {gate}, {row['steps_per_s']:.0f} steps/s"
 
 
 def _device_name(device: str) -> str:
