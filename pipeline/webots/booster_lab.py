@@ -85,28 +85,34 @@ class Plan:
 
 
 class Score:
-    """Means over the end of each segment, and the fall."""
+    """Means over the end of each segment, and the fall.
+
+    Velocities are differences of the trunk's places: `getVelocity` is that of its centre of mass, which goes another
+    way on a curve.
+    """
 
     def __init__(self, plan: Plan, measured_s: float):
         self.plan, self.measured_s = plan, measured_s
         self.sums = np.zeros((len(plan.segments), 5))
+        self.before: tuple[float, np.ndarray] | None = None
         self.fell_s: float | None = None
 
     def look(self, node: Any, time_s: float) -> None:
         """At the robot now."""
-        turn = np.array(node.getOrientation()).reshape(3, 3)
-        height = node.getPosition()[2]
-        if height < FALL_HEIGHT_M or turn[2, 2] < FALL_TILT_COS or not math.isfinite(height):
+        turn, place = np.array(node.getOrientation()).reshape(3, 3), np.array(node.getPosition())
+        height = float(place[2])
+        if not (math.isfinite(height) and height >= FALL_HEIGHT_M and turn[2, 2] >= FALL_TILT_COS):
             self.fell_s = time_s
             return
+        before, self.before = self.before, (time_s, place)
         index = self.plan.index(time_s)
-        if time_s < self.plan.ends[index] - self.measured_s:
+        if before is None or time_s < self.plan.ends[index] - self.measured_s:
             return
         yaw = math.atan2(turn[1, 0], turn[0, 0])
-        vx, vy, _, _, _, yaw_rate = node.getVelocity()
+        vx, vy, _ = (place - before[1]) / (time_s - before[0])
         forward = math.cos(yaw) * vx + math.sin(yaw) * vy
         lateral = -math.sin(yaw) * vx + math.cos(yaw) * vy
-        self.sums[index] += [forward, lateral, yaw_rate, height, 1.0]
+        self.sums[index] += [forward, lateral, node.getVelocity()[5], height, 1.0]
 
     def segments(self, time_s: float) -> list[dict[str, Any]]:
         """A row for each segment; figures are None where it wasn't walked to its end."""

@@ -56,6 +56,15 @@ def test_the_robot_stands_in_the_stand_in(stood: Outcome, short_walk: WebotsSett
     assert verdict(MUJOCO_STAND_IN, outcome, short_walk, STILL).reasons == ("no policy walked",)
 
 
+def test_a_project_is_run_from_a_folder_that_is_named_from_here(
+    project: Project, short_walk: WebotsSettings, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(project.folder.parent)
+    here = dataclasses.replace(project, folder=Path(project.folder.name))
+    outcome = run_stand_in("mujoco", here, short_walk)
+    assert outcome.status == "finished", outcome.tail
+
+
 def test_a_stand_in_gives_the_same_result_again(stood: Outcome, project: Project, short_walk: WebotsSettings):
     again = run_stand_in("mujoco", project, short_walk)
     one, two = (verdict(MUJOCO_STAND_IN, each, short_walk, STILL) for each in (stood, again))
@@ -179,7 +188,7 @@ def test_sensors_say_what_the_engine_does(project: Project):
     engine.data.qvel[3:6] = [0.0, 0.0, 1.0]
     simulation = Simulation(scene, engine)
     enabled = {name: 5 for name in (*simulation.sensors, *scene.imu)}
-    said = simulation.step({"step": 50, "torque": {}, "force": [0.0, 0.0, 0.0], "enabled": enabled})["values"]
+    said = simulation.step({"step": 50, "torque": {}, "enabled": enabled})["values"]
     root = engine.root()
     np.testing.assert_allclose(said["imu_gyro"], rotation.rotate_inverse(root.quat_w, root.ang_vel_w), atol=1e-12)
     np.testing.assert_allclose(np.roll(said["imu_orientation"], 1), root.quat_w, atol=1e-12)
@@ -188,11 +197,24 @@ def test_sensors_say_what_the_engine_does(project: Project):
     np.testing.assert_allclose(joints, engine.joint_pos(), atol=1e-12)
 
 
+def test_a_supervisor_is_told_the_velocity_of_the_centre_of_mass(project: Project):
+    """As by Webots, whose bodies have their origin there: of a trunk that turns on the spot it isn't zero."""
+    scene = _raised(read_scene(project.world))
+    engine = MujocoEngine(scene)
+    engine.data.qvel[5] = 2.0
+    truth = Simulation(scene, engine).truth()
+    x, y, _ = scene.bodies[0].com
+    assert x == pytest.approx(0.0551365401)
+    np.testing.assert_allclose(truth["velocity"], [-2.0 * y, 2.0 * x, 0.0, 0.0, 0.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(truth["position"], scene.bodies[0].pos, atol=1e-12)
+
+
 def test_an_accelerometer_at_rest_reads_gravity(project: Project):
     scene = read_scene(project.world)
-    simulation = Simulation(scene, MujocoEngine(scene))
-    enabled = {"imu_accelerometer": 5}
-    still = {"step": 5, "torque": {}, "force": [0.0, 0.0, 31.734357782 * 9.81], "enabled": enabled}
+    engine = MujocoEngine(scene)
+    engine.data.xfrc_applied[1, 2] = 31.734357782 * 9.81  # held up by the trunk
+    simulation = Simulation(scene, engine)
+    still = {"step": 5, "torque": {}, "enabled": {"imu_accelerometer": 5}}
     said = simulation.step(still)["values"]["imu_accelerometer"]
     assert np.linalg.norm(said) == pytest.approx(9.81, abs=0.6)
     assert said[2] > 9.0

@@ -42,13 +42,16 @@ class Paper:
 
 
 class PaperRobot:
-    """One that stands still, turned about z, for a number of steps."""
+    """One that is carried along without moving, turned about z, for a number of steps.
+
+    Its centre of mass goes another way than its origin, as on a curve.
+    """
 
     def __init__(self, steps: int, yaw: float = 0.0):
         self.devices: dict[str, Paper] = {}
         self.left, self.taken = steps, 0
         self.turn = rotation.to_matrix(rotation.about_z(yaw))
-        self.velocity_b = np.array([0.5, -0.1, 0.0])
+        self.velocity_b, self.of_com_b = np.array([0.5, -0.1, 0.0]), np.array([0.0, 0.055, 0.0])
         self.joint_speed, self.height = 0.0, 0.68
 
     def getBasicTimeStep(self) -> float:
@@ -70,13 +73,14 @@ class PaperRobot:
         return self
 
     def getPosition(self) -> list[float]:
-        return [0.0, 0.0, self.height]
+        x, y, _ = self.taken * TIMESTEP_S * (self.turn @ self.velocity_b)
+        return [x, y, self.height]
 
     def getOrientation(self) -> list[float]:
         return self.turn.ravel().tolist()
 
     def getVelocity(self) -> list[float]:
-        return [*(self.turn @ self.velocity_b).tolist(), 0.0, 0.0, 0.3]
+        return [*(self.turn @ (self.velocity_b + self.of_com_b)).tolist(), 0.0, 0.0, 0.3]
 
 
 @pytest.fixture
@@ -164,6 +168,9 @@ def test_a_fall_is_noted_and_ends_the_walk(task: DeploymentTask):
     robot.height = 0.4
     time_s, score, _ = walked(robot, task, a_plan(1.0))
     assert (time_s, score.fell_s) == (0.0, 0.0)
+    nowhere = PaperRobot(10_000)
+    nowhere.turn = np.full((3, 3), np.nan)
+    assert walked(nowhere, task, a_plan(1.0))[1].fell_s == 0.0
     tipped = PaperRobot(10_000)
     tipped.turn = rotation.to_matrix(rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.radians(61.0)))
     assert walked(tipped, task, a_plan(1.0))[1].fell_s == 0.0

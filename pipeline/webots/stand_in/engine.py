@@ -30,8 +30,8 @@ class Engine(Protocol):
     label: str
     """What results are said of."""
 
-    def step(self, torque: Float[np.ndarray, " h"], force_w: Float[np.ndarray, " 3"]) -> None:
-        """One basic timestep with hinge torques [N m] and a force [N] at the robot's own centre of mass."""
+    def step(self, torque: Float[np.ndarray, " h"]) -> None:
+        """One basic timestep with hinge torques [N m]."""
         ...
 
     def joint_pos(self) -> Float[np.ndarray, " h"]:

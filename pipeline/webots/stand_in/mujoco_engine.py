@@ -28,9 +28,8 @@ class MujocoEngine:
         self.data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, self.data)
 
-    def step(self, torque: Float[np.ndarray, " h"], force_w: Float[np.ndarray, " 3"]) -> None:
+    def step(self, torque: Float[np.ndarray, " h"]) -> None:
         self.data.qfrc_applied[6:] = torque
-        self.data.xfrc_applied[1, :3] = force_w
         mujoco.mj_step(self.model, self.data)
 
     def joint_pos(self) -> Float[np.ndarray, " h"]:

@@ -85,11 +85,10 @@ class OdeEngine:
         self.hinges = [self._hinge(index, pos, quat) for index, _ in scene.hinges]
         self.start = np.array([hinge.position for _, hinge in scene.hinges])
 
-    def step(self, torque: Float[np.ndarray, " h"], force_w: Float[np.ndarray, " 3"]) -> None:
+    def step(self, torque: Float[np.ndarray, " h"]) -> None:
         self.space.collide(None, self._touch)
         for hinge, value in zip(self.hinges, torque, strict=True):
             hinge.addTorque(float(value))
-        self.bodies[0].addForce(tuple(force_w.tolist()))
         self.world.step(self.timestep_s)
         self.contacts.empty()
 

@@ -56,19 +56,20 @@ class Simulation:
         torque = np.zeros(len(self.motors))
         for name, value in message["torque"].items():
             torque[self.motors[name]] = value
-        force_w = np.array(message["force"])
         for _ in range(round(message["step"] / self.scene.timestep_ms)):
             self.last = self.root
-            self.engine.step(torque, force_w)
-            self.root, self.steps, force_w = self.engine.root(), self.steps + 1, np.zeros(3)
+            self.engine.step(torque)
+            self.root, self.steps = self.engine.root(), self.steps + 1
         return {"time": self.time_s, "truth": self.truth(), "values": self.values(message["enabled"])}
 
     def truth(self) -> dict[str, list[float]]:
+        """What a supervisor is told: the place of the origin and, as by Webots, the velocity of the centre of mass."""
         root = self.root
+        com_vel_w = _velocity_at(self.scene.bodies[0].com, root)
         return {
             "position": root.pos_w.tolist(),
             "orientation": rotation.to_matrix(root.quat_w).ravel().tolist(),
-            "velocity": [*root.lin_vel_w.tolist(), *root.ang_vel_w.tolist()],
+            "velocity": [*com_vel_w.tolist(), *root.ang_vel_w.tolist()],
         }
 
     def values(self, enabled: dict[str, int]) -> dict[str, list[float]]:
@@ -90,11 +91,14 @@ def _imu(kind: str, place: np.ndarray, now: RootMotion, before: RootMotion, scen
         return rotation.rotate_inverse(now.quat_w, now.ang_vel_w).tolist()
     if kind == "InertialUnit":
         return np.roll(now.quat_w, -1).tolist()
-    velocity, earlier = (
-        each.lin_vel_w + np.cross(each.ang_vel_w, rotation.rotate(each.quat_w, place)) for each in (now, before)
-    )
-    force = (velocity - earlier) / (scene.timestep_ms / 1000.0) + np.array([0.0, 0.0, scene.gravity])
+    change = _velocity_at(place, now) - _velocity_at(place, before)
+    force = change / (scene.timestep_ms / 1000.0) + np.array([0.0, 0.0, scene.gravity])
     return rotation.rotate_inverse(now.quat_w, force).tolist()
+
+
+def _velocity_at(place: np.ndarray, root: RootMotion) -> np.ndarray:
+    """Velocity in the world of a point of the root, given in its frame."""
+    return root.lin_vel_w + np.cross(root.ang_vel_w, rotation.rotate(root.quat_w, place))
 
 
 def make_engine(name: str, scene: SceneModel) -> Engine:
@@ -110,6 +114,7 @@ def make_engine(name: str, scene: SceneModel) -> Engine:
 
 def serve(world: Path, engine: str) -> int:
     """Run a world until its controller ends it; the exit status. Raises FileError, OdeNotFoundError."""
+    world = world.resolve()  # the controller starts in a folder of its own
     scene = read_scene(world)
     simulation = Simulation(scene, make_engine(engine, scene))
     program = world.parent.parent / "controllers" / scene.controller / f"{scene.controller}.py"

@@ -86,14 +86,8 @@ class Node:
         return self._robot._truth["orientation"]
 
     def getVelocity(self) -> list[float]:
-        """Linear, then angular, in the world."""
+        """Linear, of the centre of mass, then angular, in the world."""
         return self._robot._truth["velocity"]
-
-    def addForce(self, force: list[float], relative: bool) -> None:
-        """For the next timestep, at the centre of mass."""
-        if relative:
-            raise NotImplementedError("the stand-in takes forces in the world's axes")
-        self._robot._force = [float(each) for each in force]
 
 
 class Robot:
@@ -108,7 +102,6 @@ class Robot:
         self._torque: dict[str, float] = {}
         self._enabled: dict[str, int] = {}
         self._values: dict[str, list[float]] = {}
-        self._force = [0.0, 0.0, 0.0]
         self._time = 0.0
         self._devices: dict[str, Device] = {}
         kinds = {
@@ -137,8 +130,7 @@ class Robot:
     def step(self, duration: int) -> int:
         if duration <= 0 or duration % self._step_ms:
             raise ValueError(f"a step of {duration} ms is no multiple of {self._step_ms:g} ms")
-        self._say({"step": duration, "torque": self._torque, "force": self._force, "enabled": self._enabled})
-        self._force = [0.0, 0.0, 0.0]
+        self._say({"step": duration, "torque": self._torque, "enabled": self._enabled})
         said = self._hear()
         if said.get("end"):
             return -1
