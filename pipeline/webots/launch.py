@@ -23,7 +23,7 @@ from typing import IO
 from pipeline.files import atomic
 from pipeline.webots.booster_lab import RESULT_MARK
 from pipeline.webots.project import Project, run_plan
-from pipeline.webots.result import ResultError, WalkResult, parse_result
+from pipeline.webots.result import MAX_CHARACTERS, ResultError, WalkResult, parse_result
 from pipeline.webots.settings import WebotsSettings
 
 WEBOTS_FLAGS = ("--batch", "--mode=fast", "--no-rendering", "--minimize", "--stdout", "--stderr")
@@ -80,7 +80,7 @@ def launch(
     """Run the project in `program`, which takes Webots' flags; on another port where its port was taken meanwhile."""
     outcome = Outcome(status=NO_START, reason="it was not tried")
     for _ in range(PORT_TRIES):
-        command = [*program, *WEBOTS_FLAGS, f"--port={free_port()}", str(project.world)]
+        command = [*program, *WEBOTS_FLAGS, f"--port={free_port()}", str(project.world.resolve())]
         outcome = _try(command, project, settings, environment)
         said = outcome.tail.lower()
         if outcome.status == FINISHED or not any(each in said for each in TAKEN):
@@ -139,7 +139,7 @@ def _outcome(exit_status: int | None, said: str, project: Project, settings: Web
     if problem is not None:
         return Outcome(status=STALE if problem.stale else GARBAGE, reason=str(problem), tail=tail)
     if exit_status < 0:
-        return Outcome(status=CRASHED, reason=f"it died of {signal.Signals(-exit_status).name}", tail=tail)
+        return Outcome(status=CRASHED, reason=f"it died of {_signal_name(-exit_status)}", tail=tail)
     if exit_status > 0:
         last = tail.strip().splitlines()[-1:] or ["nothing printed"]
         return Outcome(status=CRASHED, reason=f"it ended with status {exit_status}: {last[0]}", tail=tail)
@@ -149,13 +149,20 @@ def _outcome(exit_status: int | None, said: str, project: Project, settings: Web
 def _result_text(project: Project, said: str) -> str | None:
     """The result file, or where it is missing the line that says the same."""
     if project.result.is_file():
-        return project.result.read_text(encoding="utf-8", errors="replace")
+        with project.result.open(encoding="utf-8", errors="replace") as file:
+            return file.read(MAX_CHARACTERS + 1)
     lines = [line for line in said.splitlines() if RESULT_MARK in line]
     return lines[-1].partition(RESULT_MARK)[2] if lines else None
 
 
+def _signal_name(number: int) -> str:
+    """As `SIGABRT`; most real-time signals have no name."""
+    return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+
+
 def _text(output: IO[bytes]) -> str:
-    output.seek(0)
+    """The end of what was printed, a result and more."""
+    output.seek(max(output.seek(0, os.SEEK_END) - 2 * MAX_CHARACTERS, 0))
     return output.read().decode("utf-8", errors="replace")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,8 @@ from pipeline.webots.booster_lab import SCHEMA
 
 FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
 MAX_CHARACTERS = 1_000_000
+MOST = 1e9
+"""No number of a walk is larger."""
 
 
 class ResultError(PipelineError):
@@ -82,8 +83,8 @@ def _segment(row: dict[str, Any]) -> WalkedSegment:
 
 def _number(row: dict[str, Any], name: str) -> float:
     value = row.get(name)
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ResultError(f"the result's '{name}' is {value!r}, wanted a number")
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= MOST:
+        raise ResultError(f"the result's '{name}' is {repr(value)[:60]}, wanted a number")
     return float(value)
 
 

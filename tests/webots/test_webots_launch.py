@@ -171,6 +171,7 @@ def test_a_result_counts_where_the_program_hangs_after_it(tmp_path: Path, projec
     ("code", "status", "reason"),
     [
         ("import os; os.abort()", "crashed", "it died of SIGABRT"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGRTMIN + 6)", "crashed", "it died of signal 40"),
         ("raise SystemExit(7)", "crashed", "it ended with status 7: nothing printed"),
         ("import sys; print('no display'); sys.exit(1)", "crashed", "it ended with status 1: no display"),
         ("pass", "no result", "it ended without a result"),
@@ -210,6 +211,14 @@ def test_garbage_is_called_garbage(
 def test_garbage_bytes_are_called_garbage(tmp_path: Path, project: Project, short_walk: WebotsSettings):
     code = "open('controllers/booster_lab/result.json', 'wb').write(bytes(range(256)))"
     assert run(tmp_path, project, short_walk, code).status == "garbage"
+
+
+def test_of_a_program_that_prints_without_end_the_end_is_read(
+    tmp_path: Path, project: Project, short_walk: WebotsSettings
+):
+    code = GOOD_RESULT + f"print(('x' * 99 + chr(10)) * 100_000); print({RESULT_MARK!r} + text)"
+    outcome = run(tmp_path, project, short_walk, code)
+    assert outcome.status == "finished" and len(outcome.tail) == launcher.TAIL_CHARACTERS
 
 
 def test_a_result_of_before_is_not_taken(tmp_path: Path, project: Project, short_walk: WebotsSettings):

@@ -53,6 +53,8 @@ def test_a_whole_result_is_read():
         ({"timestep_ms": "5"}, "'timestep_ms' is '5', wanted a number"),
         ({"seconds": None}, "'seconds' is None"),
         ({"seconds": True}, "'seconds' is True"),
+        ({"seconds": 10**400}, "'seconds' is 1000"),
+        ({"fell_s": -1e300}, "'fell_s' is -1e[+]300"),
         ({"fell_s": "soon"}, "'fell_s' is 'soon'"),
         ({"segments": []}, "segments are not those of the plan"),
         ({"segments": {"first": 1}}, "segments are not those of the plan"),
