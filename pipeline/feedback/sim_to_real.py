@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline import rotation
 from pipeline.actuators import JointActuator, torque_envelope
 from pipeline.deployment import Policy, PolicyController, policy_task
 from pipeline.failures.failure import Failure
@@ -21,6 +20,7 @@ from pipeline.failures.signals import Signals, signals_of
 from pipeline.failures.tracking import steady_stretches
 from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs.trial import Trial
+from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.pd_control import PdControl
@@ -91,7 +91,7 @@ def twin_of(
         start_s=start_s,
         stop_s=stop_s,
         achieved=_achieved(signals, start, stop),
-        simulated=_velocity(rollout, start_s, stop_s),
+        simulated=velocity_of(rollout, start_s, stop_s),
         simulation_fell=rollout.fell,
         cycles=cycles,
         notes=tuple(notes),
@@ -133,14 +133,12 @@ def _achieved(signals: Signals, start: int, stop: int) -> tuple[float, float, fl
     return forward, lateral, float(signals.yaw_rate[start:stop].mean())
 
 
-def _velocity(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:
-    """Mean velocity in the heading frame over a stretch, or as far as the walk went."""
+def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float, float, float]:
+    """Mean velocity in the heading frame and yaw rate over a stretch, or as far as the walk went."""
     rate = 1.0 / rollout.timestep_s
     kept = slice(min(round(start_s * rate), len(rollout.qpos) - 2), round(stop_s * rate))
-    yaw = rotation.yaw_of(rollout.qpos[kept, 3:7])
-    x, y = rollout.qvel[kept, 0], rollout.qvel[kept, 1]
-    forward, lateral = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
-    return float(forward.mean()), float(lateral.mean()), float(rollout.qvel[kept, 5].mean())
+    found = command_velocity(rollout.qpos[kept, :3], rollout.qpos[kept, 3:7], rate)
+    return found.forward_m_s, found.lateral_m_s, found.yaw_rate_rad_s
 
 
 def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
