@@ -44,4 +44,18 @@ class WebotsSettings:
 
     def __post_init__(self) -> None:
         allowed = dict.fromkeys(("friction", "measured_s", "limit_s"), POSITIVE)
-        check(self, timestep_ms=Range(1.0, 5.0), **allowed)
+        check(self, _unmeasurable(self), timestep_ms=Range(1.0, 5.0), **allowed)
+
+
+def _unmeasurable(settings: WebotsSettings) -> list[tuple[str, str]]:
+    """Faults of a walk without segments, and of segments that end before their means would begin."""
+    segments, least_s = getattr(settings, "segments", None), getattr(settings, "measured_s", None)
+    if segments is None or least_s is None:
+        return []
+    if not segments:
+        return [("segments", "is empty, allowed is one or more")]
+    return [
+        (f"segments[{place}].seconds", f"is {each.seconds:g}, allowed is 'measured_s' ({least_s:g}) or more")
+        for place, each in enumerate(segments)
+        if each is not None and each.seconds < least_s
+    ]

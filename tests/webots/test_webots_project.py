@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import deployment_task
+from pipeline.errors import SettingsError
+from pipeline.files.settings import read
 from pipeline.robot import Robot, mujoco_model
 from pipeline.robot.read import read_description
 from pipeline.simulation.armature_on_links import put_armature_on_links
@@ -178,6 +180,27 @@ def test_the_project_names_no_file_outside(project: Project):
 def test_only_stated_timesteps_are_offered(robot: Robot):
     with pytest.raises(TimestepError, match=r"a basicTimeStep of 32 ms is not offered; choose 1 or 5 ms"):
         robot_world(robot, timestep_ms=32.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            "{name: back, seconds: 6,",
+            "{name: back, seconds: 2,",
+            r"'segments\[6\].seconds' is 2, allowed is 'measured_s' \(3\)",
+        ),
+        ("segments:  ", "segments: []  ", "'segments' is empty, allowed is one or more"),
+        ("measured_s: 3.0 ", "measured_s: three ", "'measured_s' is 'three', wanted float"),
+    ],
+)
+def test_a_walk_whose_means_have_nothing_to_be_of_is_refused(old: str, new: str, says: str, root: Path, tmp_path: Path):
+    text = (root / "data" / "webots.yaml").read_text()
+    assert old in text
+    text = text.replace(old, new)
+    (tmp_path / "webots.yaml").write_text(text.partition("  - {")[0] if "[]" in new else text)
+    with pytest.raises(SettingsError, match=says):
+        read(tmp_path / "webots.yaml", WebotsSettings)
 
 
 def test_a_policy_goes_and_comes_with_the_project(tmp_path: Path, root: Path, robot: Robot, short_walk: WebotsSettings):
