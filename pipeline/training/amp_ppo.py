@@ -16,14 +16,10 @@ from pipeline.training.options import Options
 class AmpPpo(PPO):
     """rsl-rl's PPO; with `options.style` at 0 it is that alone."""
 
-    def __init__(
-        self, *args: Any, options: Options, expert: torch.Tensor, joints: int, deviation: torch.Tensor, **kwargs: Any
-    ):
+    def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._options = options
-        self._deviation = deviation.to(self.device)
         self._std: torch.nn.Parameter = self._raw_actor.distribution.std_param  # type: ignore[union-attr]  # runner_cfg gives one
-        self._std.data.copy_(self._deviation)
         self.update_s = 0.0
         """Duration of the last update of the networks [s]."""
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
@@ -70,16 +66,16 @@ class AmpPpo(PPO):
             self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
         self.desired_kl = self.held_kl()
         figures = super().update()
-        self._std.data.copy_(torch.minimum(self._std.data, self.largest_deviation()))
+        self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - begun
         return figures
 
-    def largest_deviation(self) -> torch.Tensor:
-        """Of each action at this iteration (a,)."""
+    def largest_deviation(self) -> float:
+        """Of the actions at this iteration."""
         options = self._options
         if not options.std_end:
-            return torch.full_like(self._deviation, torch.inf)
-        return self._deviation * (1.0 + (options.std_end - 1.0) * _grown(self.iteration, options.std_iterations))
+            return float("inf")
+        return options.init_std * (1.0 + (options.std_end - 1.0) * _grown(self.iteration, options.std_iterations))
 
     def _now(self) -> float:
         if self.device.startswith("cuda"):

@@ -90,8 +90,8 @@ class Options:
     """Weight of the time on one foot (up to .4 s) while walking."""
     single_stance_end_s: float = 0.0
     """Who is on one foot for longer [s] is paid nothing; 0: is paid for ever."""
-    short_step: float = 0.0
-    """Weight of what steps lack of the time that the clips take for one at that command."""
+    long_step: float = 0.0
+    """Weight of the time walked in steps as long as the clips take at that command, shorter ones by their share."""
     saturation: float = 0.0
     """Weight of torque beyond .85 of a joint's limit."""
     saturation_of: str = "limit"
@@ -194,13 +194,11 @@ class Options:
     final_iterations: tuple[int, int] = (1100, 1400)
     """Between these iterations."""
     init_std: float = 0.6
-    """Deviation of the actions that exploration begins with …"""
-    init_torque: float = 0.0
-    """… or less: at most what makes this share of a joint's torque limit; 0: the same for all joints."""
+    """Deviation of the actions that exploration begins with."""
     std_end: float = 0.0
-    """Share of the first deviation that is the most that is left …"""
+    """Most that is left of it after the last of `std_iterations`, as a share; 0: no bound."""
     std_iterations: tuple[int, int] = (300, 900)
-    """… after the last of these iterations; the bound sinks from the first one on. 0: no bound."""
+    """The bound sinks between these iterations."""
     hidden: tuple[int, ...] = (512, 256, 128)
     symmetry: bool = True
     """Mirrored samples beside each mini-batch's own."""

@@ -27,8 +27,7 @@ REASONS = {
     "slide_factor": "slip is a bar of the evaluation",
     "progress": "bells are flat far from the command: nothing led from rest to 2 m/s, and little from standing to .3",
     "stall_penalty": "standing until the stall ends it was paid more than trying to walk and falling",
-    "short_step": "steps took a third to half of the clips' time; single_stance pays t1_walk's .13 a second more",
-    "init_torque": "the same deviation shakes the hips sideways by 1.2 of their limit and the shoulders by .4",
+    "long_step": "steps took a third to half of the clips' time; single_stance pays t1_walk's .13 a second more",
     "std_end": "noise of .4 hides from the discriminator, and from the rewards, what the policy does without it",
     "push_interval_s": "pushes are a bar of the evaluation",
     "single_stance_end_s": "who stands on one leg is not walking",
@@ -125,11 +124,13 @@ LONG_STEPS = WIDE_STYLE.changed(
     tracking_of="mean",
     slide_of="lowest",
     slide_factor=24.0,
-    short_step=40.0,
+    long_step=8.0,
     window_means=True,
+    style_iterations=(300, 700),
     std_end=0.4,
     push_interval_s=(3.0, 6.0),
     push_impulse=(0.0, 80.0),
+    push_iterations=900,
     standing_share=0.15,
 )
 
@@ -154,7 +155,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         WIDE_STYLE,
     ),
     "long_steps": (
-        "the same paid for the velocity over a step and for steps as long as the clips', with exploration that ends quietly",
+        "the same paid for the velocity over a step and for long steps, with exploration that ends quietly",
         LONG_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),

@@ -256,20 +256,24 @@ class Readings:
         """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
         self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
-        same, lasted = self.contacts == self._stood, self._stance + self._env.step_dt
-        self._advance_steps(self.contacts & ~same & (self._stance >= LEAST_SWING_S - 1e-6))
-        self._stance = lasted * same
-        self._stood = self.contacts
+        self._advance_stances(self.contacts)
+
+    def _advance_stances(self, contacts: torch.Tensor) -> None:
+        """The times of stances and steps, with feet (n, 2) that touch the ground now."""
+        same = contacts == self._stood
+        self._advance_steps(contacts & ~same & (self._stance >= LEAST_SWING_S - 1e-6))
+        self._stance = (self._stance + self._env.step_dt) * same
+        self._stood = contacts
 
     def _advance_steps(self, landed: torch.Tensor) -> None:
         """The time of steps, with feet (n, 2) that are set down now after a swing."""
         self._since += self._env.step_dt
-        one = landed.any(dim=1)
+        one, both = landed.any(dim=1), landed.all(dim=1)
         foot = torch.where(landed[:, 0], 0, 1)
-        stepped = one & (foot != self._set_down)
+        stepped = one & (foot != self._set_down) & ~both
         self._step = self._since * (stepped & (self._set_down >= 0))
-        self._since *= ~stepped
-        self._set_down = torch.where(one, foot, self._set_down)
+        self._since *= ~(stepped | both)
+        self._set_down = torch.where(both, -1, torch.where(one, foot, self._set_down))
 
     def restart(self, env_ids: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""

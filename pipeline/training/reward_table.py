@@ -12,8 +12,8 @@ from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.readings import CONTACT_FORCE
 
-FULL = ("termination", "stalled", "short_step")
-"""Penalties of their full weight from the start: what ends an episode, and what decides on the gait as it forms."""
+ENDS = ("termination", "stalled")
+"""Rows that an episode ends with: at their full weight from the start."""
 PENALTY, LATE = "penalty", "late"
 """Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks."""
 
@@ -69,7 +69,7 @@ class TaskReward:
 
 
 def _ramp(row: Term) -> str:
-    return PENALTY if row.weight < 0.0 and row.name not in FULL else row.ramp
+    return PENALTY if row.weight < 0.0 and row.name not in ENDS else row.ramp
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
@@ -233,10 +233,12 @@ def _added(options: Options) -> tuple[Term, ...]:
             added="half the stride at twice the cadence was the fault of earlier runs",
         ),
         Term(
-            name="short_step",
-            equation="at each step max(0, 1 - its time / (.75 of the clips'))",
-            weight=-options.short_step,
-            value=lambda env: terms.short_step(env.command, env.readings.step_time, env.step_times(env.command)),
+            name="long_step",
+            equation="at the end of each step T min(1, T / (.75 of the clips' time)) / dt",
+            weight=options.long_step,
+            value=lambda env: (
+                terms.long_step(env.command, env.readings.step_time, env.step_times(env.command)) / env.step_dt
+            ),
             added="steps of a third of the clips' time are paid as well as theirs",
         ),
         Term(

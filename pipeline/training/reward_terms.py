@@ -20,6 +20,8 @@ STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 STEP_SHARE = 0.75
 """Of the clips' time of a step: one that takes as long is long enough."""
+LONGEST_STEP = 1.5
+"""Of the clips' time of a step: the time beyond is not walked."""
 
 
 def tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
@@ -112,11 +114,12 @@ def single_stance(
     return torch.clamp(time, max=STANCE_TIME) * (single & moves)
 
 
-def short_step(command: torch.Tensor, step_time: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """What the steps that end now (n,) [s] lack of STEP_SHARE of the wanted time (n,), as a share of it, while told to
-    move; 0 where none ends (a step time of 0)."""
-    lacking = (1.0 - step_time / (STEP_SHARE * wanted).clamp(min=1e-6)).clamp(min=0.0)
-    return lacking * (step_time > 0.0) * (command.abs() > 1e-6).any(dim=1)
+def long_step(command: torch.Tensor, step_time: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """The time (n,) [s] of steps that end now, while told to move, times how much of STEP_SHARE of the wanted time (n,)
+    they took; 0 where none ends. No step is paid for more than LONGEST_STEP of the wanted time."""
+    enough = (STEP_SHARE * wanted).clamp(min=1e-6)
+    time = torch.minimum(step_time, LONGEST_STEP * wanted)
+    return time * (time / enough).clamp(max=1.0) * (command.abs() > 1e-6).any(dim=1)
 
 
 def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:

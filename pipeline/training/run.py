@@ -17,9 +17,8 @@ import torch
 from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
 
-from pipeline.training.action import SCALE
 from pipeline.training.amp_ppo import AmpPpo
-from pipeline.training.bundle import Bundle, RobotFacts
+from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
@@ -65,7 +64,9 @@ class TrainingRun:
         wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
-        self.runner = OnPolicyRunner(wrapped, runner_cfg(options, windows, bundle.robot), None, request.device)
+        self.runner = OnPolicyRunner(
+            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
+        )
         self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]  # runner_cfg names it
         self.iteration = 0
         """How many iterations are done."""
@@ -205,16 +206,7 @@ def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:
 AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
 
 
-def first_deviation(options: Options, robot: RobotFacts) -> torch.Tensor:
-    """Deviation of the actions (a,) that exploration begins with, in the policy's order."""
-    index = robot.index(robot.policy_joints)
-    least = np.full(len(index), options.init_std)
-    if options.init_torque:
-        least = np.minimum(least, options.init_torque * robot.effort_limit[index] / (robot.kp[index] * SCALE))
-    return torch.from_numpy(least).float()
-
-
-def runner_cfg(options: Options, windows: torch.Tensor, robot: RobotFacts) -> dict[str, Any]:
+def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
     """rsl-rl's configuration of the runner."""
     network = {
         "class_name": "MLPModel",
@@ -245,8 +237,7 @@ def runner_cfg(options: Options, windows: torch.Tensor, robot: RobotFacts) -> di
             else None,
             "options": options,
             "expert": windows,
-            "joints": len(robot.controlled),
-            "deviation": first_deviation(options, robot),
+            "joints": joints,
         },
     }
 

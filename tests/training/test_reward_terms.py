@@ -159,3 +159,15 @@ def test_a_motor_gives_less_the_faster_it_turns_its_own_way():
 def test_ends_of_episodes_are_not_softened_at_the_start():
     ramps = {row.name: _ramp(row) for row in table(PRESETS["gated_style"][1])}
     assert (ramps["termination"], ramps["stalled"], ramps["feet_slide"]) == ("", "", "penalty")
+
+
+def test_steps_are_paid_for_their_time_the_more_the_longer_up_to_the_clips():
+    command = torch.tensor([[1.0, 0.0, 0.0]] * 5 + [[0.0, 0.0, 0.0]])
+    time = torch.tensor([0.15, 0.3, 0.6, 5.0, 0.0, 0.3])
+    paid = terms.long_step(command, time, torch.full((6,), 0.4))
+    assert paid.tolist() == pytest.approx([0.15 * 0.5, 0.3, 0.6, 0.6, 0.0, 0.0])
+    halves, whole = paid[0] / 0.15, paid[1] / 0.3
+    assert halves.item() == pytest.approx(0.5 * whole.item()), (
+        "a second of short steps is paid half of one of long ones"
+    )
+    assert terms.long_step(command, time, torch.zeros(6)).tolist() == pytest.approx([0.0] * 6), "no clip steps"

@@ -61,6 +61,13 @@ def test_the_learning_rate_is_held_to_less_at_the_end():
     assert algorithm(Options(desired_kl=0.02), 5000, 0.0).held_kl() == 0.02
 
 
+def test_exploration_is_held_below_a_bound_that_sinks():
+    options = Options(init_std=0.6, std_end=0.25, std_iterations=(300, 900))
+    bounds = [algorithm(options, at, 0.0).largest_deviation() for at in (0, 300, 600, 2000)]
+    assert bounds == pytest.approx([0.6, 0.6, 0.375, 0.15])
+    assert algorithm(Options(), 2000, 0.0).largest_deviation() == float("inf")
+
+
 def test_what_is_followed_is_the_mean_over_moving_commands_each_at_most_one():
     figures = {f"{name}_{kind}": float("nan") for name in BINS for kind in ("commanded", "achieved")}
     assert followed(figures) is None
