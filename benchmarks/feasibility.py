@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import joblib
@@ -86,11 +87,11 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
             commands = commands_on_axes() if seed is None else drawn_commands(arguments.drawn, seed)
             judged = _judge_all(file, commands, seed or 0, limits, arguments)
             title = "on the axes" if seed is None else f"seed {seed}"
-            yield f"{name}, {title}", [*known_good_bars(judged, codes), *fault_bars(judged)]
+            yield f"{name}, {title}", [*known_good_bars(judged, codes), *fault_bars(judged, _planted(arguments))]
             drawn += judged if seed is not None else []
         if len(arguments.seeds) > 1:
             title = f"{name}, seeds {' '.join(map(str, arguments.seeds))} together"
-            yield title, [*known_good_bars(drawn, codes), *fault_bars(drawn)]
+            yield title, [*known_good_bars(drawn, codes), *fault_bars(drawn, _planted(arguments))]
     for seed in arguments.seeds:
         yield f"motion that is tracked, seed {seed}", tracking_bars(limits, arguments.drawn // 2, seed, LEAST)
     try:
@@ -105,10 +106,14 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
 def _judge_all(
     file: Path, commands: list[Command], seed: int, limits: FeasibilitySettings, arguments: argparse.Namespace
 ) -> list[Judged]:
-    planted = arguments.only if arguments.only is not None else (*FAULTS, WEAK)
+    planted = _planted(arguments)
     one = joblib.delayed(judge)
     jobs = [one(file, command, (seed, number), limits, planted) for number, command in enumerate(commands)]
     return [found for found in joblib.Parallel(n_jobs=arguments.jobs)(jobs) if found is not None]
+
+
+def _planted(arguments: argparse.Namespace) -> Collection[str]:
+    return arguments.only if arguments.only is not None else (*FAULTS, WEAK)
 
 
 def _arguments() -> argparse.Namespace:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from benchmarks.feasibility_faults import FAULTS
+from benchmarks.feasibility_faults import FAULTS, LABELS
 from benchmarks.feasibility_judge import NO_LABELS, TOLD_LABELS, WEAK, WEAK_GROUP, WINDOW_S, Judged
 from benchmarks.report import Bar
 from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
@@ -18,11 +19,10 @@ LEAST = 98.0
 
 
 def rate(name: str, values: Sequence[bool | float], least: float | None = None) -> Bar:
-    """The mean of values as per cent, which has to be `least` or more; of none it is told, and nothing is asked."""
-    if not len(values):
-        return Bar(name=f"{name}: none", value=0.0, unit="%")
-    value = 100.0 * float(np.mean(values))
-    return Bar(name=name, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
+    """The mean of values as per cent, which has to be `least` or more. Of none it is not measured, and holds no bar."""
+    value = 100.0 * float(np.mean(values)) if len(values) else math.nan
+    told = name if len(values) else f"{name}: not measured"
+    return Bar(name=told, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
 
 
 def criteria() -> list[str]:
@@ -50,9 +50,12 @@ def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
     ]
 
 
-def fault_bars(judged: list[Judged]) -> list[Bar]:
-    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion."""
-    found: dict[str, list[set[str]]] = defaultdict(list)
+def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
+    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion.
+
+    A fault that was `asked` for and is in no rollout, or matters in none, was not measured.
+    """
+    found: dict[str, list[set[str]]] = defaultdict(list, {kind: [] for fault in asked for kind in _kinds(fault)})
     for one in judged:
         for fault, codes in one.found.items():
             found[fault].append(codes)
@@ -67,6 +70,11 @@ def fault_bars(judged: list[Judged]) -> list[Bar]:
         counts = Counter(code for codes in each for code in sorted(codes))
         bars += [rate(f"    by {code}", [code in codes for codes in each]) for code, _ in counts.most_common()]
     return bars + [bar for group, each in sorted(by_group.items()) for bar in _group_bars(group, each)]
+
+
+def _kinds(fault: str) -> list[str]:
+    """A fault with labels of each kind that it is judged with."""
+    return [fault] if fault == LABELS else [fault + kind for kind in ("", NO_LABELS, TOLD_LABELS)]
 
 
 def group_of(fault: str) -> str:

@@ -17,7 +17,7 @@ from benchmarks.feasibility_judge import (
     policy_file,
     stands,
 )
-from benchmarks.feasibility_rates import criteria, fault_bars, group_of, known_good_bars
+from benchmarks.feasibility_rates import criteria, fault_bars, group_of, known_good_bars, rate
 from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings, assess
 from pipeline.feasibility.criteria import GROUPS
@@ -62,6 +62,25 @@ def test_every_criterion_has_its_rate_on_known_good_motion_and_on_plants_made_fo
 def test_a_plant_that_moves_no_body_by_five_centimetres_is_told_and_not_counted():
     small = {bar.name: bar.value for bar in fault_bars([Judged(small=["teleport"]), Judged(small=["teleport"])])}
     assert small == {"too small to matter, left out: teleport": 2}
+
+
+def test_a_fault_that_was_asked_for_and_planted_nowhere_is_not_measured_and_holds_no_bar():
+    judged = [Judged(found={"spun": {"root_turn_speed"}}, small=["teleport"])]
+    bars = {bar.name: bar for bar in fault_bars(judged, ["spun", "teleport", LABELS])}
+    assert bars["found: spun (1 planted)"].holds
+    for unmeasured in ("spun, no labels", "teleport", "teleport, KP2's labels", LABELS):
+        assert bars[f"found: {unmeasured} (0 planted): not measured"].holds is False
+    assert f"found: {LABELS}, no labels (0 planted): not measured" not in bars, "there are no labels to exchange"
+    assert fault_bars([]) == [], "nothing was asked for"
+
+
+def test_a_rate_of_nothing_is_not_measured():
+    for least in (98.0, None):
+        bar = rate("known good", [], least)
+        assert bar.name == "known good: not measured"
+        assert np.isnan(bar.value)
+    assert rate("known good", [], 98.0).holds is False
+    assert rate("known good", [True], 98.0).holds is True
 
 
 def test_how_far_a_fault_moves_the_body_that_it_moves_most(robot: Robot):
