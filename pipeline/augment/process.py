@@ -11,15 +11,24 @@ from pipeline.augment.strengths import Strengths, perturbed_numbers
 from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
 from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.sole_contact import ContactSettings
 from pipeline.robot import Robot
 
 
-def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:
+def process(
+    clip: RobotClip,
+    numbers: Numbers,
+    *,
+    settings: AugmentSettings,
+    robot: Robot,
+    contact: ContactSettings | None = None,
+) -> Outcome:
     """The clip, its mirror image, and both at other playing speeds and with perturbations, as the settings say.
 
     Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
     the clip it was made from: variants of one parent share a weight later. A perturbed one says the strength of each
     kind too. A perturbation that the robot can't follow, or that changes nothing, is a reason and no piece.
+    `contact` is what contact is in a recording that does not say it (the section of `data/feasibility.yaml`).
     """
     originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
     if settings.mirror:
@@ -28,7 +37,7 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:
         pieces += [_scaled(piece, scale, clip.name) for scale in settings.time_scales for piece in originals]
-    perturbed, reasons = _perturbed(originals, settings.perturbations, robot)
+    perturbed, reasons = _perturbed(originals, settings.perturbations, robot, contact)
     pieces += perturbed
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers={"variants": len(pieces)})
 
@@ -41,7 +50,9 @@ def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
 
 
-def _perturbed(originals: list[Piece], strengths: Strengths, robot: Robot) -> tuple[list[Piece], list[Reason]]:
+def _perturbed(
+    originals: list[Piece], strengths: Strengths, robot: Robot, contact: ContactSettings | None
+) -> tuple[list[Piece], list[Reason]]:
     pieces: list[Piece] = []
     reasons: list[Reason] = []
     for kind, strength in strengths.each():
@@ -49,7 +60,7 @@ def _perturbed(originals: list[Piece], strengths: Strengths, robot: Robot) -> tu
             clip, mark = piece.clip, f"{kind}{strength:g}"
             assert isinstance(clip, RobotClip)
             variant = f"mirror~{mark}" if piece.numbers["mirrored"] else mark
-            made = perturb(clip, robot, kind, strength, f"{clip.name}~{mark}")
+            made = perturb(clip, robot, kind, strength, f"{clip.name}~{mark}", contact)
             if isinstance(made, Reason):
                 reasons.append(dataclasses.replace(made, text=f"{variant} {made.text}"))
                 continue

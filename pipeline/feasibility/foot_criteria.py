@@ -6,12 +6,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.feasibility.motion import Motion, told_contacts
+from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FootSettings
 from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.feasibility.verdict import Verdict
 from pipeline.quality.foot_slip import inner_contacts
 from pipeline.quality.percentile import percentile_of_least
+from pipeline.quality.sole_contact import contact_from_sole
 
 SIDES = ("left", "right")
 
@@ -110,7 +111,7 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
 
 def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
-    seen = told_contacts(motion.sole, motion.contact)
+    seen = contact_from_sole(motion.sole, motion.contact)
     value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
     return Verdict(
         code="contact_disagreement",

@@ -9,11 +9,10 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.contact_settings import ContactSettings
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import SoleMotion, sole_motion
-from pipeline.quality.sole_contact import contact_from_sole
+from pipeline.quality.sole_contact import ContactSettings, contact_from_sole
 from pipeline.robot import Robot
 
 FPS = 50.0
@@ -76,7 +75,7 @@ def motion_of(
         clip=clip,
         robot=robot,
         sole=sole,
-        contacts=told_contacts(sole, settings.contact) if clip.contacts is None else clip.contacts,
+        contacts=contact_from_sole(sole, settings.contact) if clip.contacts is None else clip.contacts,
         labelled=clip.contacts is not None,
         contact=settings.contact,
         velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
@@ -86,17 +85,6 @@ def motion_of(
         reference=reference,
         least_frames=round(settings.cut.share_s * FPS),
         short_share=settings.cut.short_share,
-    )
-
-
-def told_contacts(sole: SoleMotion, contact: ContactSettings) -> Bool[np.ndarray, "t 2"]:
-    """Which feet are in contact, told from the motion of their soles."""
-    return contact_from_sole(
-        sole,
-        below=contact.height,
-        on_speed=contact.on_speed,
-        off_speed=contact.off_speed,
-        shortest_s=contact.shortest_s,
     )
 
 

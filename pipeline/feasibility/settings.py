@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.feasibility.balance_settings import BalanceSettings
-from pipeline.feasibility.contact_settings import ContactSettings
 from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.likeness_settings import LikenessSettings
 from pipeline.feasibility.torque_settings import CUTOFF_HZ, RATIO, SECONDS, TorqueSettings
@@ -27,6 +26,7 @@ from pipeline.feasibility.units import (
 )
 from pipeline.files.ranges import POSITIVE, SHARE, Range, check
 from pipeline.files.sourced import Unit
+from pipeline.quality.sole_contact import ContactSettings
 
 SPEED = Range(0.0, 5.0)
 LENGTH = Range(0.0, 1.0)

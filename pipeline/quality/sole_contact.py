@@ -2,44 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 from jaxtyping import Bool
 
 from pipeline import time_series
+from pipeline.files.ranges import Range, check, increasing
+from pipeline.files.sourced import Unit
 from pipeline.quality.sole import SoleMotion
 
-CONTACT_HEIGHT = 0.01
-"""Lowest corner below this [m]. With the speed below it agrees best with the forces of MuJoCo rollouts of a
-published T1 walking policy (F1 .961 over 5,400 foot-frames; 5 cm alone gives .81)."""
-
-ON_SPEED = 0.4
-OFF_SPEED = 0.7
-"""Speed of the sole [m/s] below which contact begins and above which it ends: hysteresis about the .5 m/s of
-the same calibration (judgement)."""
-
-SHORTEST_S = 0.04
-"""Contacts and gaps shorter than this are not believed (judgement: two frames at 50 Hz)."""
+_SPEED = Range(0.0, 5.0, open_low=True)
 
 
-def contact_from_sole(
-    sole: SoleMotion,
-    *,
-    below: float = CONTACT_HEIGHT,
-    on_speed: float = ON_SPEED,
-    off_speed: float = OFF_SPEED,
-    shortest_s: float = SHORTEST_S,
-) -> Bool[np.ndarray, "t 2"]:
-    """Contact of the left and right foot: lower than `below` [m] and slow, with hysteresis [m/s].
+@dataclass(frozen=True, kw_only=True)
+class ContactSettings:
+    """The section `contact` of `data/feasibility.yaml`: a foot is on the ground where its sole is low and slow."""
 
-    Gaps shorter than `shortest_s` are closed first, then short contacts dropped.
+    height: Annotated[float, Unit("m")]
+    """Its lowest corner is below this [m]."""
+    on_speed: Annotated[float, Unit("m/s")]
+    """Contact begins below this speed of the sole [m/s] ..."""
+    off_speed: Annotated[float, Unit("m/s")]
+    """... and ends above this [m/s]; a corner that is faster bears no force."""
+    shortest_s: Annotated[float, Unit("s")]
+    """Contacts and gaps that are shorter are not believed [s]."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            increasing(self, "on_speed", "off_speed"),
+            height=Range(0.0, 0.2, open_low=True),
+            on_speed=_SPEED,
+            off_speed=_SPEED,
+            shortest_s=Range(0.0, 1.0),
+        )
+
+
+def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.ndarray, "t 2"]:
+    """Contact of the left and right foot: low and slow, with hysteresis.
+
+    Gaps shorter than `settings.shortest_s` are closed first, then short contacts dropped.
     """
-    low, speed = sole.height < below, sole.mean_speed
+    low, speed = sole.height < settings.height, sole.mean_speed
     contact = np.zeros(low.shape, dtype=bool)
     state = np.zeros(2, dtype=bool)
     for frame in range(len(low)):
-        state = low[frame] & (speed[frame] < np.where(state, off_speed, on_speed))
+        state = low[frame] & (speed[frame] < np.where(state, settings.off_speed, settings.on_speed))
         contact[frame] = state
-    shortest = round(shortest_s * sole.fps)
+    shortest = round(settings.shortest_s * sole.fps)
     for side in range(2):
         for wanted in (False, True):
             for start, stop in time_series.runs(contact[:, side] == wanted):

@@ -55,7 +55,8 @@ def variant(speed_m_s: float, kind: str, strength: float) -> RobotClip:
 
 
 def made(clip: RobotClip, kind: str, strength: float) -> RobotClip:
-    found = perturb(clip, ROBOT, kind, strength, f"{clip.name}~{kind}")
+    contact = settings.read(ROOT / "data/feasibility.yaml", FeasibilitySettings).contact
+    found = perturb(clip, ROBOT, kind, strength, f"{clip.name}~{kind}", contact)
     assert isinstance(found, RobotClip), found
     return found
 
@@ -213,6 +214,11 @@ def test_a_clip_that_says_nothing_of_its_contacts_is_looked_at():
     slip = np.linalg.norm(np.diff(feet_w(new).mean(axis=2)[..., :2], axis=0), axis=-1).min(axis=1)
     before = np.linalg.norm(np.diff(feet_w(clip).mean(axis=2)[..., :2], axis=0), axis=-1).min(axis=1)
     assert np.percentile(slip, 90) < np.percentile(before, 90) + 1e-3
+
+
+def test_where_nobody_says_what_contact_is_such_a_clip_has_no_perturbations():
+    found = perturb(dataclasses.replace(walking(1.1), contacts=None), ROBOT, "step_length", 0.9, "test~unknown")
+    assert isinstance(found, Reason) and (found.code, found.effect) == ("contacts_unknown", "noted")
 
 
 @pytest.mark.parametrize(("kind", "strength"), PLANNED)

@@ -82,7 +82,7 @@ def test_the_distance_of_a_polygon_from_zero_is_that_of_its_nearest_mixture():
 def _motion(robot: Robot, limits: FeasibilitySettings, soles: SoleMotion, labels: np.ndarray | None) -> Motion:
     """A standing robot with other soles."""
     motion = motion_of(standing(robot), robot, limits)
-    contacts = contact_from_sole(soles) if labels is None else labels
+    contacts = contact_from_sole(soles, limits.contact) if labels is None else labels
     return dataclasses.replace(motion, sole=soles, contacts=contacts, labelled=labels is not None)
 
 

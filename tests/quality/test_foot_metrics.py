@@ -9,10 +9,11 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.foot_slip import inner_contacts, lowest_corner_slip
 from pipeline.quality.sole import SoleMotion, sole_motion
-from pipeline.quality.sole_contact import contact_from_sole
+from pipeline.quality.sole_contact import ContactSettings, contact_from_sole
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 
+CONTACT = ContactSettings(height=0.01, on_speed=0.4, off_speed=0.7, shortest_s=0.04)
 CORNERS = np.array([[0.1, 0.05, 0.0], [0.1, -0.05, 0.0], [-0.1, -0.05, 0.0], [-0.1, 0.05, 0.0]])
 
 
@@ -59,7 +60,7 @@ def test_contact_is_told_from_height_and_speed_with_hysteresis():
     speed = np.full(60, 0.1)
     speed[40:50] = 0.6  # above the speed it begins at, below the one it ends at
     path = np.stack([np.cumsum(speed) / 50.0, 0.0 * height, height], axis=1)
-    found = contact_from_sole(_soles(path, path + np.array([0.0, 0.2, 0.5])))
+    found = contact_from_sole(_soles(path, path + np.array([0.0, 0.2, 0.5])), CONTACT)
     assert found[5:18, 0].all()
     assert not found[21:29, 0].any()
     assert found[33:, 0].all()
@@ -77,7 +78,8 @@ def test_a_gap_of_one_frame_is_closed_and_a_touch_of_one_frame_dropped():
             fps=50.0,
             corner_pos_w=np.stack([still, still, height], axis=1)[:, None, None] * np.ones((1, 2, 4, 1)),
             corner_vel_w=np.zeros((40, 2, 4, 3)),
-        )
+        ),
+        CONTACT,
     )
     assert contact.all()
     dropped = contact_from_sole(
@@ -85,7 +87,8 @@ def test_a_gap_of_one_frame_is_closed_and_a_touch_of_one_frame_dropped():
             fps=50.0,
             corner_pos_w=np.stack([still, still, flying], axis=1)[:, None, None] * np.ones((1, 2, 4, 1)),
             corner_vel_w=np.zeros((40, 2, 4, 3)),
-        )
+        ),
+        CONTACT,
     )
     assert not dropped.any()
 
