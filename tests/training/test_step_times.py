@@ -20,7 +20,7 @@ def walking(step_s: float, seconds: float, speed: float) -> tuple[np.ndarray, np
     frames = np.zeros((count, 37 + 2 * JOINTS), dtype=np.float32)
     frames[:, 2], frames[:, 3] = 0.7, 1.0
     frames[:, [FOOT + 2, FOOT + 5]] = -0.7
-    turn = (np.arange(count) / FPS / step_s).astype(int) % 2
+    turn = np.arange(count) // round(step_s * FPS) % 2
     for foot in (0, 1):
         frames[turn == foot, FOOT + 3 * foot + 2] += 0.05
     command = np.zeros((count, 3), dtype=np.float32)
