@@ -38,6 +38,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "torque_over_share": "torque.over_share",
         "torque_over_run_s": "torque.over_run_s",
         "reference_need_run_s": "torque.reference_need.run_s",
+        "reference_lasting_need": "torque.lasting_need.most",
     },
     "contact consistency": {
         "floating_contact": "feet.floating",

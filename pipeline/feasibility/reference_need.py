@@ -4,6 +4,10 @@ A retargeted motion was made without forces: to follow it a controller shifts th
 what the ankles and the hips' roll joints give. So it may ask more of these than they have, the more the faster it is,
 and of the other motors hardly more. What it asks is told with the root first, torque limits or not: where limits come
 first, a weak motor's share goes to the root, and hides among what the reference lacks anyway.
+
+A peak of a moment is one thing, a need that lasts another: what a quarter of a second lacks takes the robot elsewhere.
+So it is also told what each motor is asked for on average where all others keep to their limits. Then one that has to
+stand in for another shows too: a hip for an ankle that is at its limit.
 """
 
 from __future__ import annotations
@@ -11,14 +15,19 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pipeline import time_series
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_limit import over_limit
-from pipeline.feasibility.torque_settings import ReferenceNeed
+from pipeline.feasibility.torque_settings import Allowance, LastingNeed, ReferenceNeed
 from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.windowed_mean import odd_width, windowed_mean
 from pipeline.robot import Robot
 
 FORWARD = np.cos(np.pi / 4.0)
 """A joint whose axis lies within 45 degrees of the robot's forward axis rolls."""
+
+LEAST_ALLOWED = 1e-6
+"""Of the torque limit: where settings allow nothing, any need is too much."""
 
 
 def need_over_allowed(motion: Motion, ratio: Float[np.ndarray, "t j"], settings: ReferenceNeed) -> Verdict:
@@ -39,10 +48,38 @@ def need_over_allowed(motion: Motion, ratio: Float[np.ndarray, "t j"], settings:
     )
 
 
-def allowed_need(robot: Robot, speed: float, settings: ReferenceNeed) -> Float[np.ndarray, " j"]:
-    """What each joint may need over its torque limit at a speed over ground [m/s]."""
+def lasting_need_over_allowed(motion: Motion, ratio: Float[np.ndarray, "t j"], settings: LastingNeed) -> Verdict:
+    """The most that a motor needs over what is allowed; `ratio` is the need over its torque limit as a mean over
+    `settings.mean_s`, where all others keep to their limits.
+
+    What is allowed follows the speed at that time: the step that stops a walk asks for as much as the walk.
+    """
+    fps = motion.clip.fps
+    velocity = time_series.derivative(motion.clip.root_pos_w[:, :2], fps)
+    speed = np.linalg.norm(windowed_mean(velocity, odd_width(settings.speed_s, fps)), axis=1)
+    allowed = allowed_need(motion.robot, speed, settings)
+    share = ratio / np.maximum(allowed, LEAST_ALLOWED)
+    frame, joint = np.unravel_index(np.argmax(share), share.shape)
+    return Verdict(
+        code="reference_lasting_need",
+        value=float(share[frame, joint]),
+        limit=settings.most,
+        unit="of what is allowed",
+        text=f"around {frame / fps:.2f} s the motion, which no contact forces explain, asks "
+        f"{motion.robot.joint_names[joint]} for {ratio[frame, joint]:.2f} times its torque limit as a mean over "
+        f"{settings.mean_s:g} s where the other motors keep to theirs, {share[frame, joint]:.2f} of the "
+        f"{allowed[frame, joint]:.2f} times that a controller makes up for",
+        bad=np.any(share > settings.most, axis=1),
+    )
+
+
+def allowed_need(
+    robot: Robot, speed: float | Float[np.ndarray, " t"], settings: Allowance
+) -> Float[np.ndarray, "*t j"]:
+    """What each joint may need over its torque limit at a speed over ground [m/s], or at each of several."""
     roll, ankle = _balancing(robot)
-    motor, rolling, below = (a + b * speed for a, b in (settings.motor, settings.roll, settings.ankle))
+    by_speed = np.asarray(speed)[..., None]
+    motor, rolling, below = (a + b * by_speed for a, b in (settings.motor, settings.roll, settings.ankle))
     return np.where(roll, rolling, np.where(ankle, below, motor))
 
 

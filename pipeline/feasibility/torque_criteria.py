@@ -5,17 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from pipeline import rotation
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_limit import over_limit
-from pipeline.feasibility.reference_need import need_over_allowed
+from pipeline.feasibility.reference_need import lasting_need_over_allowed, need_over_allowed
 from pipeline.feasibility.torque_settings import Residual, TorqueSettings
 from pipeline.feasibility.verdict import Verdict
-from pipeline.feasibility.windowed_mean import windowed_mean
+from pipeline.feasibility.windowed_mean import odd_width, windowed_mean
 from pipeline.simulation.contact_wrench import GRAVITY, ContactSolution, solve_contacts
-from pipeline.simulation.inverse_dynamics import motion_forces, states
+from pipeline.simulation.inverse_dynamics import MotionForces, motion_forces, states
+
+_ALL = slice(None)
+
+AT_LIMIT = 0.99
+"""A motor that gives more than this of its limit may be held by it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,24 +45,37 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     torque costs more than the root's residual, which takes the rest. What it asks of the motors is held against
     limits of its own.
     """
-    contacts = _Contacts(motion, settings)
+    contacts = Contacts(motion, settings)
     strict = contacts.solve(settings.strict_excess)
     percentiles = np.percentile(_residual(motion, strict), 100.0 * settings.consistent_share, axis=0)
     bounds = settings.consistent
     consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
     solution = strict if consistent else contacts.solve(settings.reference_excess)
     limits = settings.dynamic_residual if consistent else _reference_limits(motion.ground_speed, settings)
-    asked = (
-        ()
-        if consistent
-        else (need_over_allowed(motion, _ratio(motion, strict.joint_torque, settings), settings.reference_need),)
-    )
     verdicts = (
         *torque_over_limit(motion, solution.joint_torque, settings),
-        *asked,
+        *(() if consistent else _asked(motion, contacts, strict, solution, settings)),
         *_residuals(motion, solution, limits, settings),
     )
     return Dynamics(verdicts=verdicts, consistent=consistent, root_first=strict, judged=solution)
+
+
+def _asked(
+    motion: Motion,
+    contacts: Contacts,
+    root_first: ContactSolution,
+    limits_first: ContactSolution,
+    settings: TorqueSettings,
+) -> tuple[Verdict, Verdict]:
+    """What a reference asks of the motors: for a moment, the root first; for longer, of each where the others are kept
+    within their limits."""
+    moment = _ratio(motion, root_first.joint_torque, settings.mean_s)
+    alone = contacts.torque_alone(limits_first, settings.reference_excess)
+    lasting = _ratio(motion, alone, settings.lasting_need.mean_s)
+    return (
+        need_over_allowed(motion, moment, settings.reference_need),
+        lasting_need_over_allowed(motion, lasting, settings.lasting_need),
+    )
 
 
 def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
@@ -65,7 +83,7 @@ def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
     return Residual(force=force[0] + force[1] * speed, lever=lever[0] + lever[1] * speed)
 
 
-class _Contacts:
+class Contacts:
     """The forces a motion needs and the corners that may supply them."""
 
     def __init__(self, motion: Motion, settings: TorqueSettings):
@@ -75,18 +93,44 @@ class _Contacts:
         self._forces = motion_forces(motion.robot, series)
         self._touching = _touching(motion, settings)
 
-    def solve(self, excess_weight: float) -> ContactSolution:
+    def solve(
+        self,
+        excess_weight: float,
+        frames: slice | Int[np.ndarray, " f"] = _ALL,
+        torque_limit: Float[np.ndarray, " j"] | None = None,
+    ) -> ContactSolution:
+        """The forces of some frames; `torque_limit` [N m] replaces the robot's."""
         motion = self._motion
+        root_pos_w, root_quat_w = motion.clip.root_pos_w[frames], motion.clip.root_quat_w[frames]
         return solve_contacts(
             motion.robot,
-            self._forces,
-            motion.clip.root_pos_w,
-            motion.sole.corner_pos_w,
-            self._touching,
+            _of_frames(self._forces, frames),
+            root_pos_w,
+            motion.sole.corner_pos_w[frames],
+            self._touching[frames],
             friction=self._friction,
             excess_weight=excess_weight,
-            heading=rotation.yaw_of(motion.clip.root_quat_w),
+            heading=rotation.yaw_of(root_quat_w),
+            torque_limit=torque_limit,
         )
+
+    def torque_alone(self, limits_first: ContactSolution, excess_weight: float) -> Float[np.ndarray, "t j"]:
+        """Torque [N m] that each motor would have to give if it had no limit and all others kept to theirs.
+
+        Where it is within its limit among all, its limit asks nothing of the others, and what it gives there is that.
+        """
+        limit = self._motion.robot.torque_limit
+        at_limit = np.abs(limits_first.joint_torque) > AT_LIMIT * limit
+        alone = limits_first.joint_torque.copy()
+        for joint in np.flatnonzero(at_limit.any(axis=0)):
+            frames = np.flatnonzero(at_limit[:, joint])
+            others = np.where(np.arange(len(limit)) == joint, np.inf, limit)
+            alone[frames, joint] = self.solve(excess_weight, frames, others).joint_torque[:, joint]
+        return alone
+
+
+def _of_frames(forces: MotionForces, frames: slice | Int[np.ndarray, " f"]) -> MotionForces:
+    return MotionForces(**{name: values[frames] for name, values in vars(forces).items()})
 
 
 def _touching(motion: Motion, settings: TorqueSettings) -> Bool[np.ndarray, "t 2 4"]:
@@ -116,10 +160,9 @@ def _residual(motion: Motion, solution: ContactSolution) -> Float[np.ndarray, "t
     return np.stack([force, moment], axis=1) / weight
 
 
-def _ratio(motion: Motion, joint_torque: Float[np.ndarray, "t j"], settings: TorqueSettings) -> np.ndarray:
-    """Torque over its limit as a mean over `settings.mean_s` (t, j)."""
-    width = 2 * int(settings.mean_s * motion.clip.fps / 2.0 + 1e-9) + 1
-    return np.abs(windowed_mean(joint_torque, width)) / motion.robot.torque_limit
+def _ratio(motion: Motion, joint_torque: Float[np.ndarray, "t j"], mean_s: float) -> Float[np.ndarray, "t j"]:
+    """Torque over its limit as a mean over a time [s]."""
+    return np.abs(windowed_mean(joint_torque, odd_width(mean_s, motion.clip.fps))) / motion.robot.torque_limit
 
 
 def torque_over_limit(
@@ -131,7 +174,7 @@ def torque_over_limit(
     by impacts, so that a motor at its limit seems to pass it in some of them and to stay below in as many.
     """
     names = motion.robot.joint_names
-    ratio = _ratio(motion, joint_torque, settings)
+    ratio = _ratio(motion, joint_torque, settings.mean_s)
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
     found = over_limit(ratio > settings.ratio, motion)
     most, largest = found.worst, motion.largest_share(settings.over_share)

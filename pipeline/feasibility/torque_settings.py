@@ -30,8 +30,8 @@ class Residual:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReferenceNeed:
-    """What a motion that contact forces do not explain may ask of a motor, over its torque limit and for how long.
+class Allowance:
+    """What a motion that contact forces do not explain may ask of a motor, over its torque limit.
 
     Each ratio is a + b times the speed over ground [m/s].
     """
@@ -42,11 +42,40 @@ class ReferenceNeed:
     """Of a leg's joints that turn about the forward axis: they shift the centre of pressure sideways."""
     ankle: Annotated[tuple[float, float], Unit("of the torque limit")]
     """Of the other joints below the shank: they shift it forwards."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceNeed(Allowance):
+    """What it may ask for a moment, the root first, whatever the limits."""
+
     run_s: Seconds
     """Longest time that a motor may need more without a break [s]."""
 
     def __post_init__(self) -> None:
         check(self, motor=NOT_NEGATIVE, roll=NOT_NEGATIVE, ankle=NOT_NEGATIVE, run_s=SECONDS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LastingNeed(Allowance):
+    """What it may ask of one motor on average over a while, where all others keep to their limits."""
+
+    mean_s: Seconds
+    """The while [s]."""
+    speed_s: Seconds
+    """The speed over ground is a mean over this time [s]."""
+    most: Annotated[float, Unit("of what is allowed")]
+    """Largest need over what is allowed."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            motor=NOT_NEGATIVE,
+            roll=NOT_NEGATIVE,
+            ankle=NOT_NEGATIVE,
+            mean_s=Range(0.0, 2.0, open_low=True),
+            speed_s=Range(0.0, 2.0, open_low=True),
+            most=RATIO,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +120,9 @@ class TorqueSettings:
     residual_window_s: Seconds
     """Length of the window [s]."""
     reference_need: ReferenceNeed
-    """What such a reference may ask of the motors."""
+    """What such a reference may ask of the motors for a moment ..."""
+    lasting_need: LastingNeed
+    """... and what for longer."""
 
     def __post_init__(self) -> None:
         check(

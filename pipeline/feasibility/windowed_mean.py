@@ -16,3 +16,8 @@ def windowed_mean(values: Float[np.ndarray, "t ..."], width: int) -> Float[np.nd
     half = width // 2
     centre = np.clip(np.arange(len(values)), half, len(values) - 1 - half)
     return time_series.moving_mean(values, width)[centre]
+
+
+def odd_width(seconds: float, fps: float) -> int:
+    """Frames of a window about a frame that reaches half of `seconds` to either side, and no further."""
+    return 2 * int(seconds * fps / 2.0 + 1e-9) + 1

@@ -80,13 +80,20 @@ def _plant(way: float, *codes: str) -> Plant:
 
 
 def test_only_plants_that_move_a_body_by_five_centimetres_are_held_to_the_bar():
-    need = "reference_need_run_s"
-    plants = [_plant(0.06, need), _plant(np.inf, need, "torque_ratio"), _plant(0.2), _plant(0.04)]
+    need, lasting = "reference_need_run_s", "reference_lasting_need"
+    plants = [_plant(0.06, lasting), _plant(np.inf, need, "torque_ratio"), _plant(0.2), _plant(0.04)]
     bars = {bar.name.strip(): bar for bar in bars_of([Found(references=3, plants=plants, shy=[0.01, 0.07])])}
     assert bars["that matter: some body moved 5 cm"].value == 3
     assert bars["found, of those that matter"].value == pytest.approx(200.0 / 3.0)
     assert bars["found, of those that matter"].holds is False
     assert bars["found, of the others"].value == 0.0
-    assert bars[f"by {need}"].value == pytest.approx(200.0 / 3.0)
-    assert bars[f"by anything but {need}"].value == pytest.approx(100.0 / 3.0)
+    assert bars[f"by {need}"].value == bars[f"by {lasting}"].value == pytest.approx(100.0 / 3.0)
+    assert bars["by anything but what references ask of the motors"].value == pytest.approx(100.0 / 3.0)
     assert bars["a limit of 0.98 of the most: some body moved 5 cm"].value == 50.0
+
+
+def test_references_without_a_plant_that_matters_measure_nothing_and_hold_no_bar():
+    bars = bars_of([Found(references=3, plants=[_plant(0.04)], shy=[0.01])])
+    asked = [bar for bar in bars if bar.bound is not None]
+    assert [bar.name for bar in asked] == ["found, of those that matter: not measured"]
+    assert asked[0].holds is False

@@ -31,6 +31,7 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             r"'contact.off_speed' is 0.7, allowed is more than 'on_speed'",
         ),
         ("friction: {value: 1.0", "friction: {value: 0", r"'torque.friction' is 0"),
+        ("mean_s: {value: 0.25", "mean_s: {value: 0", r"'torque.lasting_need.mean_s' is 0"),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (
             "height: {value: [0.7, 1.2]",

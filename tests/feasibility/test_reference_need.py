@@ -12,8 +12,8 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, Verdict
 from pipeline.feasibility.motion import motion_of
-from pipeline.feasibility.reference_need import allowed_need, need_over_allowed
-from pipeline.feasibility.torque_criteria import dynamics
+from pipeline.feasibility.reference_need import allowed_need, lasting_need_over_allowed, need_over_allowed
+from pipeline.feasibility.torque_criteria import Contacts, dynamics
 from pipeline.files import settings
 from pipeline.quality.sole import sole_motion
 from pipeline.robot import Robot, mujoco_model
@@ -123,3 +123,54 @@ def test_a_motion_that_forces_explain_is_not_asked(robot, limits):
     found = dynamics(motion_of(standing(robot, 2.0), robot, limits), limits.torque)
     assert found.consistent
     assert "reference_need_run_s" not in {verdict.code for verdict in found.verdicts}
+
+
+def test_a_need_that_lasts_is_that_of_one_motor_where_the_others_keep_to_their_limits(robot, limits):
+    need, allowed = _hip_need(robot), limits.torque.lasting_need.roll[0]
+    enough, too_weak = (_verdicts(robot, limits, need / (part * allowed)) for part in (0.97, 1.03))
+    assert enough["reference_lasting_need"].value == pytest.approx(0.97, abs=0.005)
+    assert enough["reference_lasting_need"].holds
+    assert too_weak["reference_lasting_need"].value == pytest.approx(1.03, abs=0.005)
+    assert not too_weak["reference_lasting_need"].holds
+    assert too_weak["reference_lasting_need"].bad.all()
+    assert "Left_Hip_Roll for 1.44 times" in too_weak["reference_lasting_need"].text
+
+
+def test_where_an_ankle_is_at_its_limit_the_hip_is_asked_for_what_it_would_give_in_its_place(robot, limits):
+    """Forces at the edge of the sole ask the ankle too; where it can't give that, they lie further inside."""
+    clip, ankle, hip = _out_of_balance(robot), robot.joint("Left_Ankle_Roll"), robot.joint("Left_Hip_Roll")
+    limit = robot.torque_limit.copy()
+    limit[[ankle, hip]] = 5.0, 0.5 * _hip_need(robot)
+    contacts = Contacts(motion_of(clip, dataclasses.replace(robot, torque_limit=limit), limits), limits.torque)
+    weight = limits.torque.reference_excess
+    first = contacts.solve(weight)
+    alone = contacts.torque_alone(first, weight)
+    np.testing.assert_allclose(np.abs(first.joint_torque[:, hip]), limit[hip], rtol=0.01)
+    limit[hip] = 100.0
+    np.testing.assert_allclose(
+        alone[:, hip], contacts.solve(weight, torque_limit=limit).joint_torque[:, hip], rtol=1e-3
+    )
+    assert np.abs(alone[0, hip]) > 1.5 * 0.5 * _hip_need(robot)
+    within = np.abs(first.joint_torque) < 0.98 * robot.torque_limit
+    within[:, [ankle, hip]] = False
+    np.testing.assert_array_equal(alone[within], first.joint_torque[within])
+
+
+def test_what_a_motor_may_be_asked_for_follows_the_speed_at_that_time(robot, limits):
+    clip, need = standing(robot, 4.0), limits.torque.lasting_need
+    times_s = np.minimum(np.arange(200) / 50.0, 2.0)  # it goes at 1 m/s and then stops
+    motion = motion_of(
+        dataclasses.replace(clip, root_pos_w=clip.root_pos_w + times_s[:, None] * [1.0, 0.0, 0.0]), robot, limits
+    )
+    ankle, ratio = robot.joint("Left_Ankle_Pitch"), np.zeros((200, len(robot.joint_names)))
+    asked = 0.97 * (need.ankle[0] + need.ankle[1])
+    ratio[50, ankle] = asked
+    assert lasting_need_over_allowed(motion, ratio, need).value == pytest.approx(0.97)
+    ratio[120, ankle] = asked
+    stopped = lasting_need_over_allowed(motion, ratio, need)
+    assert stopped.value == pytest.approx(asked / need.ankle[0])
+    assert stopped.bad is not None
+    assert np.flatnonzero(stopped.bad).tolist() == [120]
+    assert "around 2.40 s" in stopped.text
+    longer = dataclasses.replace(need, speed_s=2.0)  # a third of which it went
+    assert lasting_need_over_allowed(motion, ratio, longer).value < 0.9 * stopped.value
