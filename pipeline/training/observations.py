@@ -68,8 +68,9 @@ class ActorHistory:
 
 
 def critic_frame(env) -> torch.Tensor:
-    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5)."""
-    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float()], dim=1)
+    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5); where clips are followed, how near."""
+    near = [] if env.followed_clip is None else [env.followed_clip.near[:, None]]
+    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float(), *near], dim=1)
 
 
 def observation_cfg() -> dict[str, ObservationGroupCfg]:

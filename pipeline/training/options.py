@@ -84,6 +84,10 @@ class Options:
     """Width of that kernel."""
     late_iterations: tuple[int, int] = (200, 500)
     """`mean_tracking` grows in between these iterations."""
+    follow_clip: float = 0.0
+    """Weight of staying near the clip that an episode began in, while its command holds …"""
+    follow_iterations: tuple[int, int] = (200, 600)
+    """… which fades between these iterations."""
     standing_still: float = 0.0
     """Weight of steps and joint speed while the command is to stand."""
     single_stance: float = 0.0
