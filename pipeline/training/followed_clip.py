@@ -14,7 +14,7 @@ import torch
 from pipeline.training.bundle import ExpertFrames
 
 JOINTS, ENDS = 1.0, 0.1
-"""Sums of squared differences at which nearness has fallen to 1/e: of joints [rad^2], of hands and feet [m^2]."""
+"""Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2]."""
 AGAIN = 4
 """Control steps after which the nearest frame is looked for: the clip's time runs at .75 to 1.25 of its own."""
 
@@ -22,9 +22,12 @@ AGAIN = 4
 def nearness(
     joints: torch.Tensor, ends: torch.Tensor, like_joints: torch.Tensor, like_ends: torch.Tensor
 ) -> torch.Tensor:
-    """exp(-sum dq^2 / JOINTS - sum dp^2 / ENDS) of joints (…, a) [rad] and ends in the trunk's frame (…, 12) [m]."""
+    """1 / (1 + sum dq^2 / JOINTS + sum dp^2 / ENDS) of joints (…, a) [rad] and ends in the trunk's frame (…, 12) [m].
+
+    Its slope is there far off too: the default pose is 4 from a run's frames.
+    """
     away = torch.square(joints - like_joints).sum(dim=-1) / JOINTS + torch.square(ends - like_ends).sum(dim=-1) / ENDS
-    return torch.exp(-away)
+    return 1.0 / (1.0 + away)
 
 
 class FollowedClip:

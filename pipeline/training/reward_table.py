@@ -220,7 +220,7 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="follow_clip",
-            equation="exp(-sum dq^2 / 1 - sum dp^2 / .1) to the clip that the episode began in",
+            equation="1 / (1 + sum dq^2 + sum dp^2 / .1) from the clip that the episode began in",
             weight=options.follow_clip,
             value=lambda env: env.followed_clip.near,
             added="the first gait that does not fall is one of quick steps, and stays",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 import torch
@@ -65,7 +63,7 @@ def test_who_stands_still_is_left_behind(expert):
 def test_nearness_falls_with_joints_and_ends(expert):
     clip, ids = FollowedClip(expert, 1, "cpu"), torch.tensor([0])
     joints, ends = state(expert, 11.0)
-    for away, wanted in (((0.5, 0.0), math.exp(-0.25)), ((0.0, 0.1), math.exp(-0.1)), ((0.5, 0.1), math.exp(-0.35))):
+    for away, wanted in (((0.5, 0.0), 1 / 1.25), ((0.0, 0.1), 1 / 1.1), ((0.5, 0.1), 1 / 1.35)):
         clip.begin(ids, torch.tensor([10]), torch.tensor([True]))
         shifted = joints.clone(), ends.clone()
         shifted[0][0, 3] += away[0]
