@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 
+LONGEST_TIMESTEP_S = 0.02
+"""A figure is the mean of one timestep at least."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationSettings:
@@ -21,7 +24,13 @@ class SimulationSettings:
     """Half width of their heading [rad]."""
 
     def __post_init__(self) -> None:
-        check(self, timestep_s=Range(0.0005, 0.02), friction=POSITIVE, seeds=COUNT, start_joint_pos=Range(0.0, 0.2))
+        check(
+            self,
+            timestep_s=Range(0.0005, LONGEST_TIMESTEP_S),
+            friction=POSITIVE,
+            seeds=COUNT,
+            start_joint_pos=Range(0.0, 0.2),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,15 +66,34 @@ class Cell:
 
     segments: tuple[Segment, ...]
     measured_s: float
-    """How much of the end figures are means over [s]."""
+    """How much of the end figures are means over [s]: of the last segment, whose command they are held against."""
     push: PushSettings | None = None
 
     def __post_init__(self) -> None:
-        check(self, measured_s=POSITIVE)
+        check(self, _beyond(self), measured_s=Range(LONGEST_TIMESTEP_S))
 
     @property
     def seconds(self) -> float:
         return sum(segment.seconds for segment in self.segments)
+
+
+def _beyond(cell: Cell) -> list[tuple[str, str]]:
+    """Faults of what a cell names and never comes to: time before its last segment, a push after its end."""
+    segments = getattr(cell, "segments", None)
+    if segments is None or None in segments:
+        return []
+    if not segments:
+        return [("segments", "is empty, allowed is at least one")]
+    faults, last_s, whole_s = [], segments[-1].seconds, sum(each.seconds for each in segments)
+    measured_s, push = getattr(cell, "measured_s", None), getattr(cell, "push", None)
+    if measured_s is not None and measured_s > last_s:
+        faults.append(("measured_s", f"is {measured_s:g}, allowed is at most the last segment's {last_s:g} s"))
+    if push is not None and push.start_s + push.duration_s > whole_s + 1e-9:
+        end_s = push.start_s + push.duration_s
+        faults.append(
+            ("push.start_s", f"is {push.start_s:g}, its end at {end_s:g} s is after the cell's {whole_s:g} s")
+        )
+    return faults
 
 
 @dataclass(frozen=True, kw_only=True)

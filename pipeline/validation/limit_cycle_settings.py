@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check, increasing
+
+LEG_JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,8 +24,18 @@ class LimitCycleSettings:
     command_tolerance: float
     """How far the command of a log may be from the wanted one on any axis [m/s, rad/s]."""
     joints: dict[str, str]
-    """`left_hip`, `left_knee`, `right_hip`, `right_knee` -> the robot's joint."""
+    """Of `LEG_JOINTS`, each -> the robot's joint."""
 
     def __post_init__(self) -> None:
         positive = ("speeds_m_s", "seconds", "timestep_s", "friction", "command_tolerance")
-        check(self, settled_s=NOT_NEGATIVE, **dict.fromkeys(positive, POSITIVE))
+        check(
+            self,
+            increasing(self, "settled_s", "seconds"),
+            _missing(getattr(self, "joints", None)),
+            settled_s=NOT_NEGATIVE,
+            **dict.fromkeys(positive, POSITIVE),
+        )
+
+
+def _missing(joints: dict[str, str] | None) -> list[tuple[str, str]]:
+    return [(f"joints.{name}", "is missing") for name in LEG_JOINTS if joints is not None and name not in joints]
