@@ -142,3 +142,19 @@ def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path
     assert plan.fingerprint(project) == before
     path.write_text(text + "\nanother_key: 1\n")
     assert plan.fingerprint(project) != before
+
+
+def test_perturbations_follow_what_contact_is_and_no_other_number_of_feasibility(tmp_path, root):
+    import shutil
+
+    from assets.project import Project
+
+    for folder in ("data", "robots"):
+        shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
+    project = Project(tmp_path)
+    plan, path = plans(project)[dg.AssetKey(["augmented_motions"])], project.settings("feasibility.yaml")
+    before, text = plan.fingerprint(project), path.read_text()
+    path.write_text(text.replace("flight_s: {value: 0.4", "flight_s: {value: 0.5"))
+    assert plan.fingerprint(project) == before
+    path.write_text(text.replace("off_speed: {value: 0.7", "off_speed: {value: 0.8"))
+    assert plan.fingerprint(project) != before
