@@ -50,18 +50,24 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         logs = write_failures(judged.deployed, found, grid, folder)
         for old in set(folder.glob("*.mcap")) - set(logs):
             old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
-        verdict = {"stage": plan.name, "policy": judged.digest, **found.to_dict()}
+        note = {"note": found.note} if found.note else {}
+        gains = judged.deployed.gains()
+        verdict = {"stage": plan.name, "policy": judged.digest, "gains": gains, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
         check = dg.AssetCheckResult(
             asset_key=plan.key,
             check_name=HOLDS,
             passed=found.passed,
             severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(found.reasons) or "every required cell holds"},
+            metadata={
+                "found": "; ".join(found.reasons) or "every required cell holds",
+                **note,
+            },
         )
         rows = pd.DataFrame(found.rows())
         metadata = {
             "passed": found.passed,
+            **note,
             "required cells": len(found.cells) - len(found.not_required),
             "cells failed": len(found.failed_cells),
             "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),

@@ -46,10 +46,14 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         reasons = [reason for each in found if each.required for reason in each.reasons]
         spared = [each for each in found if not each.required]
         shown = [text for each in spared for text in (f"{each.speed_m_s:g} m/s: {each.why}", *each.reasons)]
+        note = rules.reference.note_on(judged.deployed.robot.digest)
         passed = not reasons and any(each.required for each in found)
         verdict = {
             "stage": plan.name,
             "policy": judged.digest,
+            "robot": judged.deployed.robot.digest,
+            "robot_of_bars": rules.reference.robot,
+            "note": note or None,
             "passed": passed,
             "reasons": reasons,
             "not required": shown,
@@ -62,12 +66,13 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             check_name=AGREE,
             passed=passed,
             severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(reasons) or "within the bars"},
+            metadata={"found": "; ".join(reasons) or "within the bars", **({"note": note} if note else {})},
         )
         rows = pd.DataFrame([row for each in found for row in each.rows()])
         compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
         metadata = {
             "passed": passed,
+            **({"note": note} if note else {}),
             "not required": "; ".join(shown) or "none",
             "not compared": "; ".join(verdict["not run"]) or "none",
             "pictures": picture(limit_cycle_plots(found)),

@@ -73,14 +73,17 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         for old in set(folder.glob("*.mcap")) - set(logs):
             old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
-        said = {**verdict.to_dict(), "stage": plan.name, "not run": _not_run(config.suite)}
+        said = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": _not_run(config.suite)}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: said})
         check = dg.AssetCheckResult(
             asset_key=plan.key,
             check_name=PASSED,
             passed=verdict.passed,
             severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"},
+            metadata={
+                "found": "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed",
+                **_note(verdict),
+            },
         )
         return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
 
@@ -89,6 +92,10 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 def _not_run(suite: str) -> list[str]:
     return [] if suite == "full" else ["the full suite: only the quick one was run"]
+
+
+def _note(verdict: Any) -> dict[str, str]:
+    return {"note": verdict.note} if verdict.note else {}
 
 
 def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
@@ -103,6 +110,7 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
     spared = {cell.measured.cell.name: cell.bars.why for cell in verdict.cells if not cell.bars.required}
     return {
         "passed": verdict.passed,
+        **_note(verdict),
         "suite": verdict.suite,
         "cells": len(verdict.cells),
         "cells failed": len(verdict.failed_cells),

@@ -65,11 +65,13 @@ def run(parsed: argparse.Namespace) -> int:
         print(f"  explained by the armature on the links: {text}")
     for name, why in found.not_required.items():
         print(f"  not required  {name}: {why}")
+    if found.note:
+        print(f"  note  {found.note}")
     required = len(found.cells) - len(found.not_required)
     failed = f"{len(found.failed_cells)} of {required} required cells failed"
     print(failed if required else "no cell is required: nothing was shown")
     if parsed.json:
-        said = {"policy": digest(one.policy), **found.to_dict()}
+        said = {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()}
         atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")
     return 0 if found.passed else FAILED
 

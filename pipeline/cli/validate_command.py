@@ -66,10 +66,12 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.table:
         rows = table(verdict)
         print(text_table(list(rows[0]), [list(row.values()) for row in rows]))
-    print(f"{parsed.policy} on {folder}, suite {parsed.suite}")
+    damped = "" if parsed.ankle_kd is None else f", ankles damped with {parsed.ankle_kd:g} N m s/rad"
+    print(f"{parsed.policy} on {folder}, suite {parsed.suite}{damped}")
     print(as_text(verdict))
     if parsed.json:
-        atomic.write_text(parsed.json, json.dumps(verdict.to_dict(), indent=1, sort_keys=True, allow_nan=False) + "\n")
+        said = {**verdict.to_dict(), "gains": one.gains()}
+        atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")
     if parsed.failures:
         for path in write_failed_trials(one, verdict, parsed.failures):
             print(f"written: {path}")

@@ -64,6 +64,18 @@ class Reference:
     command: str
     """What derives the cells again."""
 
+    def note_on(self, robot: str) -> str:
+        """What has to be known of a verdict on the robot of this digest: that the bars are another robot's, and what to
+        do; empty where they are its own."""
+        if robot == self.robot:
+            return ""
+        return (
+            f"the bars of data/validation.yaml were derived on another robot ({self.robot[:12]}) than the one judged "
+            f"({robot[:12]}). Where that is a robot before its adaptation, materialize `adapted_robot` and judge "
+            "again; where the robot itself has changed, read the verdict as one on the changed robot, or derive the "
+            "bars anew (docs/validation.md)."
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:

@@ -74,7 +74,13 @@ class CrossEngineResult:
     """The matrix and what it says."""
 
     robot: str
+    """Its name."""
     cells: tuple[CellResult, ...]
+    robot_digest: str = ""
+    robot_of_bars: str = ""
+    """Digest of the robot that the bars were derived on."""
+    note: str = ""
+    """That the bars are not of the robot that was judged, and what to do; empty where they are."""
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -116,6 +122,9 @@ class CrossEngineResult:
         """JSON types: the verdict, every reason, every walk."""
         return {
             "robot": self.robot,
+            "robot_digest": self.robot_digest,
+            "robot_of_bars": self.robot_of_bars,
+            "note": self.note or None,
             "passed": self.passed,
             "reasons": list(self.reasons),
             "explained": [text for cell in self.cells if cell.required for text in cell.explained],
@@ -164,7 +173,13 @@ def cross_engine(
         reasons = (*_wrong(name, cell, asked, figures), *(text for text, explained in apart if not explained))
         known = tuple(text for text, explained in apart if explained)
         results.append(CellResult(name=name, bars=asked, figures=figures, reasons=reasons, explained=known))
-    return CrossEngineResult(robot=deployed.robot.name, cells=tuple(results))
+    return CrossEngineResult(
+        robot=deployed.robot.name,
+        cells=tuple(results),
+        robot_digest=deployed.robot.digest,
+        robot_of_bars=bars.reference.robot,
+        note=bars.reference.note_on(deployed.robot.digest),
+    )
 
 
 def errors_of(cell: Cell, figures: Figures) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from jaxtyping import Float
 from pipeline.actuators import read_actuators, read_standing_pose, torque_envelope
 from pipeline.actuators.adapted_robot import TABLE
 from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy_task
-from pipeline.errors import FileError
+from pipeline.errors import FileError, PipelineError
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.sensors import PerfectSensors, Sensors
@@ -20,6 +21,10 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 ANKLE_KD = 2.0
 """With which Booster deploys its published walking policy, twice the robot's [N m s/rad]."""
+
+
+class AnkleDampingError(PipelineError):
+    """A damping of the ankles that can't be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +39,11 @@ class Deployed:
     """Without a memory of their own: all walks share them."""
     armature: Float[np.ndarray, " j"] | None = None
     """In MuJoCo, where it isn't the robot's [kg m^2]."""
+
+    def gains(self) -> dict[str, dict[str, float]]:
+        """Of each joint `kp` [N m/rad] and `kd` [N m s/rad]: a policy's digest says nothing of them."""
+        pairs = zip(self.task.kp.tolist(), self.task.kd.tolist(), strict=True)
+        return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(self.task.joint_names, pairs, strict=True)}
 
     def controller(self) -> PolicyController:
         return PolicyController(self.task, self.policy)
@@ -71,7 +81,9 @@ def anchor(folder: Path, policy: Policy) -> Deployed:
 
 
 def with_ankle_kd(one: Deployed, kd: float) -> Deployed:
-    """The same with another damping of the ankles [N m s/rad]."""
+    """The same with another damping of the ankles [N m s/rad]. Raises AnkleDampingError."""
     ankles = np.array(["Ankle" in name for name in one.task.joint_names])
+    if not (math.isfinite(kd) and kd >= 0.0):
+        raise AnkleDampingError(f"the damping of the ankles is {kd:g} N m s/rad, allowed are numbers from 0 on.")
     task = dataclasses.replace(one.task, kd=np.where(ankles, kd, one.task.kd))
     return dataclasses.replace(one, task=task)

@@ -7,7 +7,7 @@ from pipeline.validation.verdict import CellVerdict, Verdict
 
 
 def as_text(verdict: Verdict, limit: int = 60) -> str:
-    """Counts, every reason (the first `limit` of them), what is not required, and the verdict last."""
+    """Counts, every reason (the first `limit` of them), what is not required, what to know, and the verdict last."""
     required = [cell for cell in verdict.cells if cell.bars.required]
     trials = sum(len(cell.measured.trials) for cell in verdict.cells)
     lines = [f"{len(verdict.cells)} cells, {len(required)} required, {trials} trials"]
@@ -16,6 +16,7 @@ def as_text(verdict: Verdict, limit: int = 60) -> str:
         lines.append(f"  and {len(verdict.reasons) - limit} reasons more")
     spared = [cell for cell in verdict.cells if not cell.bars.required]
     lines += [f"  not required  {cell.measured.cell.name}: {cell.bars.why}" for cell in spared]
+    lines += [f"  note  {verdict.note}"] if verdict.note else []
     failed = f"{len(verdict.failed_cells)} of {len(required)} required cells failed"
     lines.append("passed" if verdict.passed else failed if required else "no cell is required: nothing was shown")
     return "\n".join(lines)

@@ -56,6 +56,10 @@ class Verdict:
     robot: str
     """Digest."""
     cells: tuple[CellVerdict, ...]
+    robot_of_bars: str = ""
+    """Digest of the robot that the bars were derived on."""
+    note: str = ""
+    """That the bars are not of the robot that was judged, and what to do; empty where they are."""
 
     @property
     def passed(self) -> bool:
@@ -78,6 +82,8 @@ class Verdict:
             "suite": self.suite,
             "policy": self.policy,
             "robot": self.robot,
+            "robot_of_bars": self.robot_of_bars,
+            "note": self.note or None,
             "passed": self.passed,
             "reasons": [str(reason) for reason in self.reasons],
             "not_required": {cell.measured.cell.name: cell.bars.why for cell in self.cells if not cell.bars.required},
@@ -88,13 +94,23 @@ class Verdict:
 def judge(
     measured: Sequence[Measured], settings: ValidationSettings, *, suite: str, policy: str, robot: str
 ) -> Verdict:
-    """Hold each cell against its bars. A cell that the file doesn't know is not required, and says so."""
+    """Hold each cell against its bars. A cell that the file doesn't know is not required, and says so.
+
+    Bars of another robot hold too: the verdict notes it.
+    """
     cells = []
     for one in measured:
         bars = settings.cells.get(one.cell.name, UNKNOWN)
         reasons = [_reason(one, name, bar) for name, bar in bars.bars.items()]
         cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(each for each in reasons if each is not None)))
-    return Verdict(suite=suite, policy=policy, robot=robot, cells=tuple(cells))
+    return Verdict(
+        suite=suite,
+        policy=policy,
+        robot=robot,
+        cells=tuple(cells),
+        robot_of_bars=settings.reference.robot,
+        note=settings.reference.note_on(robot),
+    )
 
 
 def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:

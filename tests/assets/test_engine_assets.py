@@ -64,12 +64,16 @@ def test_cross_engine_tells_reasons_and_why_a_cell_is_not_required_and_writes_wh
     said = result.output_for_node("cross_engine_validation").settings[cross_engine.VERDICT]
     assert (said["passed"], said["policy"]) == (False, digest(still_policy(deployment_task(robot))))
     assert any("asked is at most 0.1" in reason or "fell after" in reason for reason in said["reasons"])
+    assert said["robot_digest"] == robot.digest != said["robot_of_bars"]
     assert list(said["not_required"]) == ["walk_2.0"]
     assert "MuJoCo and 2.0" in said["not_required"]["walk_2.0"][0]
     assert "reference's worst" in said["bars"]["walk_0.6"]["bars"]["speed_error"]["source"]
     assert sorted(path.name for path in old.parent.glob("*.mcap")) == ["walk_0.6_dart.mcap", "walk_0.6_mujoco.mcap"]
     (event,) = result.asset_materializations_for_node("cross_engine_validation")
     assert "walk_2.0: forward velocity" in str(event.metadata["not required"].value)
+    (check,) = result.get_asset_check_evaluations()
+    assert event.metadata["note"].value == check.metadata["note"].value == said["note"]
+    assert "were derived on another robot" in said["note"]
 
 
 def test_limit_cycles_hold_the_required_speed_to_the_bars_of_the_file(project: Project):
@@ -78,4 +82,5 @@ def test_limit_cycles_hold_the_required_speed_to_the_bars_of_the_file(project: P
     assert said["passed"] is False
     assert said["reasons"]
     assert [each["required"] for each in said["speeds"]] == [True, False]
+    assert "were derived on another robot" in said["note"]
     assert "2 m/s: the reference's period differs by 17 % between MuJoCo and DART" in said["not required"]

@@ -62,6 +62,8 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     assert said["passed"] is False
     assert said["policy"] == digest(still)  # of what walked
     assert any(reason.startswith("push force standing 20 Ns: survival 0") for reason in said["reasons"])
+    assert said["robot"] != said["robot_of_bars"]  # here it is the plain one
+    assert "were derived on another robot" in said["note"]
     logs = sorted(project.simulated_failures("t1", "mujoco").glob("*.mcap"))
     assert [path.name for path in logs] == ["push_force_standing_20_ns.mcap"]  # 60 N s is not required
     (event,) = ran.asset_materializations_for_node("mujoco_validation")
@@ -69,6 +71,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
     assert all("data:image/png" in str(event.metadata[name].value) for name in pictures)
     (check,) = ran.get_asset_check_evaluations()
     assert (check.check_name, check.passed) == (validation.PASSED, False)
+    assert event.metadata["note"].value == check.metadata["note"].value == said["note"]
 
 
 def test_other_engines_say_the_digest_of_what_they_walk_too(

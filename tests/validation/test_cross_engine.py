@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline import rotation
+from pipeline.cli import cross_engine_command
+from pipeline.cli.main import main
+from pipeline.deployment import save_policy
 from pipeline.validation import cross_engine as comparison
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.cross_engine import cross_engine
@@ -193,6 +198,43 @@ def test_what_is_not_required_is_listed_and_fails_nothing(
     assert dataclasses.replace(result, cells=(*result.cells, *well.cells)).passed
     said = ["the reference falls", "cell 'walk' seed 0 in DART: fell after 0.20 s"]
     assert result.to_dict()["not_required"] == {"walk": said}
+
+
+def test_bars_of_another_robot_are_said(
+    monkeypatch: pytest.MonkeyPatch, still: Deployed, settings: CrossEngineSettings, rules: ValidationSettings
+):
+    well = {"mujoco": walked(), "bridge": walked(), "dart": walked()}
+    other = judged(monkeypatch, still, settings, rules, asked(), **well)
+    said = other.to_dict()
+    assert said["robot_digest"] == still.robot.digest != said["robot_of_bars"] == rules.reference.robot
+    assert f"({rules.reference.robot[:12]}) than the one judged ({still.robot.digest[:12]})" in said["note"]
+    assert other.passed
+    own = dataclasses.replace(rules, reference=dataclasses.replace(rules.reference, robot=still.robot.digest))
+    assert judged(monkeypatch, still, settings, own, asked(), **well).to_dict()["note"] is None
+
+
+@pytest.mark.parametrize("damping", [(), ("--ankle-kd", "2")])
+def test_the_command_says_whose_bars_they_are_and_with_which_gains_it_walked(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    root: Path,
+    tmp_path: Path,
+    still: Deployed,
+    damping: tuple[str, ...],
+):
+    monkeypatch.chdir(root)
+    monkeypatch.setattr(comparison, "walk_cell", lambda *_: walked(forward_m_s=0.0))
+    monkeypatch.setattr(cross_engine_command, "robot_folder", lambda project, name: root / "robots" / name)
+    save_policy(tmp_path / "still.npz", still.policy)
+    out = tmp_path / "said.json"
+    asked = ("--cells", "stand", "--seeds", "1", "--workers", "1", "--json", str(out), *damping)
+    assert main(["cross-engine", str(tmp_path / "still.npz"), *asked]) == 0
+    found = json.loads(out.read_text())
+    assert f"  note  {found['note']}\n" in capsys.readouterr().out
+    kd = dict(zip(still.task.joint_names, still.task.kd.tolist(), strict=True))
+    assert found["gains"]["Left_Knee_Pitch"]["kd"] == kd["Left_Knee_Pitch"]
+    assert found["gains"]["Left_Ankle_Pitch"]["kd"] == (2.0 if damping else kd["Left_Ankle_Pitch"])
+    assert kd["Left_Ankle_Pitch"] != 2.0
 
 
 def test_where_nothing_is_required_nothing_passes(

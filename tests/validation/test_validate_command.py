@@ -69,6 +69,49 @@ def test_a_policy_that_passes_ends_with_zero(
     assert capsys.readouterr().out.rstrip().endswith("passed")
 
 
+@pytest.mark.usefixtures("one_push")
+def test_the_verdict_says_whose_bars_they_are_and_with_which_gains_it_walked(
+    root: Path,
+    robot: Robot,
+    still: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    """Two dampings of one policy had the same JSON but for the figures, and the plain robot was held silently to the
+    adapted robot's bars."""
+    _bars(monkeypatch, 0.0)
+    monkeypatch.setattr(validate_command, "robot_folder", lambda project, name: root / "robots" / name)
+    own = dict(zip(robot.joint_names, robot.kd.tolist(), strict=True))
+    assert own["Left_Ankle_Roll"] != 2.0
+    for damping, ankle, said in (
+        ((), own["Left_Ankle_Roll"], ""),
+        (("--ankle-kd", "2"), 2.0, "ankles damped with 2 N"),
+    ):
+        assert main(["validate", str(still), "--json", str(tmp_path / "said.json"), *damping]) == 0
+        found = json.loads((tmp_path / "said.json").read_text())
+        assert {name: each["kd"] for name, each in found["gains"].items()} == {
+            name: ankle if "Ankle" in name else kd for name, kd in own.items()
+        }
+        assert [found["gains"][name]["kp"] for name in robot.joint_names] == robot.kp.tolist()
+        assert found["robot"] == robot.digest != found["robot_of_bars"]
+        text = capsys.readouterr().out
+        assert text.endswith(f"  note  {found['note']}\npassed\n")
+        assert said in text.splitlines()[0] and ("damped" in text) == bool(damping)
+
+
+@pytest.mark.parametrize("kd", ["nan", "inf", "-1"])
+def test_a_damping_that_cannot_be_is_one_sentence(
+    root: Path, still: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kd: str
+):
+    monkeypatch.chdir(root)
+    assert main(["validate", str(still), f"--ankle-kd={kd}"]) == 1
+    assert (
+        capsys.readouterr().err
+        == f"booster-lab: the damping of the ankles is {kd} N m s/rad, allowed are numbers from 0 on.\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "match"),
     [

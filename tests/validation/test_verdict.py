@@ -139,6 +139,20 @@ def test_nothing_that_is_required_is_no_pass():
     assert as_text(verdict).endswith("no cell is required: nothing was shown")
 
 
+def test_bars_of_another_robot_are_said_and_hold_all_the_same():
+    """Plain `robots/t1` was held to the adapted robot's bars, and nothing said so."""
+    found = measured(cell("a"), {}, {})
+    own = _judged(_settings(found), found)
+    assert own.to_dict()["note"] is None
+    assert "note" not in as_text(own)
+    other = judge([found], _settings(found), suite="quick", policy="p", robot="another")
+    assert other.passed and own.passed
+    assert (other.to_dict()["robot"], other.to_dict()["robot_of_bars"]) == ("another", "r")
+    assert "were derived on another robot (r) than the one judged (another)" in other.to_dict()["note"]
+    assert "materialize `adapted_robot`" in other.note
+    assert as_text(other).splitlines()[-2:] == [f"  note  {other.note}", "passed"]
+
+
 def test_the_verdict_is_json_without_nan():
     verdict = _judged(
         _settings(measured(cell("a"), {}, {})), measured(cell("a"), {"fell": 1.0, "fell_s": 1.0}, {"power": 500.0})
