@@ -97,6 +97,7 @@ class FeedbackPage:
             "to": change.value,
             "bound": change.bound,
             "approved": change in self.approvals.changes,
+            "rests on": change.counted(),
             "logs": ", ".join(sorted({witness.log for witness in change.witnesses})),
             "simulated": all(witness.simulated for witness in change.witnesses),
             "because": "; ".join(witness.said for witness in change.witnesses),
