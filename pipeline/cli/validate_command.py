@@ -15,6 +15,7 @@ from pipeline.files import atomic
 from pipeline.robot import load_robot
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.validation.earlier_logs import refuse_foreign, remove_earlier
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.measure import measure
 from pipeline.validation.report import as_text, table
@@ -46,7 +47,10 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--suite", choices=SUITES, default=QUICK, help="how much is tried")
     parser.add_argument("--json", metavar="OUT", type=Path, help="write verdict and all numbers here")
     parser.add_argument(
-        "--failures", metavar="FOLDER", type=Path, help="write a log of each failed cell's worst trial here"
+        "--failures",
+        metavar="FOLDER",
+        type=Path,
+        help="write a log of each failed cell's worst trial here; those of an earlier verdict of this policy go",
     )
     parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes; 0 for one each core")
     parser.add_argument("--table", action="store_true", help="print every cell")
@@ -61,7 +65,10 @@ def run(parsed: argparse.Namespace) -> int:
     one = deployed(folder, policy_of(parsed.policy, folder))
     if parsed.ankle_kd is not None:
         one = with_ankle_kd(one, parsed.ankle_kd)
-    measured = measure(one, cells_of(parsed.suite, one.robot), ClipPool(workers=parsed.workers))
+    cells = cells_of(parsed.suite, one.robot)
+    if parsed.failures:
+        refuse_foreign(parsed.failures, cells, one)
+    measured = measure(one, cells, ClipPool(workers=parsed.workers))
     verdict = judge(measured, bars, suite=parsed.suite, policy=digest(one.policy), robot=one.robot.digest)
     if parsed.table:
         rows = table(verdict)
@@ -73,8 +80,12 @@ def run(parsed: argparse.Namespace) -> int:
         said = {**verdict.to_dict(), "gains": one.gains()}
         atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")
     if parsed.failures:
-        for path in write_failed_trials(one, verdict, parsed.failures):
+        logs = write_failed_trials(one, verdict, parsed.failures)
+        gone = remove_earlier(parsed.failures, one, logs)
+        for path in logs:
             print(f"written: {path}")
+        for path in gone:
+            print(f"removed, of an earlier verdict: {path}")
     return 0 if verdict.passed else FAILED
 
 

@@ -16,7 +16,7 @@ from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
 from pipeline.validation.cross_engine_walk import walk
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.failed_trials import LONGEST_NOTE, file_name, off_most
+from pipeline.validation.failed_trials import CELL_NOTE, LONGEST_NOTE, file_name, off_most
 from pipeline.virtual_robot.record import record
 
 
@@ -77,7 +77,7 @@ def failure_log(
     rollout = walk(deployed, engine, said, seed, settings.simulation, stop_on_fall=False)
     pushes = () if said.push is None else (OperatorEvent(time_s=said.push.start_s, kind="pushed"),)
     reasons = "; ".join(cell.reasons)[:LONGEST_NOTE]
-    notes = {"validation cell": cell.name, "engine": engine, "seed": str(seed), "reasons": reasons}
+    notes = {CELL_NOTE: cell.name, "engine": engine, "seed": str(seed), "reasons": reasons}
     notes |= note_of(missed_by(cell, engine, seed, said))
     facts = LogFacts(robot=deployed.robot.name, policy_digest=digest(deployed.policy), events=pushes, notes=notes)
     return record(rollout, deployed.task.kp, deployed.task.kd, facts, np.random.default_rng(seed))

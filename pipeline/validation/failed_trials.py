@@ -24,6 +24,8 @@ from pipeline.virtual_robot.record import record
 
 LONGEST_NOTE = 400
 """Letters of the reasons that go into a log."""
+CELL_NOTE = "validation cell"
+"""Note of a log that says of which cell it is."""
 OF_FALLS = ("falls", "survival")
 """Figures of a cell's trials together."""
 AXES: tuple[str, ...] = ("forward", "lateral", "yaw")
@@ -33,7 +35,7 @@ def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[
     """The logs of a verdict's failed cells, one MCAP file each; equal verdicts give equal bytes."""
     worlds, written = Worlds(one), []
     for cell in verdict.failed_cells:
-        path = folder / f"{file_name(cell.measured.cell.name)}.mcap"
+        path = log_path(folder, cell.measured.cell.name)
         _, log = failed_trial(worlds, cell)
         write_mcap(path, log)
         written.append(path)
@@ -45,7 +47,7 @@ def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
     one, trial = worlds.one, worst_trial(cell)
     rollout = walk(worlds, trial, stop_on_fall=False)
     said = "; ".join(map(str, cell.reasons))
-    notes = {"validation cell": cell.measured.cell.name, "reasons": said[:LONGEST_NOTE], "seed": str(trial.seed)}
+    notes = {CELL_NOTE: cell.measured.cell.name, "reasons": said[:LONGEST_NOTE], "seed": str(trial.seed)}
     facts = LogFacts(
         robot=one.robot.name,
         policy_digest=digest(one.policy),
@@ -119,6 +121,11 @@ def off_most(figure: str, goal: tuple[float, float, float], reached: tuple[float
     wanted, got = dict(zip(AXES, goal, strict=True)), dict(zip(AXES, reached, strict=True))
     axis = max(KNOWN[figure].axes, key=lambda each: abs(got[each] - wanted[each]))
     return {"axis": axis, "commanded": wanted[axis], "achieved": got[axis]}
+
+
+def log_path(folder: Path, cell: str) -> Path:
+    """Where the log of a failed cell is written."""
+    return folder / f"{file_name(cell)}.mcap"
 
 
 def file_name(cell: str) -> str:

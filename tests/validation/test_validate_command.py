@@ -70,6 +70,33 @@ def test_a_policy_that_passes_ends_with_zero(
 
 
 @pytest.mark.usefixtures("one_push")
+def test_what_passes_now_leaves_no_log_of_when_it_failed(
+    robot: Robot, still: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The closed loop went on learning from it. Another policy's logs are refused a place and stay."""
+    logs, asked = tmp_path / "logs", ["validate", str(still), "--failures", str(tmp_path / "logs")]
+    _bars(monkeypatch, 0.5)
+    assert main(asked) == 3
+    (log,) = logs.iterdir()
+    _bars(monkeypatch, 0.0)
+    assert main(asked) == 0
+    assert f"removed, of an earlier verdict: {log}\n" in capsys.readouterr().out
+    assert list(logs.iterdir()) == []
+
+    _bars(monkeypatch, 0.5)
+    assert main(asked) == 3
+    before = log.read_bytes()
+    task = deployment_task(robot)
+    other = linear_policy(
+        np.zeros((len(task.policy_joints), task.observation_size)), np.full(len(task.policy_joints), 0.01)
+    )
+    save_policy(tmp_path / "other.npz", other)
+    assert main(["validate", str(tmp_path / "other.npz"), *asked[2:]]) == 1
+    assert "it is no log of this policy's validation" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+@pytest.mark.usefixtures("one_push")
 def test_the_verdict_says_whose_bars_they_are_and_with_which_gains_it_walked(
     root: Path,
     robot: Robot,
