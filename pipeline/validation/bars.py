@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.files.ranges import NOT_NEGATIVE, SHARE, check
+from pipeline.files.ranges import NOT_NEGATIVE, SHARE, OneOf, check
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import Measured
 
@@ -86,6 +86,10 @@ class Bar:
     at_most: float | None = None
     at_least: float | None = None
 
+    def __post_init__(self) -> None:
+        sides = [name for name in ("at_most", "at_least") if getattr(self, name, None) is not None]
+        check(self, [] if len(sides) == 1 else [("at_most", "and 'at_least': allowed is exactly one of both")])
+
     def holds(self, value: float) -> bool:
         """Whether a figure is good enough."""
         return (self.at_most is None or value <= self.at_most) and (self.at_least is None or value >= self.at_least)
@@ -103,6 +107,13 @@ class CellBars:
     why: str
     """Why it does not count; empty where it does."""
     bars: dict[str, Bar]
+    """By figure, of `FIGURES`."""
+
+    def __post_init__(self) -> None:
+        names = OneOf(tuple(FIGURES))
+        check(
+            self, [(f"bars.{name}", problem) for name in getattr(self, "bars", {}) if (problem := names.problem(name))]
+        )
 
 
 UNKNOWN = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.robot import Robot
 from pipeline.validation.bars import (
@@ -169,6 +170,29 @@ def test_the_file_is_what_was_derived(tmp_path: Path):
     path.write_text(text_of(found))
     assert settings.read(path, ValidationSettings) == found
     assert text_of(settings.read(path, ValidationSettings)) == text_of(found)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("slip: {unit", "slipping: {unit", r"'cells.vx -0.6.bars.slipping' is 'slipping', there are: falls, survival"),
+        (
+            "at_most: 3.5833",
+            "at_most: null",
+            "'cells.vx -0.6.bars.saturation.at_most' and 'at_least': allowed is exactly one",
+        ),
+        ("at_most: 3.5833", "at_most: 3.5, at_least: 1.0", "bars.saturation.at_most' and 'at_least'"),
+    ],
+)
+def test_a_bar_that_would_hold_whatever_is_found_is_refused(
+    root: Path, tmp_path: Path, right: str, wrong: str, told: str
+):
+    """A misspelt figure, or one without a side, let every policy pass."""
+    path, text = tmp_path / "validation.yaml", (root / "data" / "validation.yaml").read_text()
+    assert right in text
+    path.write_text(text.replace(right, wrong, 1))
+    with pytest.raises(SettingsError, match=told):
+        settings.read(path, ValidationSettings)
 
 
 def test_the_shipped_bars_are_of_the_cells_that_there_are(root: Path, robot: Robot):
