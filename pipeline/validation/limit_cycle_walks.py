@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.dart.plant import DartPlant
-from pipeline.errors import PipelineError
+from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
@@ -224,7 +224,11 @@ def _series(
     joint_names: tuple[str, ...],
     settings: LimitCycleSettings,
 ) -> JointSeries:
-    hip, knee = (joint_names.index(settings.joints[f"{side}_{part}"]) for part in ("hip", "knee"))
+    wanted = [settings.joints[f"{side}_{part}"] for part in ("hip", "knee")]
+    for joint in wanted:
+        if joint not in joint_names:
+            raise UnknownNameError("joint", joint, joint_names)
+    hip, knee = map(joint_names.index, wanted)
     return JointSeries(
         name=name,
         rate_hz=rate_hz,

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.deployment import deployment_task, load_policy
 from pipeline.files import settings as settings_files
+from pipeline.errors import UnknownNameError
 from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial, write_mcap
 from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
@@ -227,3 +228,9 @@ def test_the_log_of_a_virtual_robot_has_the_cycle_of_its_simulation(robot, polic
         assert found.period_ratio == pytest.approx(1.0, abs=0.03)
         assert found.hip_amplitude_ratio == pytest.approx(1.0, abs=0.06)
         assert found.knee_amplitude_ratio == pytest.approx(1.0, abs=0.06)
+
+
+def test_a_joint_that_the_robot_lacks_is_told(robot, settings):
+    wrong = dataclasses.replace(settings, joints={**settings.joints, "left_knee": "Left_Knee"})
+    with pytest.raises(UnknownNameError, match="unknown joint 'Left_Knee'; there are: .*Left_Knee_Pitch"):
+        trial_series(walking_log(robot), slice(600, 1200), "left", "log left", wrong)
