@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import deployment_task, load_policy
-from pipeline.files import settings as settings_files
 from pipeline.errors import UnknownNameError
+from pipeline.files import settings as settings_files
 from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial, write_mcap
 from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
@@ -232,5 +232,5 @@ def test_the_log_of_a_virtual_robot_has_the_cycle_of_its_simulation(robot, polic
 
 def test_a_joint_that_the_robot_lacks_is_told(robot, settings):
     wrong = dataclasses.replace(settings, joints={**settings.joints, "left_knee": "Left_Knee"})
-    with pytest.raises(UnknownNameError, match="unknown joint 'Left_Knee'; there are: .*Left_Knee_Pitch"):
+    with pytest.raises(UnknownNameError, match=r"unknown joint 'Left_Knee'; there are: .*Left_Knee_Pitch"):
         trial_series(walking_log(robot), slice(600, 1200), "left", "log left", wrong)
