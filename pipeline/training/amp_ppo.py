@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -11,6 +12,17 @@ from rsl_rl.algorithms import PPO
 
 from pipeline.training.discriminator import Discriminator, style_reward
 from pipeline.training.options import Options
+
+
+@contextmanager
+def _tf32() -> Iterator[None]:
+    """Matrix products of the networks in TF32 where there are such units; those of the environment are not."""
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("high")
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(before)
 
 
 class AmpPpo(PPO):
@@ -30,6 +42,11 @@ class AmpPpo(PPO):
         self.followed = 0.0
         """Set by the run: the share of the commands that is reached."""
         self._synchronized = False
+
+    def act(self, obs) -> torch.Tensor:
+        """Actions of the networks."""
+        with _tf32():
+            return super().act(obs)
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
         """Blend the style reward in; windows of one episode are scored and half of them kept."""
@@ -62,10 +79,11 @@ class AmpPpo(PPO):
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's; exploration is held below its bound."""
         begun = self._now()
-        if self.discriminator is not None:
-            self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
         self.desired_kl = self.held_kl()
-        figures = super().update()
+        with _tf32():
+            if self.discriminator is not None:
+                self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
+            figures = super().update()
         self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - begun
         return figures

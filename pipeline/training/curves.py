@@ -46,7 +46,7 @@ class Record:
         if env.common_step_counter % 8 == 0:
             self._add_velocity(env)
         walks = BINS["mid"][1](env.command)
-        stepped = (env.readings.step_time > 0.0) & walks
+        stepped = (env.readings.step_s > 0.0) & walks
         self._steps += torch.stack([stepped.sum(), walks.sum()])
         done = env.reset_buf
         stalled = done & ~env.fell & ~env.reset_time_outs

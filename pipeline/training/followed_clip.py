@@ -1,7 +1,8 @@
 """The clip that an episode began in, followed for as long as its command holds: how near the robot stays to it.
 
 The clip's time goes with the robot's: every few steps the nearest of its frames just before and after is taken, so that
-a gait of nearly the clip's rate stays with it. Who stands still is left behind all the same.
+a gait of nearly the clip's rate stays with it. Who stands still is left behind: the mean posture of the shipped clips
+of .6, 1.0, 1.5 and 2.0 m/s is .35, .25, .26 and .21 near them.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ import itertools
 import numpy as np
 import torch
 
-from pipeline.training.bundle import ExpertFrames
+from pipeline.training.bundle import FPS, ExpertFrames
 
-JOINTS, ENDS = 1.0, 0.1
+JOINTS, ENDS = 0.5, 0.05
 """Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2]."""
+LEFT_S = 1.0
+"""The clip's end is told from so long before it [s]."""
 AGAIN = 4
 """Control steps after which the nearest frame is looked for: the clip's time runs at .75 to 1.25 of its own."""
 
@@ -24,7 +27,7 @@ def nearness(
 ) -> torch.Tensor:
     """1 / (1 + sum dq^2 / JOINTS + sum dp^2 / ENDS) of joints (…, a) [rad] and ends in the trunk's frame (…, 12) [m].
 
-    Its slope is there far off too: the default pose is 4 from a run's frames.
+    It leads from far off too: a run's frames are 10 from the default pose.
     """
     away = torch.square(joints - like_joints).sum(dim=-1) / JOINTS + torch.square(ends - like_ends).sum(dim=-1) / ENDS
     return 1.0 / (1.0 + away)
@@ -45,6 +48,11 @@ class FollowedClip:
         """Which environments still have a clip."""
         self.near = torch.zeros(count, device=device)
         """How near each is to its clip, 0..1; 0 where it has none."""
+
+    @property
+    def left_s(self) -> torch.Tensor:
+        """How long each still has its clip [s], at most LEFT_S (n,)."""
+        return ((self._last[self._at] - self._at) / FPS).clamp(max=LEFT_S) * self.follows
 
     def begin(self, env_ids: torch.Tensor, at: torch.Tensor, follows: torch.Tensor) -> None:
         """Episodes begin at the frames `at` of the expert; `follows` says which of them have their clip's command."""

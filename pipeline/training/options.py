@@ -200,9 +200,9 @@ class Options:
     init_std: float = 0.6
     """Deviation of the actions that exploration begins with."""
     std_end: float = 0.0
-    """Most that is left of it after the last of `std_iterations`, as a share; 0: no bound."""
+    """Most that it may be after the last of `std_iterations`, as a share of `init_std`; 0: no bound."""
     std_iterations: tuple[int, int] = (300, 900)
-    """The bound sinks between these iterations."""
+    """The bound sinks from `init_std` between these iterations."""
     hidden: tuple[int, ...] = (512, 256, 128)
     symmetry: bool = True
     """Mirrored samples beside each mini-batch's own."""
@@ -211,6 +211,12 @@ class Options:
         for name, words in WORDS.items():
             if getattr(self, name) not in words:
                 raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
+
+        if self.follow_clip and not self.reference_command_share:
+            raise TrainingError(
+                "option 'follow_clip' leads episodes that have their clip's command, and there are none: "
+                "set 'reference_command_share'."
+            )
 
     def changed(self, **values: Any) -> Options:
         """These options with some changed. Raises TrainingError for a name or value that is none."""

@@ -245,10 +245,11 @@ class Readings:
         return self._stance
 
     @property
-    def step_time(self) -> torch.Tensor:
-        """Where a foot has just been set down, how long ago the other one was [s] (n,); else 0.
+    def step_s(self) -> torch.Tensor:
+        """Where a foot has just been set down, how long ago the other one was, the last time [s] (n,); else 0.
 
-        A foot that bounces, or is set down twice running, makes no step, nor does the first one of an episode.
+        A foot that bounces, or is set down twice running, makes no step; nor do both at once, nor the first one of an
+        episode or after standing.
         """
         return self._step
 
@@ -256,24 +257,25 @@ class Readings:
         """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
         self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
-        self._advance_stances(self.contacts)
+        self._advance_stances(self.contacts, (self._env.command.abs() > 1e-6).any(dim=1))
 
-    def _advance_stances(self, contacts: torch.Tensor) -> None:
-        """The times of stances and steps, with feet (n, 2) that touch the ground now."""
-        same = contacts == self._stood
-        self._advance_steps(contacts & ~same & (self._stance >= LEAST_SWING_S - 1e-6))
-        self._stance = (self._stance + self._env.step_dt) * same
+    def _advance_stances(self, contacts: torch.Tensor, moves: torch.Tensor) -> None:
+        """The times of stances and steps, with feet (n, 2) that touch the ground now and who is told to move (n,)."""
+        same, lasted = contacts == self._stood, self._stance + self._env.step_dt
+        self._advance_steps(contacts & ~same & (lasted >= LEAST_SWING_S - 1e-6), moves)
+        self._stance = lasted * same
         self._stood = contacts
 
-    def _advance_steps(self, landed: torch.Tensor) -> None:
+    def _advance_steps(self, landed: torch.Tensor, moves: torch.Tensor) -> None:
         """The time of steps, with feet (n, 2) that are set down now after a swing."""
         self._since += self._env.step_dt
         one, both = landed.any(dim=1), landed.all(dim=1)
         foot = torch.where(landed[:, 0], 0, 1)
-        stepped = one & (foot != self._set_down) & ~both
-        self._step = self._since * (stepped & (self._set_down >= 0))
-        self._since *= ~(stepped | both)
-        self._set_down = torch.where(both, -1, torch.where(one, foot, self._set_down))
+        stepped = one & ~both & (foot != self._set_down) & (self._set_down >= 0)
+        self._step = self._since * stepped
+        self._since *= ~one
+        down = torch.where(both, -1, torch.where(one, foot, self._set_down))
+        self._set_down = torch.where(moves, down, -1)
 
     def restart(self, env_ids: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""

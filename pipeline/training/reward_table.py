@@ -220,7 +220,7 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="follow_clip",
-            equation="1 / (1 + sum dq^2 + sum dp^2 / .1) from the clip that the episode began in",
+            equation="1 / (1 + sum dq^2 / .5 + sum dp^2 / .05) from the clip that the episode began in",
             weight=options.follow_clip,
             value=lambda env: env.followed_clip.near,
             added="the first gait that does not fall is one of quick steps, and stays",
@@ -244,10 +244,10 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="long_step",
-            equation="at the end of each step T min(1, T / (.75 of the clips' time)) / dt",
+            equation="1[c != 0] at the end of a step: T min(1, T / (.75 T_clips)) / dt, T at most 1.5 T_clips",
             weight=options.long_step,
             value=lambda env: (
-                terms.long_step(env.command, env.readings.step_time, env.step_times(env.command)) / env.step_dt
+                terms.long_step(env.command, env.readings.step_s, env.step_times(env.command)) / env.step_dt
             ),
             added="steps of a third of the clips' time are paid as well as theirs",
         ),

@@ -20,7 +20,7 @@ STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 STEP_SHARE = 0.75
 """Of the clips' time of a step: one that takes as long is long enough."""
-LONGEST_STEP = 1.5
+LONGEST_SHARE = 1.5
 """Of the clips' time of a step: the time beyond is not walked."""
 
 
@@ -114,11 +114,11 @@ def single_stance(
     return torch.clamp(time, max=STANCE_TIME) * (single & moves)
 
 
-def long_step(command: torch.Tensor, step_time: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+def long_step(command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor) -> torch.Tensor:
     """The time (n,) [s] of steps that end now, while told to move, times how much of STEP_SHARE of the wanted time (n,)
-    they took; 0 where none ends. No step is paid for more than LONGEST_STEP of the wanted time."""
-    enough = (STEP_SHARE * wanted).clamp(min=1e-6)
-    time = torch.minimum(step_time, LONGEST_STEP * wanted)
+    they took; 0 where none ends. No step is paid for more than LONGEST_SHARE of the wanted time."""
+    enough = (STEP_SHARE * wanted_s).clamp(min=1e-6)
+    time = torch.minimum(step_s, LONGEST_SHARE * wanted_s)
     return time * (time / enough).clamp(max=1.0) * (command.abs() > 1e-6).any(dim=1)
 
 

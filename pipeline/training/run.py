@@ -57,7 +57,6 @@ class TrainingRun:
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank
         options = request.options
-        torch.set_float32_matmul_precision("high")  # TF32 where there are such units, as mjlab's own training has it
         env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
         self.env = env
         wrapped = RslRlVecEnvWrapper(env)
@@ -86,14 +85,13 @@ class TrainingRun:
         limit = self.request.minutes
         reason = "iterations"
         while self.iteration < self.request.iterations:
-            if limit is not None and before + time.monotonic() - started > 60.0 * limit:
+            begun = time.monotonic()
+            passed = self._agreed(before + begun - started)
+            if limit is not None and passed > 60.0 * limit:
                 reason = "minutes"
                 break
-            begun = time.monotonic()
             self.runner.current_learning_iteration = self.iteration
-            self.algorithm.iteration = self.env.schedule = scheduled(
-                self.request, self.iteration, before + begun - started
-            )
+            self.algorithm.iteration = self.env.schedule = scheduled(self.request, self.iteration, passed)
             self.runner.learn(1)
             self.iteration += 1
             now = time.monotonic()
@@ -102,6 +100,14 @@ class TrainingRun:
                 self.save()
         self.save()
         self._finish(reason, before + time.monotonic() - started)
+
+    def _agreed(self, seconds: float) -> float:
+        """The first process's seconds in all of them: they end, and are in their schedules, together."""
+        if not self.algorithm.is_multi_gpu:
+            return seconds
+        value = torch.tensor(seconds, dtype=torch.float64, device=self.request.device)
+        torch.distributed.broadcast(value, src=0)
+        return float(value)
 
     def save(self) -> None:
         """Checkpoint, policy and curves; only the first process writes."""

@@ -34,8 +34,8 @@ def steps(expert: ExpertFrames) -> tuple[np.ndarray, np.ndarray]:
         ]
     if not found:
         return np.zeros(0, dtype=int), np.zeros(0)
-    end, took = zip(*found, strict=True)
-    return np.array(end), np.array(took)
+    end, took_s = zip(*found, strict=True)
+    return np.array(end), np.array(took_s)
 
 
 def _landings(lifted: np.ndarray) -> list[int]:

@@ -63,7 +63,7 @@ def test_who_stands_still_is_left_behind(expert):
 def test_nearness_falls_with_joints_and_ends(expert):
     clip, ids = FollowedClip(expert, 1, "cpu"), torch.tensor([0])
     joints, ends = state(expert, 11.0)
-    for away, wanted in (((0.5, 0.0), 1 / 1.25), ((0.0, 0.1), 1 / 1.1), ((0.5, 0.1), 1 / 1.35)):
+    for away, wanted in (((0.5, 0.0), 1 / 1.5), ((0.0, 0.1), 1 / 1.2), ((0.5, 0.1), 1 / 1.7)):
         clip.begin(ids, torch.tensor([10]), torch.tensor([True]))
         shifted = joints.clone(), ends.clone()
         shifted[0][0, 3] += away[0]
@@ -75,6 +75,8 @@ def test_nearness_falls_with_joints_and_ends(expert):
 def test_it_ends_with_the_clip_and_with_the_command_and_does_not_come_back(expert):
     assert followed(expert, 1.0, 30, begin=100)[-1] == 0.0, "the next clip is another one"
     clip, ids = FollowedClip(expert, 2, "cpu"), torch.arange(2)
+    clip.begin(ids, torch.tensor([10, 119 - 25]), torch.tensor([True, True]))
+    assert clip.left_s.tolist() == pytest.approx([1.0, 0.5]), "the end is told from a second before it"
     clip.begin(ids, torch.tensor([10, 10]), torch.tensor([True, False]))
     near = []
     for step, keeps in enumerate([True] * AGAIN + [False] + [True] * 3):

@@ -8,7 +8,7 @@ import torch
 
 from pipeline.training.bundle import FPS, ExpertFrames
 from pipeline.training.readings import Readings
-from pipeline.training.step_times import StepTimes, steps
+from pipeline.training.step_times import LEAST_SWING_S, StepTimes, _landings, steps
 
 JOINTS = 21
 FOOT = 7 + JOINTS + 6
@@ -62,16 +62,16 @@ class Ground:
     step_dt, num_envs, device = 0.02, 1, "cpu"
 
 
-def step_times_of(touching: list[tuple[bool, bool]]) -> list[float]:
-    """What `step_time` is at each control step."""
+def step_times_of(touching: list[tuple[bool, bool]], stands_until: int = 0) -> list[float]:
+    """What `step_s` is at each control step."""
     read = Readings.__new__(Readings)
     read._env, read._known = Ground(), {}
     read._stance, read._stood = torch.zeros(1, 2), torch.ones(1, 2, dtype=torch.bool)
     read._set_down, read._since, read._step = torch.full((1,), -1), torch.zeros(1), torch.zeros(1)
     found = []
-    for feet in touching:
-        read._advance_stances(torch.tensor([feet]))
-        found.append(round(float(read.step_time[0]), 3))
+    for at, feet in enumerate(touching):
+        read._advance_stances(torch.tensor([feet]), torch.tensor([at >= stands_until]))
+        found.append(round(float(read.step_s[0]), 3))
     return found
 
 
@@ -88,3 +88,23 @@ def test_bounces_hops_and_jumps_are_no_steps():
     hops = [BOTH, *([LEFT] * 5 + [NONE] * 5) * 4]
     jumps = [BOTH, *([NONE] * 8 + [BOTH] * 4) * 4]
     assert not any(step_times_of(bounces) + step_times_of(hops) + step_times_of(jumps))
+
+
+def test_a_foot_set_down_twice_makes_no_longer_step():
+    left, right = [RIGHT] * 5 + [BOTH] * 5, [LEFT] * 5 + [BOTH] * 5
+    found = step_times_of([BOTH, *(left + left + right + right) * 3])
+    assert [time for time in found if time] == [0.2] * 5
+
+
+def test_the_shortest_swing_is_the_one_of_the_clips():
+    swing = round(LEAST_SWING_S * FPS)
+    for frames, count in ((swing, 1), (swing - 1, 0)):
+        found = step_times_of([BOTH, *[RIGHT] * 10, BOTH, BOTH, *[LEFT] * frames, BOTH])
+        assert len([time for time in found if time]) == count
+        lifted = np.array([False, False, *[True] * frames, False])
+        assert len(_landings(lifted)) == count
+
+
+def test_time_stood_before_a_command_is_no_step():
+    steps = [BOTH, *[RIGHT] * 10, *[BOTH] * 100, *[LEFT] * 10, BOTH, *[RIGHT] * 10, BOTH]
+    assert [time for time in step_times_of(steps, stands_until=105) if time] == [0.22]

@@ -126,10 +126,7 @@ def test_pushes_are_horizontal_in_all_directions_and_grow():
 def test_what_differs_from_the_paper_has_a_reason():
     paper = PRESETS["paper"][1]
     differ = {
-        name
-        for _, ours in PRESETS.values()
-        for name in vars(paper)
-        if getattr(paper, name) != getattr(ours, name)
+        name for _, ours in PRESETS.values() for name in vars(paper) if getattr(paper, name) != getattr(ours, name)
     }
     assert differ - {"terrain"} == set(REASONS), "the plane is what the other presets are for"
 
@@ -138,6 +135,11 @@ def test_what_differs_from_the_paper_has_a_reason():
 def test_an_option_that_is_one_of_some_words_is_none_other(name):
     with pytest.raises(TrainingError, match=f"'{name}' is 'center'; it must be"):
         preset("paper").with_texts({name: "center"})
+
+
+def test_a_clip_leads_only_where_episodes_have_its_command():
+    with pytest.raises(TrainingError, match="reference_command_share"):
+        preset("paper").changed(follow_clip=6.0)
 
 
 def test_options_are_read_from_text_in_the_form_of_their_default():
