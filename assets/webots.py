@@ -53,13 +53,15 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         project = _written(robot, judged.deployed, values)
         faults = project_faults(project.world, judged.deployed.robot)
         verdicts = validate(project, values, allowed_of(rules.webots))
-        stored = stored_verdict(plan.name, judged.digest, verdicts, WEBOTS)
+        note = rules.reference.note_on(judged.deployed.robot.digest)
+        stored = {**stored_verdict(plan.name, judged.digest, verdicts, WEBOTS), "note": note or None}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
         said = {each.engine: each.status for each in verdicts.values()}
         for engine, status in said.items():
             context.log.info(f"{engine}: {status}")
         metadata = {
             **said,
+            **({"note": note} if note else {}),
             "dagster/uri": dg.MetadataValue.path(str(project.folder)),
             "segments": table_of(_rows(verdicts), list(_rows(verdicts))),
         }

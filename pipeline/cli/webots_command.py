@@ -60,7 +60,10 @@ def run(parsed: argparse.Namespace) -> int:
         print(f"open it with: webots {project.world}")
         return 0
     rules = checkout.settings("validation.yaml", ValidationSettings)
-    return _walk(parsed, project, settings, allowed_of(rules.webots))
+    note = rules.reference.note_on(robot.digest)
+    if note:
+        print(f"note: {note}")
+    return _walk(parsed, project, settings, allowed_of(rules.webots), note)
 
 
 def _write(parsed: argparse.Namespace, folder: Path, settings: WebotsSettings) -> tuple[Project, Robot]:
@@ -75,7 +78,9 @@ def _write(parsed: argparse.Namespace, folder: Path, settings: WebotsSettings) -
     return write_project(parsed.out, source, one.task, one.envelope, one.policy, settings), one.robot
 
 
-def _walk(parsed: argparse.Namespace, project: Project, settings: WebotsSettings, allowed: dict[str, Allowed]) -> int:
+def _walk(
+    parsed: argparse.Namespace, project: Project, settings: WebotsSettings, allowed: dict[str, Allowed], note: str
+) -> int:
     if parsed.engine == "webots":
         said = verdict(WEBOTS, launch_webots(project, settings), settings, allowed)
     else:
@@ -85,7 +90,8 @@ def _walk(parsed: argparse.Namespace, project: Project, settings: WebotsSettings
     for reason in said.reasons:
         print(f"  {reason}")
     if parsed.json:
-        atomic.write_text(parsed.json, json.dumps(said.to_dict(), indent=1, sort_keys=True, allow_nan=False) + "\n")
+        told = {**said.to_dict(), "note": note or None}
+        atomic.write_text(parsed.json, json.dumps(told, indent=1, sort_keys=True, allow_nan=False) + "\n")
     if said.failed_to_run:
         return 1
     return 0 if said.status == "passed" else FAILED

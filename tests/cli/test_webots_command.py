@@ -37,8 +37,11 @@ def test_a_missing_webots_is_said_and_is_no_pass(
     told = tmp_path / "told.json"
     arguments = ["--out", str(tmp_path / "webots"), "--policy", str(policy), "--run", "webots", "--json", str(told)]
     assert main(["webots-project", *arguments]) == 3
-    assert "Webots: not run: webots not found" in capsys.readouterr().out
-    assert json.loads(told.read_text()) == {
+    said, found = capsys.readouterr().out, json.loads(told.read_text())
+    assert "Webots: not run: webots not found" in said
+    note = found.pop("note")
+    assert (note is None) == ("note: " not in said), "bars of another robot are told in both places"
+    assert found == {
         "engine": "Webots",
         "status": "not run: webots not found",
         "reasons": [],
