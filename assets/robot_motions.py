@@ -200,6 +200,10 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         stage = stage_of(plan, partial(process, **judged_by), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
+        # Before the weights, which change with every other clip: what was judged anew once is known.
+        again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
+        judged = run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged
+        broken = [row.clip for row in judged if row.reasons]
         balanced = balance(manifest.entry_table(), values)
         made = balanced[["clip", "weight", "family"]].itertuples(index=False)
         manifest = manifest.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
@@ -215,12 +219,6 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
-        again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
-        broken = [
-            row.clip
-            for row in run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged
-            if row.reasons
-        ]
         check = dg.AssetCheckResult(
             asset_key=plan.key,
             check_name=satisfied.name,
