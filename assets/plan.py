@@ -63,7 +63,7 @@ def _values(project: Project, name: str) -> Any:
     """What a settings file, or its section after a "#", says now."""
     file, _, section = name.partition("#")
     values = settings.read_yaml(project.settings(file))
-    return values.get(section) if section else values
+    return values.get(section) if section and isinstance(values, dict) else values
 
 
 def digest_of_robot(project: Project, robot: str) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,12 @@ MAX_MEMBER_BYTES = 1_000_000_000
 MAX_TOTAL_BYTES = 2_000_000_000
 MAX_RATIO = 1_000
 """Caps on an archive: members, bytes of one and of those that are read, and how far a member may inflate."""
+
+
+DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError)
+DAMAGED += (NotImplementedError, RuntimeError)
+"""What zipfile, the decompressors it uses and NumPy raise of an archive that is broken, encrypted or packed in a way of
+its own; none of them is a FileError."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +48,7 @@ class NpzHeader:
         try:
             with np.load(self.path, allow_pickle=False) as archive:
                 value = archive[name]
-        except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        except DAMAGED as error:
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
@@ -93,7 +101,7 @@ def open_npz(path: Path) -> NpzHeader:
                     raise FileError(path, f"'{name}' claims shape {shape}, more than its {info.file_size} bytes hold.")
                 else:
                     shapes[name] = shape
-    except (zipfile.BadZipFile, EOFError, OSError, ValueError, NotImplementedError, RuntimeError) as error:
+    except DAMAGED as error:
         raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
     return NpzHeader(path=path, shapes=shapes, objects=tuple(objects))
 

@@ -9,9 +9,11 @@ from typing import Any
 
 import torch
 from rsl_rl.algorithms import PPO
+from rsl_rl.modules.distribution import GaussianDistribution
 
 from pipeline.training.discriminator import Discriminator, style_reward
 from pipeline.training.options import Options
+from pipeline.training.training_error import TrainingError
 
 
 @contextmanager
@@ -31,7 +33,12 @@ class AmpPpo(PPO):
     def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._options = options
-        self._std: torch.nn.Parameter = self._raw_actor.distribution.std_param  # type: ignore[union-attr]  # runner_cfg gives one
+        distribution = self._raw_actor.distribution
+        if not isinstance(distribution, GaussianDistribution):
+            raise TrainingError(
+                f"the actor draws from {type(distribution).__name__}; its deviation has no bound to sink."
+            )
+        self._std = distribution.std_param
         self.update_s = 0.0
         """Duration of the last update of the networks [s]."""
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
-from pipeline.training.step_times import LEAST_SWING_S
+from pipeline.training.plain_walk import AIR_S
 from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
@@ -262,7 +262,7 @@ class Readings:
     def _advance_stances(self, contacts: torch.Tensor, moves: torch.Tensor) -> None:
         """The times of stances and steps, with feet (n, 2) that touch the ground now and who is told to move (n,)."""
         same, lasted = contacts == self._stood, self._stance + self._env.step_dt
-        self._advance_steps(contacts & ~same & (lasted >= LEAST_SWING_S - 1e-6), moves)
+        self._advance_steps(contacts & ~same & (lasted >= AIR_S - 1e-6), moves)
         self._stance = lasted * same
         self._stood = contacts
 

@@ -60,13 +60,13 @@ class TrainingRun:
         env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
         self.env = env
         wrapped = RslRlVecEnvWrapper(env)
-        wrapped.mirror = Mirror(bundle.robot, request.device)  # type: ignore[attr-defined]  # symmetry of mirror.py reads it
+        wrapped.mirror = Mirror(bundle.robot, request.device)  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
         self.runner = OnPolicyRunner(
             wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
-        self.algorithm: AmpPpo = self.runner.alg  # type: ignore[assignment]  # runner_cfg names it
+        self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
         self.iteration = 0
         """How many iterations are done."""
         if request.resume:

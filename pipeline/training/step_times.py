@@ -9,12 +9,11 @@ import torch
 
 from pipeline.training.bundle import FPS, ExpertFrames
 from pipeline.training.expert_sampling import CELL
+from pipeline.training.plain_walk import AIR_S
 
 LIFTED_M = 0.012
 """A sole's middle is this much higher than it usually is on the ground while its foot swings [m]."""
 GROUND_PERCENTILE = 5.0
-LEAST_SWING_S = 0.04
-"""Less time in the air is no swing [s]: feet bounce as they are set down."""
 LEAST_STEPS = 6
 """A cell with fewer steps is left out."""
 
@@ -43,7 +42,7 @@ def _landings(lifted: np.ndarray) -> list[int]:
     change = np.flatnonzero(np.diff(lifted.astype(int)))
     begins, stops = change[~lifted[change]], change[lifted[change]]
     stops = stops[stops > begins[0]] if len(begins) else stops[:0]
-    return [int(b) + 1 for a, b in zip(begins, stops, strict=False) if (b - a) / FPS >= LEAST_SWING_S - 1e-9]
+    return [int(b) + 1 for a, b in zip(begins, stops, strict=False) if (b - a) / FPS >= AIR_S - 1e-9]
 
 
 def _sole_heights(frames: np.ndarray) -> np.ndarray:

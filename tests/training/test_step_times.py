@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from pipeline.training.bundle import FPS, ExpertFrames
+from pipeline.training.plain_walk import AIR_S
 from pipeline.training.readings import Readings
-from pipeline.training.step_times import LEAST_SWING_S, StepTimes, _landings, steps
+from pipeline.training.step_times import StepTimes, _landings, steps
 
 JOINTS = 21
 FOOT = 7 + JOINTS + 6
@@ -97,7 +98,7 @@ def test_a_foot_set_down_twice_makes_no_longer_step():
 
 
 def test_the_shortest_swing_is_the_one_of_the_clips():
-    swing = round(LEAST_SWING_S * FPS)
+    swing = round(AIR_S * FPS)
     for frames, count in ((swing, 1), (swing - 1, 0)):
         found = step_times_of([BOTH, *[RIGHT] * 10, BOTH, BOTH, *[LEFT] * frames, BOTH])
         assert len([time for time in found if time]) == count

@@ -187,6 +187,11 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "planted").exists()
 
 
+def test_a_checkpoint_that_is_not_there_is_not_called_damaged(tmp_path):
+    with pytest.raises(TrainingError, match=r"gone\.pt: can't be read \(No such file"):
+        load_checkpoint(tmp_path / "gone.pt", "cpu")
+
+
 def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
     path = tmp_path / "model_000001.pt"
     torch.save({"weights": torch.ones(1)}, path)
