@@ -7,7 +7,6 @@ gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examp
 from __future__ import annotations
 
 import io
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from jaxtyping import Float
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files import digest as digests
+from pipeline.files.damaged_npz import DAMAGED_NPZ
 
 GAINS = ("kp", "kd", "default_joint_pos")
 GOLDEN = ("golden_observation", "golden_action")
@@ -115,7 +115,7 @@ def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
             names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays.files else ()
             known = (name for name in arrays.files if np.issubdtype(arrays[name].dtype, np.number))
             return {name: np.asarray(arrays[name], dtype=float) for name in known}, names
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED_NPZ as error:
         raise FileError(path, f"is no npz of numbers ({error}).") from error
 
 

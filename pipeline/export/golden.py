@@ -17,6 +17,7 @@ from pipeline import rotation
 from pipeline.deployment import DeploymentTask, Policy, PolicyController
 from pipeline.errors import FileError
 from pipeline.files import atomic
+from pipeline.files.damaged_npz import DAMAGED_NPZ
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.pd_control import PdControl
@@ -97,5 +98,5 @@ def read_golden(path: Path) -> GoldenVectors:
     try:
         with np.load(path, allow_pickle=False) as arrays:
             return GoldenVectors(**{each.name: np.asarray(arrays[each.name]) for each in fields(GoldenVectors)})
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (KeyError, TypeError, *DAMAGED_NPZ) as error:
         raise FileError(path, f"has no golden vectors ({error}).", "Export the policy again.") from error

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import lzma
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,18 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files.damaged_npz import DAMAGED_NPZ
 
 MAX_MEMBERS = 200
 MAX_MEMBER_BYTES = 1_000_000_000
 MAX_TOTAL_BYTES = 2_000_000_000
 MAX_RATIO = 1_000
 """Caps on an archive: members, bytes of one and of those that are read, and how far a member may inflate."""
-
-
-DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError)
-DAMAGED += (NotImplementedError, RuntimeError)
-"""What zipfile, the decompressors it uses and NumPy raise of an archive that is broken, encrypted or packed in a way of
-its own; none of them is a FileError."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +41,7 @@ class NpzHeader:
         try:
             with np.load(self.path, allow_pickle=False) as archive:
                 value = archive[name]
-        except DAMAGED as error:
+        except DAMAGED_NPZ as error:
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
@@ -101,7 +94,7 @@ def open_npz(path: Path) -> NpzHeader:
                     raise FileError(path, f"'{name}' claims shape {shape}, more than its {info.file_size} bytes hold.")
                 else:
                     shapes[name] = shape
-    except DAMAGED as error:
+    except DAMAGED_NPZ as error:
         raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
     return NpzHeader(path=path, shapes=shapes, objects=tuple(objects))
 
