@@ -83,7 +83,7 @@ def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
             raise TrainingError(f"{policy}: falls at the command {walk.command} after {world.data.time:.1f} s.")
         if step % CONTROL_EVERY == CONTROL_EVERY - 1 and step >= first:
             data, rotation = world.data, world.data.xmat[world.root].reshape(3, 3)
-            velocity = [data.qvel[:3] @ rotation, data.qvel[3:6], data.qpos[7:][index], data.qvel[6:][index]]
+            velocity = [data.qvel[:3] @ rotation, data.qvel[3:6].copy(), data.qpos[7:][index], data.qvel[6:][index]]
             rows.append([data.xpos[world.root].copy(), rotation.copy(), *velocity, data.site_xpos[ends].copy()])
     columns = [torch.from_numpy(np.array(column)) for column in zip(*rows, strict=True)]
     return state_features(*columns).numpy()

@@ -51,6 +51,8 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert features.shape == (300, 60)
     assert features[:, 33].mean() == pytest.approx(0.6, abs=0.05)
     assert np.abs(features[:, 34]).mean() < 0.15
+    moved = np.abs(np.diff(features, axis=0)).max(axis=0)
+    assert moved.min() > 1e-6, "every joint, hand, foot and velocity changes from step to step"
     normalize = FeatureNormalizer(torch.from_numpy(features), 21)
     windows = windows_of(features, np.arange(100), normalize)
     assert windows.shape == (100, 240)
