@@ -21,7 +21,6 @@ from pipeline.training.bundle import Bundle, RobotFacts
 from pipeline.training.commands import VelocityCommand, VelocityCommandCfg
 from pipeline.training.curves import Record
 from pipeline.training.expert_sampling import ReferenceStates
-from pipeline.training.followed_clip import FollowedClip
 from pipeline.training.initial_state import begin_episodes
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST, observation_cfg
@@ -76,8 +75,6 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._kernels: torch.Tensor | None = None
         self.step_times = StepTimes(bundle.expert, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
-        self.followed_clip = FollowedClip(bundle.expert, num_envs, device) if options.follow_clip else None
-        """Where in its clip each environment is."""
         if device == "cpu":
             wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
@@ -116,19 +113,6 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """What late rewards are multiplied by at this iteration."""
         first, last = self.context.options.late_iterations
         return min(1.0, max(0.0, (self.iteration() - first) / max(last - first, 1)))
-
-    def fading_factor(self) -> float:
-        """What rewards that lead the first iterations are multiplied by at this one."""
-        first, last = self.context.options.follow_iterations
-        return 1.0 - min(1.0, max(0.0, (self.iteration() - first) / max(last - first, 1)))
-
-    def follow(self) -> None:
-        """Once a control step, before rewards: the clips that are followed go on."""
-        if self.followed_clip is not None:
-            read = self.readings
-            ends_b = torch.bmm(read.ends_pos_w - read.root_pos_w[:, None], read.root_rotation_w)
-            keeps = self.velocity_command.age >= OLD_S
-            self.followed_clip.advance(read.joint_pos[:, self.controlled_index], ends_b.flatten(1), keeps)
 
     def motor_limit(self, of: str) -> torch.Tensor:
         """The motors' constant `limit`, or what the `line` leaves of it at their speed [N m]."""

@@ -11,14 +11,11 @@ from pipeline.training.bundle import ExpertFrames
 from pipeline.training.commands import draw_commands
 from pipeline.training.motion_features import frame_features, window_frames, window_span
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 CELL = np.array([0.3, 0.3, 0.6])
 """Size of a command cell: forward and lateral [m/s], yaw rate [rad/s]."""
 CHUNK = 10_000
 """Windows gathered at a time: all steps of 200,000 would take a gigabyte."""
-LED_FRAMES = 100
-"""Episodes that are led by their clip begin at least so many frames before its end."""
 CELL_SAMPLES = 20_000
 """Commands drawn to find how often each cell is asked for."""
 
@@ -115,19 +112,15 @@ class ReferenceStates:
     """Expert frames to begin episodes at."""
 
     def __init__(self, expert: ExpertFrames, options: Options, seed: int, device: str):
-        span = LED_FRAMES if options.follow_clip else 1
-        starts = window_starts(expert, span)
-        if not len(starts):
-            raise TrainingError(f"no clip has {span} frames; without 'follow_clip' shorter ones do.")
+        starts = np.arange(len(expert.frames))
         by_cell = options.reference_by_cell
         weight = cell_weights(expert, starts, options, seed) if by_cell else frame_weights(expert, starts)
         self._weight = torch.from_numpy(np.cumsum(weight)).float().to(device)
-        self._starts = torch.from_numpy(starts).to(device)
         self._frames = torch.from_numpy(expert.frames).to(device)
         self._command = torch.from_numpy(expert.command).to(device)
 
-    def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Frames (count, c), the commands that they obey (count, 3), and which of the expert's they are (count,)."""
+    def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
+        """Frames (count, c) and the commands that they obey (count, 3)."""
         at = torch.rand(count, device=self._weight.device)
-        index = self._starts[torch.searchsorted(self._weight, at).clamp(max=len(self._weight) - 1)]
-        return self._frames[index], self._command[index], index
+        index = torch.searchsorted(self._weight, at).clamp(max=len(self._weight) - 1)
+        return self._frames[index], self._command[index]

@@ -19,7 +19,7 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     """Write root and joint states of environments that begin an episode, and give some the frame's own command."""
     options, robot = env.context.options, env.scene["robot"]
     count, device = len(env_ids), env.device
-    frames, command, at = env.context.references.draw(count)
+    frames, command = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
     home = torch.rand(count, device=device) >= options.reference_share
     pos[home, 2] = env.context.bundle.robot.default_root_height + LIFT_M
@@ -42,8 +42,6 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     env.readings.restart(env_ids)
     keeps = ~home & (torch.rand(count, device=device) < options.reference_command_share)
     env.own_command[env_ids] = torch.where(keeps[:, None], command, torch.nan)
-    if env.followed_clip is not None:
-        env.followed_clip.begin(env_ids, at, keeps)
 
 
 def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:

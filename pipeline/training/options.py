@@ -84,10 +84,6 @@ class Options:
     """Width of that kernel."""
     late_iterations: tuple[int, int] = (200, 500)
     """`mean_tracking` grows in between these iterations."""
-    follow_clip: float = 0.0
-    """Weight of staying near the clip that an episode began in, while its command holds …"""
-    follow_iterations: tuple[int, int] = (200, 600)
-    """… which fades between these iterations."""
     standing_still: float = 0.0
     """Weight of steps and joint speed while the command is to stand."""
     single_stance: float = 0.0
@@ -211,12 +207,6 @@ class Options:
         for name, words in WORDS.items():
             if getattr(self, name) not in words:
                 raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
-
-        if self.follow_clip and not self.reference_command_share:
-            raise TrainingError(
-                "option 'follow_clip' leads episodes that have their clip's command, and there are none: "
-                "set 'reference_command_share'."
-            )
 
     def changed(self, **values: Any) -> Options:
         """These options with some changed. Raises TrainingError for a name or value that is none."""

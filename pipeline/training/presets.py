@@ -28,7 +28,6 @@ REASONS = {
     "progress": "bells are flat far from the command: nothing led from rest to 2 m/s, and little from standing to .3",
     "stall_penalty": "standing until the stall ends it was paid more than trying to walk and falling",
     "long_step": "steps took a third to half of the clips' time; single_stance pays t1_walk's .13 a second more",
-    "follow_clip": "the first gait that does not fall is one of quick steps, and a gait once found stays",
     "std_iterations": "as std_end; at a bound of .24 from iteration 280 on pushes were not learnt",
     "std_end": "noise of .4 hides from the discriminator, and from the rewards, what the policy does without it",
     "push_interval_s": "pushes are a bar of the evaluation",
@@ -135,8 +134,6 @@ LONG_STEPS = WIDE_STYLE.changed(
     standing_share=0.15,
 )
 
-FOLLOWED_CLIPS = LONG_STEPS.changed(follow_clip=6.0)
-
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -160,10 +157,6 @@ PRESETS: dict[str, tuple[str, Options]] = {
     "long_steps": (
         "the same paid for the velocity over a step and for long steps, with exploration that ends quietly",
         LONG_STEPS,
-    ),
-    "followed_clips": (
-        "the same, at first led by the clips that episodes begin in; not trained yet",
-        FOLLOWED_CLIPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

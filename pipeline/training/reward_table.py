@@ -14,9 +14,8 @@ from pipeline.training.readings import CONTACT_FORCE
 
 ENDS = ("termination", "stalled")
 """Rows that an episode ends with: at their full weight from the start."""
-PENALTY, LATE, EARLY = "penalty", "late", "early"
-"""Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks; what leads
-there fades."""
+PENALTY, LATE = "penalty", "late"
+"""Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +50,7 @@ class TaskReward:
         self.rows = table(env.context.options)
         self._weights = {
             ramp: torch.tensor([row.weight if _ramp(row) == ramp else 0.0 for row in self.rows], device=env.device)
-            for ramp in ("", PENALTY, LATE, EARLY)
+            for ramp in ("", PENALTY, LATE)
         }
 
     def values(self, env) -> torch.Tensor:
@@ -61,7 +60,6 @@ class TaskReward:
     def weights(self, env) -> torch.Tensor:
         """Every row's weight at this iteration (rows,)."""
         grown = self._weights[""] + env.penalty_factor() * self._weights[PENALTY]
-        grown += env.fading_factor() * self._weights[EARLY]
         return grown + env.late_factor() * self._weights[LATE]
 
     def __call__(self, env) -> torch.Tensor:
@@ -217,14 +215,6 @@ def _added(options: Options) -> tuple[Term, ...]:
             value=lambda env: terms.joint_tracking(env.command, env.readings.mean_velocity, options.mean_sigma2),
             added="the wide kernel pays .99 for an error of .05; this one, on the average over a step, does not",
             ramp=LATE,
-        ),
-        Term(
-            name="follow_clip",
-            equation="1 / (1 + sum dq^2 / .5 + sum dp^2 / .05) from the clip that the episode began in",
-            weight=options.follow_clip,
-            value=lambda env: env.followed_clip.near,
-            added="the first gait that does not fall is one of quick steps, and stays",
-            ramp=EARLY,
         ),
         Term(
             name="standing_still",

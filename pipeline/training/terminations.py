@@ -54,7 +54,6 @@ class Stall:
 
 def _fell(env) -> torch.Tensor:
     env.readings.advance()
-    env.follow()
     options = env.context.options
     env.fell = fallen(env.readings.gravity_b, env.readings.height, options.max_tilt_deg, options.min_height_m)
     return env.fell

@@ -23,7 +23,6 @@ from pipeline.training.export_policy import main as export
 from pipeline.training.initial_state import _of_frames
 from pipeline.training.mirror import Mirror
 from pipeline.training.motion_features import frame_features
-from pipeline.training.observations import critic_frame
 from pipeline.training.policy_file import act, policy_arrays
 from pipeline.training.presets import DEFAULT, preset
 from tests.factories.robot_clips import wandering
@@ -143,13 +142,10 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
     mirror, task = Mirror(env.context.bundle.robot, "cpu"), deployment_task(robot)
-    for further in (0, 2):
-        obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 77 + further)}, batch_size=[3])
-        once_obs = mirror.observations(obs)
-        twice = mirror.observations(once_obs)
-        assert torch.equal(twice["actor"], obs["actor"])
-        assert torch.equal(twice["critic"], obs["critic"])
-        assert torch.equal(once_obs["critic"][:, 77:], obs["critic"][:, 77:]), "of the clip both sides see the same"
+    obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 77)}, batch_size=[3])
+    twice = mirror.observations(mirror.observations(obs))
+    assert torch.equal(twice["actor"], obs["actor"])
+    assert torch.equal(twice["critic"], obs["critic"])
     joints = np.random.default_rng(0).normal(size=len(robot.joint_names))
     joints[~np.isin(robot.joint_names, robot.controlled)] = 0.0
     mirrored = robot.mirror_sign * joints[robot.mirror_index]
@@ -159,38 +155,12 @@ def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
 
 def test_a_reward_is_the_sum_of_the_tables_rows(env):
     env.reset()
+    assert (env.readings._set_down == -1).all()
     (*_,) = env.step(torch.zeros(ENVS, 21))
     reward = env.reward_manager.get_term_cfg("task").func
     values = reward.values(env)
     assert values.shape == (ENVS, len(reward.rows))
     assert torch.isfinite(values).all()
-
-
-def test_episodes_that_begin_in_a_clip_are_led_by_it(bundle_folder):
-    options = preset("followed_clips").changed(**QUIET, reference_share=1.0, reference_command_share=1.0)
-    env = AmpEnvironment(read_bundle(bundle_folder), options, ENVS, "cpu", seed=1)
-    env.reset()
-    assert critic_frame(env).shape == (ENVS, 79)
-    clip = env.followed_clip
-    assert clip is not None
-    assert clip.follows.all()
-    frames = torch.from_numpy(env.context.bundle.expert.frames)[clip._at]
-    action = (frames[:, 7:28] - env.default_joint_pos[env.controlled_index]) / 0.25
-    order = [env.context.bundle.robot.controlled.index(name) for name in env.context.bundle.robot.policy_joints]
-    env.step(action[:, order])
-    assert clip.near.min() > 0.8, "a step after it began, each is where its clip is"
-    assert torch.equal(critic_frame(env)[:, 77], clip.near)
-    task = env.reward_manager.get_term_cfg("task").func
-    at = [row.name for row in task.rows].index("follow_clip")
-    paid = []
-    for env.schedule in (0.0, 400.0, 600.0):
-        paid.append(float(task.weights(env)[at]))
-    assert paid == pytest.approx([options.follow_clip, options.follow_clip / 2, 0.0])
-    env.velocity_command.give(torch.arange(ENVS), env.command.clone())
-    env.step(action[:, order])
-    assert not clip.follows.any(), "another command ends it"
-    env.reset()
-    assert (env.readings._set_down == -1).all()
 
 
 def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, capsys):

@@ -137,11 +137,6 @@ def test_an_option_that_is_one_of_some_words_is_none_other(name):
         preset("paper").with_texts({name: "center"})
 
 
-def test_a_clip_leads_only_where_episodes_have_its_command():
-    with pytest.raises(TrainingError, match="reference_command_share"):
-        preset("paper").changed(follow_clip=6.0)
-
-
 def test_options_are_read_from_text_in_the_form_of_their_default():
     given = {"style": "0.5", "stall": "true", "hidden": "64,32", "steps": "12", "friction": "0.5,0.9"}
     options = Options().with_texts(given)
