@@ -2,7 +2,7 @@
 
     --bundle DIR        what is trained on, as plain files: robot and expert frames (`pipeline.expert.training_bundle`)
     --out DIR           where the run goes; a folder of its own
-    --preset NAME       `paper`, `paper_flat`, `wide_style` … (`--list` prints them and what each changes)
+    --preset NAME       `paper`, `paper_flat`, `long_steps` … (`--list` prints them and what each changes)
     --set NAME=VALUE    change one option of the preset; may be given often
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error, never a silent change
     --num-envs N        environments (each GPU)

@@ -57,7 +57,8 @@ class Discriminator:
     def __init__(self, expert: torch.Tensor, joints: int, options: Options, device: str):
         self._options = options
         self._expert = expert.to(device)
-        self._normalize = FeatureNormalizer(self._expert.flatten(0, 1), joints, options.joint_vel_floor)
+        least = {"joint_vel": options.joint_vel_floor, "ang_vel": options.ang_vel_floor}
+        self._normalize = FeatureNormalizer(self._expert.flatten(0, 1), joints, **least)
         self.network = network(expert[0].numel(), options.discriminator_hidden).to(device)
         self.optimizer = torch.optim.Adam(
             self.network.parameters(), lr=options.discriminator_rate, betas=(0.5, 0.9), weight_decay=1e-4

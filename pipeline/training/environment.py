@@ -67,7 +67,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
         self.stalled = torch.zeros(num_envs, dtype=torch.bool, device=device)
         self.quiet = torch.arange(num_envs, device=device) < round(options.quiet_share * num_envs)
-        """Environments without noise and pushes."""
+        """Environments without noise."""
+        unpushed = round((1.0 - options.quiet_pushed) * options.quiet_share * num_envs)
+        self.pushed = torch.arange(num_envs, device=device) >= unpushed
+        """Environments with pushes."""
         self.schedule: float | None = None
         """The iteration that schedules are at, where they don't go by the environment's own steps."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)

@@ -52,12 +52,12 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
 
 
-def floors(joints: int, command: bool = False, joint_vel: float = FLOORS["joint_vel"]) -> torch.Tensor:
-    """The least standard deviation of each feature."""
+def floors(joints: int, command: bool = False, **least: float) -> torch.Tensor:
+    """The least standard deviation of each feature; `least` has those that differ from FLOORS."""
     sizes = {"joint_pos": joints, "ends": 12, "lin_vel": 3, "ang_vel": 3, "joint_vel": joints}
     sizes |= {"command": 3} if command else {}
-    least = {**FLOORS, "joint_vel": joint_vel}
-    return torch.cat([torch.full((size,), least[name]) for name, size in sizes.items()])
+    known = {**FLOORS, **least}
+    return torch.cat([torch.full((size,), known[name]) for name, size in sizes.items()])
 
 
 def window_span(options: Options) -> int:
@@ -75,10 +75,10 @@ def window_frames(steps: torch.Tensor, options: Options) -> torch.Tensor:
 class FeatureNormalizer:
     """Mean and standard deviation of the expert's features, fitted once."""
 
-    def __init__(self, expert: torch.Tensor, joints: int, joint_vel_floor: float = FLOORS["joint_vel"]):
+    def __init__(self, expert: torch.Tensor, joints: int, **least: float):
         self.mean = expert.mean(dim=0)
         command = expert.shape[1] > 18 + 2 * joints
-        self.std = torch.maximum(expert.std(dim=0), floors(joints, command, joint_vel_floor).to(expert))
+        self.std = torch.maximum(expert.std(dim=0), floors(joints, command, **least).to(expert))
 
     def __call__(self, windows: torch.Tensor) -> torch.Tensor:
         """Windows (n, h, f) as the discriminator takes them (n, h f)."""

@@ -16,6 +16,7 @@ WORDS = {
     "slide_of": ("centre", "lowest"),
     "tracking_of": ("instant", "mean"),
     "saturation_of": ("limit", "line"),
+    "init_posture": ("default", "clips"),
 }
 """Options that are one of some words."""
 
@@ -132,7 +133,9 @@ class Options:
     noise: tuple[float, float, float, float] = (0.2, 0.05, 0.01, 0.5)
     """Uniform noise of gyro [rad/s], gravity, joint positions [rad] and velocities [rad/s]."""
     quiet_share: float = 0.0
-    """Environments without this noise and without pushes."""
+    """Environments without this noise, and without pushes but for …"""
+    quiet_pushed: float = 0.0
+    """… this share of them."""
 
     # Pushes
     push_interval_s: tuple[float, float] = (4.0, 8.0)
@@ -161,6 +164,8 @@ class Options:
     """Whether each of them is the mean of the control steps up to the next, else the first of these."""
     joint_vel_floor: float = 1.0
     """Least deviation [rad/s] that joint velocities are divided by before the discriminator sees them."""
+    ang_vel_floor: float = 0.3
+    """The same of the trunk's angular velocity."""
     discriminator_command: bool = False
     """Whether the discriminator sees the command with each frame."""
     expert_by_cell: bool = False
@@ -195,6 +200,8 @@ class Options:
     """Between these iterations."""
     init_std: float = 0.6
     """Deviation of the actions that exploration begins with."""
+    init_posture: str = "default"
+    """Around what it begins: the `default` pose, or the posture in which the `clips` walk."""
     std_end: float = 0.0
     """Most that it may be after the last of `std_iterations`, as a share of `init_std`; 0: no bound."""
     std_iterations: tuple[int, int] = (300, 900)

@@ -31,7 +31,7 @@ def push_velocity(env, env_ids: torch.Tensor) -> None:
     largest = grown(options.push_speed, env.iteration(), options.push_iterations)
     robot = env.scene["robot"]
     velocity = torch.cat([env.readings.lin_vel_w[env_ids], robot.data.root_link_ang_vel_w[env_ids]], dim=1)
-    velocity[:, :3] += horizontal(len(env_ids), largest, env.device) * ~env.quiet[env_ids, None]
+    velocity[:, :3] += horizontal(len(env_ids), largest, env.device) * env.pushed[env_ids, None]
     robot.write_root_link_velocity_to_sim(velocity, env_ids=env_ids)
 
 
@@ -58,7 +58,7 @@ class PushForce:
         self._write(ended, torch.zeros(len(ended), 3, device=env.device))
         begun = (self._wait <= 0.0).nonzero().flatten()
         largest = grown(options.push_impulse, env.iteration(), options.push_iterations) / FORCE_S
-        self._write(begun, horizontal(len(begun), largest, env.device) * ~env.quiet[begun, None])
+        self._write(begun, horizontal(len(begun), largest, env.device) * env.pushed[begun, None])
         self._left[begun] = FORCE_S
         self._wait[begun] = self._drawn(len(begun))
 

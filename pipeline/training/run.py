@@ -23,6 +23,7 @@ from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, sav
 from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
+from pipeline.training.first_posture import begin_at, first_action
 from pipeline.training.mirror import Mirror
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
@@ -67,6 +68,8 @@ class TrainingRun:
             wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
+        if options.init_posture == "clips":
+            begin_at(self.algorithm.get_policy(), first_action(bundle, options, request.seed))
         self.iteration = 0
         """How many iterations are done."""
         if request.resume:

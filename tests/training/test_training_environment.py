@@ -20,6 +20,7 @@ from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.training.command import main
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.export_policy import main as export
+from pipeline.training.first_posture import first_action
 from pipeline.training.initial_state import _of_frames
 from pipeline.training.mirror import Mirror
 from pipeline.training.motion_features import frame_features
@@ -163,11 +164,27 @@ def test_a_reward_is_the_sum_of_the_tables_rows(env):
     assert torch.isfinite(values).all()
 
 
+def test_of_the_environments_without_noise_a_share_is_pushed(bundle_folder):
+    options = preset("calm_steps").changed(
+        quiet_share=0.5, push_impulse=(40.0, 40.0), push_interval_s=(0.02, 0.02), reference_share=0.0
+    )
+    env = AmpEnvironment(read_bundle(bundle_folder), options, ENVS, "cpu", seed=1)
+    env.reset()
+    assert env.quiet.tolist() == [True, True, False, False]
+    assert env.pushed.tolist() == [False, True, True, True]
+    force = torch.zeros(ENVS)
+    for _ in range(4):
+        env.step(torch.zeros(ENVS, 21))
+        force = torch.maximum(force, env.sim.data.xfrc_applied[:, :, :3].norm(dim=2).amax(dim=1))
+    assert force[0] == 0.0
+    assert (force[1:] >= 0.2 * 400.0 - 1e-3).all(), "at least a fifth of 40 N s in a tenth of a second"
+
+
 def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, capsys):
     out = tmp_path / "run"
     given = ["--bundle", str(bundle_folder), "--out", str(out), "--device", "cpu", "--num-envs", "4", "--seed", "3"]
-    bound = ["std_end=0.5", "std_iterations=0,1"]
-    given += [text for option in [*SMALL, *bound, "steps=6"] for text in ("--set", option)]
+    changed = ["std_end=0.5", "std_iterations=0,1", "init_posture=clips", "steps=6"]
+    given += [text for option in [*SMALL, *changed] for text in ("--set", option)]
     assert main([*given, "--iterations", "1"]) == 0
     assert main([*given, "--iterations", "2", "--resume"]) == 0
     assert "iteration 2 of 2" in capsys.readouterr().out
@@ -187,7 +204,10 @@ def _check_policy(out, newest, bundle_folder):
     assert policy.gains is not None
     state = load_checkpoint(newest, "cpu")
     assert state["actor_state_dict"]["distribution.std_param"].max() <= 0.3, "half of what exploration begins with"
-    arrays = policy_arrays(state, read_bundle(bundle_folder).robot)
+    bundle = read_bundle(bundle_folder)
+    begun = first_action(bundle, preset(DEFAULT), seed=3)
+    assert policy.layers[-1][1] == pytest.approx(begun, abs=0.05), "two iterations from where it began"
+    arrays = policy_arrays(state, bundle.robot)
     observation = torch.randn(5, 720)
     assert policy.act(observation.double().numpy()) == pytest.approx(act(arrays, observation).numpy(), abs=1e-4)
     mean = out / "mean.npz"
