@@ -29,7 +29,7 @@ def walking_posture(expert: ExpertFrames, options: Options, seed: int) -> np.nda
     if not moves.any():
         raise TrainingError("no clip of the expert database walks; 'init_posture' must be 'default'.")
     starts = np.flatnonzero(moves)
-    weight = cell_weights(expert, starts, options, seed)
+    weight = cell_weights(expert, starts, options.changed(standing_share=0.0), seed)
     return weight @ expert.frames[starts, 7 : 7 + expert.controlled]
 
 

@@ -54,9 +54,11 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
 
 def floors(joints: int, command: bool = False, **least: float) -> torch.Tensor:
     """The least standard deviation of each feature; `least` has those that differ from FLOORS."""
+    if unknown := least.keys() - FLOORS.keys():
+        raise KeyError(f"no feature is called {', '.join(sorted(unknown))}")
     sizes = {"joint_pos": joints, "ends": 12, "lin_vel": 3, "ang_vel": 3, "joint_vel": joints}
     sizes |= {"command": 3} if command else {}
-    known = {**FLOORS, **least}
+    known = FLOORS | least
     return torch.cat([torch.full((size,), known[name]) for name, size in sizes.items()])
 
 

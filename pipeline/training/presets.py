@@ -34,7 +34,7 @@ REASONS = {
     "single_stance_end_s": "who stands on one leg is not walking",
     "saturation_of": "a fast joint saturates far below the constant limit",
     "slow_share": "commands of .3 m/s were stood through or half followed",
-    "init_posture": "around the default pose, hips .4 rad straighter than the clips', learning to follow takes longer",
+    "init_posture": "the default pose has hips .25 and knees .4 rad straighter than the clips' walk",
     "quiet_pushed": "a robot alike on both sides moves both legs alike: 50 N s ahead fell 6 of 6 without noise, 2 with",
     "quiet_share": "noise and pushes kick a policy out of standing, which then stands where there are none",
     "style_gate": "style pulled robots that did not walk yet into standing, which many clips show",
@@ -163,7 +163,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         LONG_STEPS,
     ),
     "calm_steps": (
-        "the same, begun in the clips' posture and paid more for long steps, pushed without noise too; not trained out",
+        "the same, begun in the clips' posture and paid more for long steps, pushed without noise too; not trained",
         CALM_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),

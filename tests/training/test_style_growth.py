@@ -156,3 +156,6 @@ def test_a_discriminator_that_sees_the_command_tells_standing_though_told_to_wal
     obeys, stands = (discriminator.score(windows(one, speed)).mean().item() for speed in (one, none))
     assert obeys > stands + 0.5
     assert len(floors(JOINTS, command=True)) == size + 3
+    assert floors(JOINTS, ang_vel=1.0)[-JOINTS - 3 : -JOINTS].tolist() == [1.0, 1.0, 1.0]
+    with pytest.raises(KeyError, match="angvel"):
+        floors(JOINTS, angvel=1.0)

@@ -155,6 +155,7 @@ def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
 
 
 def test_a_reward_is_the_sum_of_the_tables_rows(env):
+    env.readings._set_down[:] = 0
     env.reset()
     assert (env.readings._set_down == -1).all()
     (*_,) = env.step(torch.zeros(ENVS, 21))

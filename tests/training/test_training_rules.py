@@ -131,7 +131,7 @@ def test_what_differs_from_the_paper_has_a_reason():
     assert differ - {"terrain"} == set(REASONS), "the plane is what the other presets are for"
 
 
-@pytest.mark.parametrize("name", ["slide_of", "tracking_of", "terrain"])
+@pytest.mark.parametrize("name", ["slide_of", "tracking_of", "terrain", "init_posture"])
 def test_an_option_that_is_one_of_some_words_is_none_other(name):
     with pytest.raises(TrainingError, match=f"'{name}' is 'center'; it must be"):
         preset("paper").with_texts({name: "center"})
