@@ -2,7 +2,6 @@
 
 import dataclasses
 import io
-import time
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from pipeline.viewing.human_figure import human_figure
 from tests.factories.figures import gliding_human, standing_robot, tumbling_robot
 
 MAX_BYTES = 100_000
-MAX_SECONDS = 0.5
 
 
 def _pixels(png: bytes) -> np.ndarray:
@@ -40,16 +38,8 @@ def _ball(pos_w, heading: float = 0.0) -> Figure:
     )
 
 
-def test_a_sheet_is_small_and_drawn_fast(robot):
-    human, clip = gliding_human(), tumbling_robot(robot)
-    contact_sheet(human, clip, robot)
-    took_s = []
-    for _ in range(3):
-        started = time.process_time()
-        png = contact_sheet(human, clip, robot)
-        took_s.append(time.process_time() - started)
-    assert min(took_s) < MAX_SECONDS
-    assert len(png) < MAX_BYTES
+def test_a_sheet_is_small(robot):
+    assert len(contact_sheet(gliding_human(), tumbling_robot(robot), robot)) < MAX_BYTES
 
 
 def test_the_same_clips_give_the_same_bytes(robot):
