@@ -2,7 +2,7 @@
 
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
-<folder>/expert.npz    frames of the database with their joint targets and commands, where each clip begins, its weight
+<folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
 <folder>/bundle.json   digests of robot and database, and what the database may be used for
 """
 
@@ -21,17 +21,15 @@ from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.actuators.adapted_robot import read_actuators
-from pipeline.batch import ClipPool
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
-from pipeline.expert.joint_targets import joint_targets
 from pipeline.expert.read import Database, DatabaseClip, read_database
 from pipeline.expert.version import database_version
 from pipeline.files import atomic, digest
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.simulator_model import mujoco_model
 
-SCHEMA = "booster-lab training bundle 2"
+SCHEMA = "booster-lab training bundle 1"
 COMMAND_WINDOW_S = 1.0
 """The command that a frame obeys is its velocity averaged over this time: about a stride."""
 
@@ -48,7 +46,7 @@ def write_training_bundle(folder: Path, database_folder: Path, robot_folder: Pat
     files = {
         "robot.xml": robot.mjcf.encode(),
         "robot.json": _json(robot_facts(robot, robot_folder)),
-        "expert.npz": expert_arrays(database, robot),
+        "expert.npz": expert_arrays(database),
     }
     about = {
         "schema": SCHEMA,
@@ -123,16 +121,14 @@ def _shapes(robot: Robot) -> dict[str, list[str]]:
     return shapes
 
 
-def expert_arrays(database: Database, robot: Robot) -> bytes:
-    """The npz of a database: equal databases and robots give equal bytes."""
+def expert_arrays(database: Database) -> bytes:
+    """The npz of a database: equal databases give equal bytes."""
     clips = database.clips
     variants = dict(zip(database.index["clip"], database.index["variant"], strict=True))
     names = [str(name) for name in database.index["clip"]]
-    targets = ClipPool().map(joint_targets, [(clip, robot) for clip in clips])
     arrays = {
         "frames": np.asfortranarray(np.concatenate([clip.frames for clip in clips]), dtype=np.float32),
         "command": np.concatenate([frame_commands(clip) for clip in clips]).astype(np.float32),
-        "target": np.concatenate(list(targets)).astype(np.float32),
         "clip_start": np.cumsum([0, *(len(clip.frames) for clip in clips)]),
         "clip_weight": np.array([clip.weight for clip in clips]),
         "clip_augmented": np.array([variants[name] != "original" for name in names]),

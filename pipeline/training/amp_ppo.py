@@ -11,7 +11,6 @@ import torch
 from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
-from pipeline.training.demonstrations import Demonstrations, add_gradients
 from pipeline.training.discriminator import Discriminator, style_reward
 from pipeline.training.options import Options
 from pipeline.training.training_error import TrainingError
@@ -31,15 +30,7 @@ def _tf32() -> Iterator[None]:
 class AmpPpo(PPO):
     """rsl-rl's PPO; with `options.style` at 0 it is that alone."""
 
-    def __init__(
-        self,
-        *args: Any,
-        options: Options,
-        expert: torch.Tensor,
-        joints: int,
-        demonstrations: Demonstrations | None = None,
-        **kwargs: Any,
-    ):
+    def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._options = options
         distribution = self._raw_actor.distribution
@@ -58,11 +49,6 @@ class AmpPpo(PPO):
         self.followed = 0.0
         """Set by the run: the share of the commands that is reached."""
         self._synchronized = False
-        self._demonstrations = demonstrations
-        self.imitation_error = float("nan")
-        """Mean square of the actor's answers beside the expert's, of the last gradient step that saw it."""
-        if demonstrations is not None and options.imitation:
-            self.optimizer.register_step_pre_hook(lambda *_: self._imitate(demonstrations))
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the networks."""
@@ -88,20 +74,6 @@ class AmpPpo(PPO):
         return (
             options.style * _grown(self.iteration, options.style_iterations) * _grown(self.followed, options.style_gate)
         )
-
-    def imitation_weight(self) -> float:
-        """Of the expert's actions at this iteration."""
-        options = self._options
-        return options.imitation * (1.0 - _grown(self.iteration, options.imitation_iterations))
-
-    def _imitate(self, demonstrations: Demonstrations) -> None:
-        """Before each of PPO's gradient steps, and after its gradients were bounded: the imitation's beside them."""
-        weight = self.imitation_weight()
-        if weight <= 0.0:
-            return
-        error = demonstrations.error(self._raw_actor, self._options.imitation_batch)
-        add_gradients(self._raw_actor.parameters(), error, weight, self._mean_of if self.is_multi_gpu else None)
-        self.imitation_error = float(error.detach())
 
     def held_kl(self) -> float:
         """The divergence that the learning rate is held to at this iteration."""
@@ -172,12 +144,10 @@ class AmpPpo(PPO):
         self._synchronized = True
 
     def _mean_gradients(self, parameters: Iterable[torch.nn.Parameter]) -> None:
-        self._mean_of(parameter.grad for parameter in parameters if parameter.grad is not None)
-
-    def _mean_of(self, gradients: Iterable[torch.Tensor]) -> None:
-        for gradient in gradients:
-            torch.distributed.all_reduce(gradient)
-            gradient /= self.gpu_world_size
+        for parameter in parameters:
+            if parameter.grad is not None:
+                torch.distributed.all_reduce(parameter.grad)
+                parameter.grad /= self.gpu_world_size
 
 
 def _grown(value: float, span: tuple[float, float]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.training.training_error import TrainingError
 
-SCHEMA = "booster-lab training bundle 2"
+SCHEMA = "booster-lab training bundle 1"
 FPS = 50.0
 
 
@@ -59,8 +59,6 @@ class ExpertFrames:
     """(t, 79): x 3, R 4 (wxyz), q 21, p_ee 12, v 3, w 3, dq 21, dp_ee 12; see `pipeline/expert/frames.py`."""
     command: np.ndarray
     """(t, 3) forward, lateral [m/s], yaw rate [rad/s] that each frame obeys."""
-    target: np.ndarray
-    """(t, 21) position targets [rad] that would make the motors do it; see `pipeline/expert/joint_targets.py`."""
     clip_start: np.ndarray
     """(c + 1,) where each clip begins, and the end."""
     clip_weight: np.ndarray
@@ -132,7 +130,6 @@ def _expert(path: Path, use_augmented: bool) -> ExpertFrames:
         return ExpertFrames(
             frames=arrays["frames"][rows],
             command=arrays["command"][rows],
-            target=arrays["target"][rows],
             clip_start=np.concatenate([[0], np.cumsum(np.diff(start)[taken])]),
             clip_weight=arrays["clip_weight"][taken],
         )

@@ -185,16 +185,6 @@ class Options:
     """Weight of E[D^2], which keeps a score that has no zero from drifting."""
     replay_windows: int = 500_000
 
-    # Imitation of the expert's actions
-    cloning_steps: int = 0
-    """Gradient steps by which the actor imitates the expert before it moves; 0: it begins with a network that knows
-    nothing."""
-    imitation: float = 0.0
-    """Weight of the mean square error of the actor's answers to expert states, beside PPO's loss …"""
-    imitation_iterations: tuple[int, int] = (200, 800)
-    """… sinks to 0 between these iterations."""
-    imitation_batch: int = 2048
-
     # PPO
     steps: int = 24
     """Control steps of each environment an iteration."""

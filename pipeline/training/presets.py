@@ -36,9 +36,6 @@ REASONS = {
     "slow_share": "commands of .3 m/s were stood through or half followed",
     "init_posture": "the default pose has hips .25 and knees .4 rad straighter than the clips' walk",
     "quiet_pushed": "a robot alike on both sides moves both legs alike: 50 N s ahead fell 6 of 6 without noise, 2 with",
-    "cloning_steps": "whatever is paid, the first gait that is learnt has 390 to 440 steps a minute, the clips' 130",
-    "imitation": "learning to balance would forget the gait that was imitated",
-    "init_std": "as cloning_steps: .6 is .15 rad on every joint, with which nobody walks in long steps",
     "quiet_share": "noise and pushes kick a policy out of standing, which then stands where there are none",
     "style_gate": "style pulled robots that did not walk yet into standing, which many clips show",
     "discriminator_command": "a discriminator that does not see the command likes standing at every command",
@@ -141,16 +138,6 @@ LONG_STEPS = WIDE_STYLE.changed(
 
 CALM_STEPS = LONG_STEPS.changed(init_posture="clips", long_step=12.0, quiet_pushed=0.5)
 
-CLIP_STEPS = CALM_STEPS.changed(
-    init_posture="default",
-    long_step=8.0,
-    cloning_steps=3000,
-    imitation=5.0,
-    init_std=0.35,
-    std_end=0.7,
-    style_iterations=(50, 200),
-)
-
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -176,12 +163,8 @@ PRESETS: dict[str, tuple[str, Options]] = {
         LONG_STEPS,
     ),
     "calm_steps": (
-        "the same, begun in the clips' posture and paid more for long steps, pushed without noise too; not trained",
+        "the same, begun in the clips' posture and paid more for long steps, pushed without noise too",
         CALM_STEPS,
-    ),
-    "clip_steps": (
-        "the same, but the first network imitates the clips' joint targets, and goes on to for a while; not trained",
-        CLIP_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

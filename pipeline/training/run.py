@@ -21,7 +21,6 @@ from pipeline.training.amp_ppo import AmpPpo
 from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.curves import Curves, followed
-from pipeline.training.demonstrations import Demonstrations, clone
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.first_posture import begin_at, first_action
@@ -65,10 +64,9 @@ class TrainingRun:
         wrapped.mirror = Mirror(bundle.robot, request.device)  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
-        imitates = options.cloning_steps or options.imitation
-        shown = Demonstrations(bundle, options, request.seed, request.device) if imitates else None
-        cfg = runner_cfg(options, windows, len(bundle.robot.controlled), shown)
-        self.runner = OnPolicyRunner(wrapped, cfg, None, request.device)
+        self.runner = OnPolicyRunner(
+            wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
+        )
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
         if options.init_posture == "clips":
             begin_at(self.algorithm.get_policy(), first_action(bundle, options, request.seed))
@@ -76,9 +74,6 @@ class TrainingRun:
         """How many iterations are done."""
         if request.resume:
             self._resume()
-        if shown is not None and options.cloning_steps and not self.iteration:
-            left = clone(self.algorithm.get_policy(), shown, options.cloning_steps)
-            print(f"{options.cloning_steps} steps of cloning: mean square error of actions {left:.4f}", flush=True)
         self._curves = Curves(request.out / "curves.csv", self.iteration)
 
     @property
@@ -158,7 +153,6 @@ class TrainingRun:
             **env_figures,
             "followed": self.algorithm.followed,
             "style_share": self.algorithm.style_share(),
-            "imitation_error": self.algorithm.imitation_error,
             "learning_rate": self.algorithm.learning_rate,
             "update_s": self.algorithm.update_s,
             "action_std": std,
@@ -221,9 +215,7 @@ def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:
 AMP_COLUMNS = ("d_expert", "d_policy", "gradient_penalty")
 
 
-def runner_cfg(
-    options: Options, windows: torch.Tensor, joints: int, demonstrations: Demonstrations | None = None
-) -> dict[str, Any]:
+def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str, Any]:
     """rsl-rl's configuration of the runner."""
     network = {
         "class_name": "MLPModel",
@@ -255,7 +247,6 @@ def runner_cfg(
             "options": options,
             "expert": windows,
             "joints": joints,
-            "demonstrations": demonstrations,
         },
     }
 
