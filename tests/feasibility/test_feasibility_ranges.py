@@ -47,7 +47,7 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("forward: [-0.6, 2.0, 0.2]", "forward: [-0.6, 2.0, 0.3]", r"in cells of 0.3, allowed are 1 to 1000 whole"),
         ("max_ratio: 10.0", "max_ratio: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
         (
-            "force: {value: 0.05",
+            "force: {value: 0.15",
             "force: {value: 0",
             r"'torque.consistent.force' is 0, allowed is more than 0",
         ),
