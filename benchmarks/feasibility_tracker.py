@@ -24,6 +24,8 @@ from pipeline.simulation.inverse_dynamics import MotionForces, StateSeries, stat
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 
 STEP_S = 0.005
+MORE_FORCE, MORE_LEVER_M = 0.05, 0.01
+"""How much more help than it was held with a weak robot may take: force over the weight, and lever [m]."""
 PULL_HZ = 3.0
 """Natural frequency of the springs; at 2 and 5 Hz more references are lost, at 3 none of 57."""
 LIMITS_FIRST = 10.0
@@ -75,7 +77,7 @@ def follow(motion: Motion, settings: TorqueSettings, held: Followed | None = Non
         qpos[step] = data.qpos
         torque[step], help_w[step] = supply(data, _wanted(data, aim, step), may_bear[step])
         if held is not None:
-            help_w[step] = _near(help_w[step], held.help_w[step], robot, settings)
+            help_w[step] = _near(help_w[step], held.help_w[step], robot)
         _push(data, help_w[step])
         plant.step(torque[step])
     return Followed(qpos=qpos, torque=torque, help_w=help_w, reference_qpos=aim.qpos, contacts=contacts)
@@ -176,11 +178,11 @@ class _Supply:
         )
 
 
-def _near(help_w: np.ndarray, held_w: np.ndarray, robot: Robot, settings: TorqueSettings) -> Float[np.ndarray, " 6"]:
-    """The help that is asked for, no further from what is held than counts as explained by contact forces."""
+def _near(help_w: np.ndarray, held_w: np.ndarray, robot: Robot) -> Float[np.ndarray, " 6"]:
+    """The help that is asked for, no further from what is held than MORE_FORCE and MORE_LEVER_M."""
     weight = robot.total_mass * GRAVITY
     more = help_w - held_w
-    for part, most in ((slice(3), settings.consistent.force), (slice(3, 6), settings.consistent.lever)):
+    for part, most in ((slice(3), MORE_FORCE), (slice(3, 6), MORE_LEVER_M)):
         more[part] *= min(1.0, most * weight / max(float(np.linalg.norm(more[part])), 1e-9))
     return held_w + more
 

@@ -11,6 +11,8 @@ from tests.factories import motion_files as files
 from tests.factories.mutant import Mutant, flagged, refused, understood
 
 FRAMES = 90
+Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From a world whose y axis is up."""
 CLEAN = files.bvh(files.upright(FRAMES, seed=1))
 HEAD, BODY = CLEAN.split("MOTION\n")
 ROWS = BODY.splitlines()[2:]
@@ -167,6 +169,7 @@ def _same() -> list[Mutant]:
         "metres": files.bvh(files.upright(FRAMES, seed=1), files.BvhStyle(metres_per_unit=1.0)),
         "inches": files.bvh(files.upright(FRAMES, seed=1), files.BvhStyle(metres_per_unit=0.0254)),
         "six channels in every joint": files.bvh(files.upright(FRAMES, seed=1), files.BvhStyle(all_positions=True)),
+        "z up": files.bvh(files.upright(FRAMES, seed=1), files.BvhStyle(frame_turn=Z_UP)),
         "other orders": files.bvh(files.upright(FRAMES, seed=1), files.BvhStyle(orders=("XYZ", "YZX"))),
     }
     return [*understood("walk.bvh", texts), *understood("WALK.BVH", {"suffix in capitals": CLEAN})]

@@ -188,6 +188,7 @@ def csv_mutants() -> list[Mutant]:
         "CRLF": clean.replace("\n", "\r\n"),
         "blanks around commas": clean.replace(",", " , "),
         "comments": f"# by me\n{clean}",
+        "signs of quaternions flipped": _csv_rows(_flipped),
     }
     marked = {f"the cell {word}": clean.replace(rows[5], _cell(rows[5], word)) for word in ("nan", "inf", "1e999")}
     marked["a teleport"] = _csv_rows(lambda v: _moved(v, 0.7))
@@ -220,6 +221,11 @@ def _times(values: np.ndarray, columns: slice, factor: float) -> np.ndarray:
 
 def _rolled(values: np.ndarray) -> np.ndarray:
     values[:, 3:7] = np.roll(values[:, 3:7], 1, axis=1)
+    return values
+
+
+def _flipped(values: np.ndarray) -> np.ndarray:
+    values[1::2, 3:7] *= -1.0
     return values
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,9 +23,13 @@ LIMITS = settings.read(Path(__file__).resolve().parents[2] / "data" / "feasibili
 
 
 def _with(name: str, value: float) -> FeasibilitySettings:
-    """The file's settings with another value of `section.name`."""
-    section, key = name.split(".")
-    return dataclasses.replace(LIMITS, **{section: dataclasses.replace(getattr(LIMITS, section), **{key: value})})
+    """The file's settings with another value of `section.name` or `section.part.name`."""
+    return _replaced(LIMITS, name.split("."), value)
+
+
+def _replaced(settings: Any, path: list[str], value: float) -> Any:
+    inner = value if len(path) == 1 else _replaced(getattr(settings, path[0]), path[1:], value)
+    return dataclasses.replace(settings, **{path[0]: inner})
 
 
 def _soles_replaced(motion: Motion, height: np.ndarray, velocity: np.ndarray) -> Motion:
@@ -100,6 +105,20 @@ def _is_explained_with_a_fault(robot: Robot, limits: FeasibilitySettings) -> boo
     return _consistent(motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits), limits)
 
 
+def _is_explained_where_it_slips(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """On ice, pushed to and fro at .15 g: friction lacks .11 of the weight, and nothing is missing about the root."""
+    clip = standing(robot, 2.0)
+    shaken = clip.root_pos_w.copy()
+    shaken[:, 0] += 0.0094 * np.sin(2.0 * np.pi * 2.0 * np.arange(clip.frame_count) / clip.fps)
+    ice = dataclasses.replace(limits, torque=dataclasses.replace(limits.torque, friction=0.05))
+    return _consistent(_on_the_ground(motion_of(dataclasses.replace(clip, root_pos_w=shaken), robot, ice)), ice)
+
+
+def _is_explained_where_it_tips(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """On one leg, leaning so far that its weight lies 1 cm beside its foot."""
+    return _consistent(_on_the_ground(motion_of(_on_the_left_foot(robot, 0.3), robot, limits)), limits)
+
+
 def _weak_hip_shows(robot: Robot, limits: FeasibilitySettings) -> bool:
     """On one leg with a hip of 2 N m."""
     limit = robot.torque_limit.copy()
@@ -152,6 +171,8 @@ SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
         ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
         ("torque.told_reach_s", 0.0, _is_explained_when_soles_blink),
         ("torque.consistent_share", 1.0, _is_explained_with_a_fault),
+        ("torque.consistent.force", 0.05, _is_explained_where_it_slips),
+        ("torque.consistent.lever", 0.005, _is_explained_where_it_tips),
         ("torque.strict_excess", 3.0, _weak_hip_shows),
         ("torque.reference_excess", 0.003, _limits_of_a_reference_are_kept),
         ("contact.height", 0.002, _soles_bear(0.005, 0.0)),
