@@ -18,28 +18,31 @@ FAST_YAW = 0.5
 BALANCED = {"turn": 0.10, "side": 0.10, "straight": 0.15}
 """Shares of commands on one axis alone in the balanced mixture; what is left beside standing, fast and slow ones is on
 all axes."""
+ALONE = ("straight", "side", "turn")
+"""Which of them is on the forward, the lateral and the yaw axis."""
 SLOW = (0.2, 0.4)
 """Speed of slow commands [m/s]."""
 
 
 def draw_commands(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
-    """Commands (count, 3): forward and lateral velocity [m/s], yaw rate [rad/s]."""
-    command = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
-    kind = torch.rand(count, device=device)
-    bound = options.standing_share
-    command[kind < bound] = 0.0
-    fast = (kind >= bound) & (kind < bound + options.fast_share)
-    bound += options.fast_share
-    command[fast] = _fast(command[fast], options)
+    """Commands (count, 3): forward and lateral velocity [m/s], yaw rate [rad/s].
+
+    Each kind is drawn for all and taken by some: to count who is of a kind, a processor would have to wait for its GPU.
+    """
+    normal = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
+    kinds = [(options.standing_share, torch.zeros_like(normal)), (options.fast_share, _fast(count, options, device))]
     if options.mixture == "balanced":
-        for axis, name in ((2, "turn"), (1, "side"), (0, "straight")):
-            alone = (kind >= bound) & (kind < bound + BALANCED[name])
-            bound += BALANCED[name]
-            others = [other for other in range(3) if other != axis]
-            command[alone.nonzero(), torch.tensor(others, device=device)] = 0.0
-        slow = (kind >= bound) & (kind < bound + options.slow_share)
-        command[slow] = _slow(int(slow.sum()), device)
+        kinds += [(BALANCED[name], normal * _unit(axis, device)) for axis, name in enumerate(ALONE)]
+        kinds.append((options.slow_share, _slow(count, device)))
+    command, kind, bound = normal, torch.rand(count, device=device)[:, None], 0.0
+    for share, drawn in kinds:
+        command = torch.where((kind >= bound) & (kind < bound + share), drawn, command)
+        bound += share
     return command
+
+
+def _unit(axis: int, device: str | torch.device) -> torch.Tensor:
+    return (torch.arange(3, device=device) == axis).float()
 
 
 def _slow(count: int, device: str | torch.device) -> torch.Tensor:
@@ -50,8 +53,7 @@ def _slow(count: int, device: str | torch.device) -> torch.Tensor:
     return torch.stack([signed * ahead, signed * ~ahead, torch.zeros_like(signed)], dim=1)
 
 
-def _fast(command: torch.Tensor, options: Options) -> torch.Tensor:
-    count, device = len(command), command.device
+def _fast(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
     forward = _uniform(count, *FAST, device)
     yaw = torch.zeros(count, device=device)
     if options.mixture == "balanced":
@@ -88,6 +90,12 @@ class VelocityCommand(CommandTerm):
         """Set the command of some environments, as if it were `age` [s] old."""
         self._command[env_ids] = command
         self.age[env_ids] = age
+
+    def keep(self, env_ids: torch.Tensor, command: torch.Tensor, age: float) -> None:
+        """Replace the commands (n, 3) of those that are no NaN, as if they were `age` [s] old."""
+        kept = ~command.isnan().any(dim=1)
+        self._command[env_ids] = torch.where(kept[:, None], command, self._command[env_ids])
+        self.age[env_ids] = torch.where(kept, age, self.age[env_ids])
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
         self.give(env_ids, draw_commands(len(env_ids), self._env.context.options, self.device))

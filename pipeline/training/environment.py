@@ -167,9 +167,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         assert env_ids is not None
         self.ended_steps[env_ids] = self.episode_length_buf[env_ids]
         super()._reset_idx(env_ids)
-        own = self.own_command[env_ids]
-        kept = ~own.isnan().any(dim=1)
-        self.velocity_command.give(env_ids[kept], own[kept], age=OLD_S)
+        self.velocity_command.keep(env_ids, self.own_command[env_ids], OLD_S)
 
 
 def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:

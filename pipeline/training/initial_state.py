@@ -21,13 +21,15 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     count, device = len(env_ids), env.device
     frames, command = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
-    home = torch.rand(count, device=device) >= options.reference_share
-    pos[home, 2] = env.context.bundle.robot.default_root_height + LIFT_M
-    quat[home] = torch.tensor([1.0, 0.0, 0.0, 0.0], device=device)
-    joints[home] = env.default_joint_pos
-    joint_vel[home] = 0.0
-    lin_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
-    ang_vel_w[home] = SPEED_NOISE * (2.0 * torch.rand(int(home.sum()), 3, device=device) - 1.0)
+    home = (torch.rand(count, device=device) >= options.reference_share)[:, None]
+    height = env.context.bundle.robot.default_root_height + LIFT_M
+    pos[:, 2:] = torch.where(home, height, pos[:, 2:])
+    quat = torch.where(home, (torch.arange(4, device=device) == 0).float(), quat)
+    joints = torch.where(home, env.default_joint_pos, joints)
+    joint_vel = torch.where(home, 0.0, joint_vel)
+    lin_vel_w, ang_vel_w = (
+        torch.where(home, SPEED_NOISE * (2.0 * torch.rand_like(drawn) - 1.0), drawn) for drawn in (lin_vel_w, ang_vel_w)
+    )
     turn = quat_from_euler_xyz(
         *(torch.zeros(2, count, device=device)), 2.0 * math.pi * torch.rand(count, device=device)
     )
@@ -40,8 +42,8 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     robot.write_root_link_velocity_to_sim(torch.cat([lin_vel_w, ang_vel_w], dim=1), env_ids=env_ids)
     robot.write_joint_state_to_sim(joints, joint_vel, env_ids=env_ids)
     env.readings.restart(env_ids)
-    keeps = ~home & (torch.rand(count, device=device) < options.reference_command_share)
-    env.own_command[env_ids] = torch.where(keeps[:, None], command, torch.nan)
+    keeps = ~home & (torch.rand(count, 1, device=device) < options.reference_command_share)
+    env.own_command[env_ids] = torch.where(keeps, command, torch.nan)
 
 
 def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:

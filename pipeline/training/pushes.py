@@ -44,32 +44,29 @@ class PushForce:
         self._trunk, _ = self._robot.find_bodies(env.context.bundle.robot.root_link)
         self._wait = self._drawn(env.num_envs)
         self._left = torch.zeros(env.num_envs, device=env.device)
+        self._force_w = torch.zeros(env.num_envs, 3, device=env.device)
 
     def _drawn(self, count: int) -> torch.Tensor:
         low, high = self._env.context.options.push_interval_s
         return low + (high - low) * torch.rand(count, device=self._env.device)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
-        options = env.context.options
+        """All forces are written, also those that are none: to count them, a processor would have to wait."""
+        options, count = env.context.options, env.num_envs
         self._wait -= env.step_dt
-        pushed = self._left > 0.0
         self._left -= env.step_dt
-        ended = (pushed & (self._left <= 1e-6)).nonzero().flatten()
-        self._write(ended, torch.zeros(len(ended), 3, device=env.device))
-        begun = (self._wait <= 0.0).nonzero().flatten()
+        begins = self._wait <= 0.0
         largest = grown(options.push_impulse, env.iteration(), options.push_iterations) / FORCE_S
-        self._write(begun, horizontal(len(begun), largest, env.device) * env.pushed[begun, None])
-        self._left[begun] = FORCE_S
-        self._wait[begun] = self._drawn(len(begun))
-
-    def _write(self, env_ids: torch.Tensor, force_w: torch.Tensor) -> None:
-        if len(env_ids):
-            self._robot.write_external_wrench_to_sim(
-                force_w[:, None], torch.zeros_like(force_w)[:, None], env_ids=env_ids, body_ids=self._trunk
-            )
+        drawn = horizontal(count, largest, env.device) * env.pushed[:, None]
+        goes_on = torch.where((self._left > 1e-6)[:, None], self._force_w, 0.0)
+        self._force_w = torch.where(begins[:, None], drawn, goes_on)
+        self._left = torch.where(begins, FORCE_S, self._left)
+        self._wait = torch.where(begins, self._drawn(count), self._wait)
+        force = self._force_w[:, None]
+        self._robot.write_external_wrench_to_sim(force, torch.zeros_like(force), body_ids=self._trunk)
 
     def reset(self, env_ids: torch.Tensor | None = None) -> None:
         """No force at the start of an episode (mjlab has cleared it), and a new wait."""
         ids = slice(None) if env_ids is None else env_ids
-        self._left[ids] = 0.0
+        self._left[ids], self._force_w[ids] = 0.0, 0.0
         self._wait[ids] = self._drawn(len(self._wait[ids]))
