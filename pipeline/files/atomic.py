@@ -21,9 +21,10 @@ def write_bytes(path: Path, data: bytes) -> None:
     folder that could not be synced.
     """
     made = _missing_folders(path.parent)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    aside: str | None = None
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
             stream.flush()
@@ -33,10 +34,18 @@ def write_bytes(path: Path, data: bytes) -> None:
         for folder in (path.parent, *(each.parent for each in made)):
             _sync_folder(folder)
     except OSError as error:
-        Path(aside).unlink(missing_ok=True)
-        stats = os.statvfs(path.parent)
-        free_mb = stats.f_bavail * stats.f_frsize / 1e6
-        raise FileError(path, f"could not be written ({error}); {free_mb:.0f} MB are free.") from error
+        if aside is not None:
+            Path(aside).unlink(missing_ok=True)
+        raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
+
+
+def _room(folder: Path) -> str:
+    """What is left for files below a folder that may not be there."""
+    while not folder.exists():
+        folder = folder.parent
+    stats = os.statvfs(folder)
+    names = " and no more names" if stats.f_files and not stats.f_favail else ""
+    return f"{stats.f_bavail * stats.f_frsize / 1e6:.0f} MB{names} are free."
 
 
 def _missing_folders(folder: Path) -> list[Path]:

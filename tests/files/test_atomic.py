@@ -1,10 +1,13 @@
 """Writes that are whole or not there, and blobs that are what their name says."""
 
+import errno
 import os
 import signal
 import stat
 import subprocess
 import sys
+import tempfile
+from types import SimpleNamespace
 
 import pytest
 
@@ -70,6 +73,38 @@ def test_a_refusing_disk_is_told_with_the_free_space_and_leaves_nothing(tmp_path
         atomic.write_bytes(path, b"new")
     assert path.read_bytes() == b"old"
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("error", [errno.EROFS, errno.EACCES, errno.ENOSPC, errno.EDQUOT])
+def test_a_folder_that_takes_no_file_is_told_in_one_sentence(tmp_path, monkeypatch, error):
+    def refuse(*arguments, **more):
+        raise OSError(error, os.strerror(error))
+
+    path = tmp_path / "new" / "file"
+    monkeypatch.setattr(tempfile, "mkstemp", refuse)
+    with pytest.raises(FileError, match=rf"file: could not be written \(.*{os.strerror(error)}.*MB are free"):
+        atomic.write_bytes(path, b"new")
+    assert not path.exists()
+
+
+def test_a_file_where_a_folder_should_be_is_told(tmp_path):
+    (tmp_path / "folder").write_text("no folder")
+    with pytest.raises(FileError, match=r"could not be written \(.*folder"):
+        atomic.write_bytes(tmp_path / "folder" / "file", b"new")
+    assert (tmp_path / "folder").read_text() == "no folder"
+
+
+def test_a_full_table_of_names_is_told(tmp_path, monkeypatch):
+    found = os.statvfs(tmp_path)
+    full = SimpleNamespace(f_bavail=found.f_bavail, f_frsize=found.f_frsize, f_files=10, f_favail=0)
+    monkeypatch.setattr(os, "statvfs", lambda folder: full)
+    monkeypatch.setattr(os, "fsync", _full)
+    with pytest.raises(FileError, match=r"MB and no more names are free"):
+        atomic.write_bytes(tmp_path / "file", b"new")
+
+
+def _full(handle: int) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_a_blob_is_read_back_and_a_changed_one_is_refused(tmp_path):
