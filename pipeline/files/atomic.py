@@ -5,6 +5,7 @@ The memo of the batch layer does without: an answer that is lost is asked again 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import tempfile
@@ -20,9 +21,9 @@ def write_bytes(path: Path, data: bytes) -> None:
     does not. Raises FileError (with the free space) when the disk refuses; the old file stays then, unless it was the
     folder that could not be synced.
     """
-    made = _missing_folders(path.parent)
     aside: str | None = None
     try:
+        made = _missing_folders(path.parent)
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
@@ -35,17 +36,19 @@ def write_bytes(path: Path, data: bytes) -> None:
             _sync_folder(folder)
     except OSError as error:
         if aside is not None:
-            Path(aside).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                Path(aside).unlink(missing_ok=True)
         raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
 
 
 def _room(folder: Path) -> str:
-    """What is left for files below a folder that may not be there."""
-    while not folder.exists():
-        folder = folder.parent
-    stats = os.statvfs(folder)
-    names = " and no more names" if stats.f_files and not stats.f_favail else ""
-    return f"{stats.f_bavail * stats.f_frsize / 1e6:.0f} MB{names} are free."
+    """What is left for files in a folder, or in the first above it that can be asked."""
+    for each in (folder, *folder.parents):
+        with contextlib.suppress(OSError):
+            stats = os.statvfs(each)
+            names = " and no more names" if stats.f_files and not stats.f_favail else ""
+            return f"{stats.f_bavail * stats.f_frsize / 1e6:.0f} MB{names} are free."
+    return "what is free can't be told."
 
 
 def _missing_folders(folder: Path) -> list[Path]:

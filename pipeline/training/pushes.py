@@ -41,7 +41,8 @@ class PushForce:
     def __init__(self, cfg, env):
         self._env = env
         self._robot = env.scene["robot"]
-        self._trunk, _ = self._robot.find_bodies(env.context.bundle.robot.root_link)
+        (trunk,), _ = self._robot.find_bodies(env.context.bundle.robot.root_link)
+        self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
         self._wait = self._drawn(env.num_envs)
         self._left = torch.zeros(env.num_envs, device=env.device)
         self._force_w = torch.zeros(env.num_envs, 3, device=env.device)

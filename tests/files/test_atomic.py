@@ -7,6 +7,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -85,6 +86,32 @@ def test_a_folder_that_takes_no_file_is_told_in_one_sentence(tmp_path, monkeypat
     with pytest.raises(FileError, match=rf"file: could not be written \(.*{os.strerror(error)}.*MB are free"):
         atomic.write_bytes(path, b"new")
     assert not path.exists()
+
+
+@pytest.mark.parametrize("call", ["mkdir", "exists"])
+def test_a_folder_that_may_not_be_made_or_looked_into_is_told(tmp_path, monkeypatch, call):
+    def refuse(*arguments, **more):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    path = tmp_path / "locked" / "new" / "file"
+    monkeypatch.setattr(Path, call, refuse)
+    with pytest.raises(FileError, match=r"file: could not be written \(.*Permission denied.*MB are free"):
+        atomic.write_bytes(path, b"new")
+
+
+def test_a_name_that_is_too_long_is_told(tmp_path):
+    with pytest.raises(FileError, match=r"could not be written \(.*too long.*MB are free"):
+        atomic.write_bytes(tmp_path / ("x" * 300) / "file", b"new")
+
+
+def test_a_disk_that_also_keeps_what_was_begun_is_told(tmp_path, monkeypatch):
+    def refuse(*arguments, **more):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with pytest.raises(FileError, match="Input/output error"):
+        atomic.write_bytes(tmp_path / "file", b"new")
 
 
 def test_a_file_where_a_folder_should_be_is_told(tmp_path):
