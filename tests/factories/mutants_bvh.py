@@ -11,8 +11,8 @@ from tests.factories import motion_files as files
 from tests.factories.mutant import Mutant, flagged, refused, understood
 
 FRAMES = 90
-Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From a world whose y axis is up."""
+Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""From a world whose y axis is up and whose z axis is ahead to one whose x axis is."""
 CLEAN = files.bvh(files.upright(FRAMES, seed=1))
 HEAD, BODY = CLEAN.split("MOTION\n")
 ROWS = BODY.splitlines()[2:]
