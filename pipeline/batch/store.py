@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from dataclasses import dataclass
@@ -52,13 +53,14 @@ class Store:
         JSON or not there, and its question is asked again.
         """
         path = self._memo_path(key)
-        path.parent.mkdir(parents=True, exist_ok=True)
         aside = path.with_name(f".{key}.{os.getpid()}.part")
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             aside.write_text(json.dumps(answer, sort_keys=True, allow_nan=False))
             aside.replace(path)
         except OSError as error:
-            aside.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                aside.unlink(missing_ok=True)
             raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
 
     def _memo_path(self, key: str) -> Path:

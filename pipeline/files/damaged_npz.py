@@ -4,7 +4,15 @@ import lzma
 import zipfile
 import zlib
 
-DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError)
-DAMAGED_NPZ += (NotImplementedError, RuntimeError)
+DAMAGED_NPZ = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    OSError,
+    ValueError,
+    NotImplementedError,
+    RuntimeError,
+)
 """Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
 their own; none of them is a FileError."""

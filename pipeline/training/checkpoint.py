@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,18 @@ PARTS = (*STATES, *COUNTS)
 
 
 def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environment_steps: int) -> Path:
-    """Write the state after `iteration` iterations."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write the state after some iterations, whole or not at all. Raises TrainingError where the disk refuses."""
     path = folder / f"model_{iteration:06d}.pt"
     part = path.with_suffix(".part")
-    torch.save({**state, "iteration": iteration, "environment_steps": environment_steps}, part)
-    part.replace(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        torch.save({**state, "iteration": iteration, "environment_steps": environment_steps}, part)
+        part.replace(path)
+    except (OSError, RuntimeError) as error:  # of a full disk PyTorch says RuntimeError
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise TrainingError(f"{path}: could not be written ({first}). Is the disk full?") from error
     return path
 
 

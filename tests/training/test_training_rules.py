@@ -182,6 +182,17 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "planted").exists()
 
 
+def test_a_checkpoint_that_the_disk_refuses_is_told_and_leaves_nothing(tmp_path, monkeypatch):
+    def full(state, path):
+        path.write_bytes(b"half")
+        raise RuntimeError("unexpected pos 64 vs 0")
+
+    monkeypatch.setattr(torch, "save", full)
+    with pytest.raises(TrainingError, match=r"model_000100\.pt: could not be written \(unexpected pos 64 vs 0\)"):
+        save_checkpoint(tmp_path, 100, dict(STATE), 0)
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_checkpoint_that_is_not_there_is_not_called_damaged(tmp_path):
     with pytest.raises(TrainingError, match=r"gone\.pt: can't be read \(No such file"):
         load_checkpoint(tmp_path / "gone.pt", "cpu")
