@@ -8,7 +8,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.hardware import trials_of
-from assets.plainly import plainly
+from assets.plainly import plainly, told_plainly
 from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
 from assets.report import table_of
@@ -72,9 +72,12 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """What is said of a trial. What goes wrong with one must not stop the others."""
+    """What is said of a trial. What goes wrong with one must not stop the others, but for a disk that keeps no answer:
+    that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
     try:
         return _looked_at(name, path, numbers)
+    except dg.Failure:
+        raise
     except PipelineError as error:
         return {"unread": str(error)}
     except Exception as error:  # a fault of ours: it is tried again in the next run
@@ -104,7 +107,8 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]
         known = {"pieces": [], **_look(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values)}
-        PROJECT.store.remember(key, known)
+        with told_plainly():
+            PROJECT.store.remember(key, known)
         return {**known, "new": True}
     return known
 

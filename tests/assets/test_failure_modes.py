@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import dagster as dg
 import pytest
 
 from assets import failure_modes
@@ -66,6 +67,15 @@ def test_a_fault_of_ours_is_told_and_not_remembered(project, robot, tmp_path, mo
         said = failure_modes._answer("x", path, numbers)
     assert said["fault"] and "ZeroDivisionError" in said["unread"]
     assert "report" in failure_modes._answer("x", path, numbers)
+
+
+def test_a_disk_that_keeps_no_answer_is_told_as_such_and_not_as_a_log_that_was_not_read(project, robot, tmp_path):
+    (trial,) = trials_in(ROOT / "data/hardware_logs/demo/side_left_fall.mcap", robot)
+    path = tmp_path / "trial.parquet"
+    write_trial(path, trial)
+    (project.store.root / "memo").write_text("a file where a folder has to be")
+    with pytest.raises(dg.Failure, match=r"memo.*could not be written.*Is the disk full\?"):
+        failure_modes._answer("x", path, {"robot": "t1", "log": "x"})
 
 
 def test_what_cannot_be_looked_at_says_why(project, tmp_path):
