@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import torch
 from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
 
+from pipeline.training.masks import replace
+
 SCALE = 0.25
 """[rad]"""
 
@@ -34,6 +36,7 @@ class PolicyAction(ActionTerm):
         self._largest_lag = env.context.options.action_lag_steps
         self._lag = torch.zeros(self.num_envs, 1, dtype=torch.long, device=self.device)
         self._substep = 0
+        env.restarts.append(self.restart)
 
     @property
     def action_dim(self) -> int:
@@ -56,9 +59,9 @@ class PolicyAction(ActionTerm):
         self._entity.set_joint_position_target(target)
         self._substep += 1
 
-    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
-        ids = slice(None) if env_ids is None else env_ids
-        self._raw[ids] = 0.0
-        self._target[ids] = self._env.default_joint_pos
+    def restart(self, mask: torch.Tensor) -> None:
+        """Environments that begin an episode do so at the default pose's target, with another delay."""
+        replace(self._raw, mask, 0.0)
+        replace(self._target, mask, self._env.default_joint_pos)
         if self._largest_lag:
-            self._lag[ids] = torch.randint(self._largest_lag + 1, self._lag[ids].shape, device=self.device)
+            replace(self._lag, mask, torch.randint(self._largest_lag + 1, self._lag.shape, device=self.device))

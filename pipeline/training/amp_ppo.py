@@ -12,6 +12,7 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
 from pipeline.training.discriminator import Discriminator, style_reward
+from pipeline.training.mirror import MirroredSamples
 from pipeline.training.options import Options
 from pipeline.training.training_error import TrainingError
 
@@ -33,6 +34,8 @@ class AmpPpo(PPO):
     def __init__(self, *args: Any, options: Options, expert: torch.Tensor, joints: int, **kwargs: Any):
         super().__init__(*args, **kwargs)
         self._options = options
+        if self.symmetry is not None:
+            self.symmetry = MirroredSamples(self.symmetry.env, self.symmetry.data_augmentation_func, True)
         distribution = self._raw_actor.distribution
         if not isinstance(distribution, GaussianDistribution):
             raise TrainingError(
@@ -63,7 +66,7 @@ class AmpPpo(PPO):
             score = self.discriminator.score(motion)
             style = style_reward(score, self._options.alpha, self._options.beta) * valid
             kept = valid & (torch.rand(len(valid), device=valid.device) < 0.5)
-            self.discriminator.replay.insert(motion[kept])
+            self.discriminator.replay.insert(motion, kept)
         self.step_figures += torch.stack([rewards.mean(), style.mean(), score.mean(), torch.ones_like(score[0])])
         share = self.style_share()
         super().process_env_step(obs, (1.0 - share) * rewards + share * style, dones, extras)

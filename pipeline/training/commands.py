@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
 
+from pipeline.training.masks import replace
 from pipeline.training.options import Options
 
 NORMAL = ((-0.6, 1.0), (-0.6, 0.6), (-1.5, 1.5))
@@ -22,6 +23,8 @@ ALONE = ("straight", "side", "turn")
 """Which of them is on the forward, the lateral and the yaw axis."""
 SLOW = (0.2, 0.4)
 """Speed of slow commands [m/s]."""
+OLD_S = 10.0
+"""Age of the command of an episode that begins at the velocity it commands [s]: it may stall at once."""
 
 
 def draw_commands(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
@@ -81,6 +84,7 @@ class VelocityCommand(CommandTerm):
         self._command = torch.zeros(self.num_envs, 3, device=self.device)
         self.age = torch.zeros(self.num_envs, device=self.device)
         """Time since the command was given [s]."""
+        env.restarts.append(self.restart)
 
     @property
     def command(self) -> torch.Tensor:
@@ -91,18 +95,37 @@ class VelocityCommand(CommandTerm):
         self._command[env_ids] = command
         self.age[env_ids] = age
 
-    def keep(self, env_ids: torch.Tensor, command: torch.Tensor, age: float) -> None:
-        """Replace the commands (n, 3) of those that are no NaN, as if they were `age` [s] old."""
-        kept = ~command.isnan().any(dim=1)
-        self._command[env_ids] = torch.where(kept[:, None], command, self._command[env_ids])
-        self.age[env_ids] = torch.where(kept, age, self.age[env_ids])
+    def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
+        """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew."""
+        self.time_left -= dt
+        self.age += dt
+        self._draw(self.time_left <= 0.0)
+
+    def restart(self, mask: torch.Tensor) -> None:
+        """Another command for environments that begin an episode, or the one that goes with what they begin at, as if
+        it were OLD_S old."""
+        self._draw(mask)
+        own = self._env.own_command
+        kept = mask & ~own.isnan().any(dim=1)
+        replace(self._command, kept, own)
+        replace(self.age, kept, OLD_S)
+
+    def _draw(self, mask: torch.Tensor) -> None:
+        low, high = self.cfg.resampling_time_range
+        replace(self.time_left, mask, low + (high - low) * torch.rand_like(self.time_left))
+        replace(self._command, mask, draw_commands(self.num_envs, self._env.context.options, self.device))
+        replace(self.age, mask, 0.0)
+        self.command_counter += mask
+
+    def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
+        """Nothing: `restart` is called instead."""
+        return {}
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
-        self.give(env_ids, draw_commands(len(env_ids), self._env.context.options, self.device))
+        """Nothing: `compute` and `restart` draw."""
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
-        if env_ids is None:
-            self.age += self._env.step_dt
+        """Nothing: `compute` does it."""
 
     def _update_metrics(self) -> None:
         """None: `curves.py` keeps the figures."""

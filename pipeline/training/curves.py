@@ -42,9 +42,7 @@ class Record:
         self._steps = torch.zeros(2, device=device)
 
     def add(self, env) -> None:
-        """A step of the environment, after it; velocities are taken of every eighth."""
-        if env.common_step_counter % 8 == 0:
-            self._add_velocity(env)
+        """A step of the environment, after it."""
         walks = BINS["mid"][1](env.command)
         stepped = (env.readings.step_s > 0.0) & walks
         self._steps += torch.stack([stepped.sum(), walks.sum()])
@@ -54,7 +52,8 @@ class Record:
         counts = [done.sum(), lengths, (done & env.fell).sum(), stalled.sum(), torch.ones_like(lengths) * len(done)]
         self._episodes += torch.stack([count.float() for count in counts])
 
-    def _add_velocity(self, env) -> None:
+    def add_velocity(self, env) -> None:
+        """How fast robots are now, held against their commands."""
         command, velocity = env.command, env.readings.velocity
         settled = env.velocity_command.age > SETTLED_S
         rows = []

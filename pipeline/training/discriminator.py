@@ -31,24 +31,31 @@ def style_reward(score: torch.Tensor, alpha: float, beta: float) -> torch.Tensor
 
 
 class Replay:
-    """A ring of policy windows (m, h, f)."""
+    """A ring of policy windows (m, h, f). Where it is at and how full it is only the GPU knows."""
 
     def __init__(self, size: int, shape: tuple[int, int], device: str):
-        self._windows = torch.zeros(size, *shape, device=device)
-        self._next = 0
-        self.count = 0
+        self._size = size
+        self._windows = torch.zeros(size + 1, *shape, device=device)  # the last row takes what is not kept
+        self._next = torch.zeros((), dtype=torch.long, device=device)
+        self._count = torch.zeros((), dtype=torch.long, device=device)
 
-    def insert(self, windows: torch.Tensor) -> None:
-        """Put windows in, over the oldest ones when it is full."""
-        windows = windows[-len(self._windows) :]
-        at = (self._next + torch.arange(len(windows), device=windows.device)) % len(self._windows)
-        self._windows[at] = windows
-        self._next = int((self._next + len(windows)) % len(self._windows))
-        self.count = min(self.count + len(windows), len(self._windows))
+    @property
+    def count(self) -> int:
+        """How many windows there are. The processor waits for it."""
+        return int(self._count)
+
+    def insert(self, windows: torch.Tensor, kept: torch.Tensor) -> None:
+        """Put those of the windows (n, h, f) in that are `kept` (n,), over the oldest ones when it is full."""
+        windows, kept = windows[-self._size :], kept[-self._size :]
+        at = (self._next + kept.cumsum(dim=0) - 1) % self._size
+        self._windows[torch.where(kept, at, self._size)] = windows
+        self._next.copy_((self._next + kept.sum()) % self._size)
+        self._count.copy_((self._count + kept.sum()).clamp(max=self._size))
 
     def draw(self, count: int) -> torch.Tensor:
-        """Windows drawn evenly, with repetition."""
-        return self._windows[torch.randint(self.count, (count,), device=self._windows.device)]
+        """Windows drawn evenly, with repetition, of a ring that is not empty."""
+        share = torch.rand(count, dtype=torch.float64, device=self._windows.device)
+        return self._windows[(share * self._count).long()]
 
 
 class Discriminator:

@@ -1,43 +1,34 @@
-"""The paper's environment on mjlab: scene, terms and the windows that the discriminator reads."""
+"""The paper's environment on mjlab: its step, in parts that a GPU replays, and the windows the discriminator reads."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 import torch
 import warp as wp
-from mjlab.envs import ManagerBasedRlEnv, ManagerBasedRlEnvCfg
-from mjlab.envs.mdp import dr
-from mjlab.managers.event_manager import EventTermCfg
-from mjlab.managers.scene_entity_config import SceneEntityCfg
-from mjlab.scene import SceneCfg
-from mjlab.sensor import ContactMatch, ContactSensorCfg
-from mjlab.sim import MujocoCfg, SimulationCfg
+from mjlab.envs import ManagerBasedRlEnv
 
-from pipeline.training.action import PolicyActionCfg
-from pipeline.training.bundle import Bundle, RobotFacts
-from pipeline.training.commands import VelocityCommand, VelocityCommandCfg
+from pipeline.training.bundle import Bundle
+from pipeline.training.captured import Captured
+from pipeline.training.commands import VelocityCommand
 from pipeline.training.curves import Record
+from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import begin_episodes
+from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
-from pipeline.training.observations import LARGEST, observation_cfg
+from pipeline.training.observations import LARGEST
 from pipeline.training.options import Options
-from pipeline.training.pushes import PushForce, grown, push_velocity
+from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
-from pipeline.training.reward_table import reward_cfg
-from pipeline.training.reward_terms import motor_limit, tracking
-from pipeline.training.robot_entity import robot_entity
+from pipeline.training.reward_terms import motor_limit
 from pipeline.training.step_times import StepTimes
-from pipeline.training.terminations import termination_cfg
-from pipeline.training.terrain import terrain_cfg
 
-PHYSICS_S = 0.005
-DECIMATION = 4
-OLD_S = 10.0
-"""Age of the command of an episode that begins at the velocity it commands [s]: it may stall at once."""
+VELOCITY_STEPS = 8
+"""Velocities are recorded at every so many steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +66,25 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """The iteration that schedules are at, where they don't go by the environment's own steps."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
-        self._kernels: torch.Tensor | None = None
         self.step_times = StepTimes(bundle.expert, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
+        """The command that goes with what an episode began at; NaN where none does."""
+        self.ramps = Ramps(options, device)
+        self.restarts: list[Callable[[torch.Tensor], None]] = []
+        """What terms do where (n,) an episode begins; each puts its own in."""
         if device == "cpu":
             wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
+        self._given = torch.zeros_like(self.action_manager.action)
+
+        def part(work: Callable[[], None]) -> Captured:
+            return Captured(work, device, options.captured)
+
+        self._aims = (part(self._aim_first), *(part(self._aim_again) for _ in range(DECIMATION - 1)))
+        self._judge = part(self._judge_state)
+        self._begin = part(lambda: self._begin_episodes(self.reset_buf))
+        self._see = part(self._see_state)
+        self._note = part(lambda: self.record.add_velocity(self))
 
     def load_managers(self) -> None:
         """mjlab's managers; the readings must be there before, the windows' size is known after."""
@@ -107,29 +111,12 @@ class AmpEnvironment(ManagerBasedRlEnv):
         lived = self.common_step_counter / self.context.options.steps
         return lived if self.schedule is None else self.schedule
 
-    def penalty_factor(self) -> float:
-        """What penalties are multiplied by at this iteration."""
-        options = self.context.options
-        return grown((options.penalty_start, 1.0), self.iteration(), options.penalty_iterations)
-
-    def late_factor(self) -> float:
-        """What late rewards are multiplied by at this iteration."""
-        first, last = self.context.options.late_iterations
-        return min(1.0, max(0.0, (self.iteration() - first) / max(last - first, 1)))
-
     def motor_limit(self, of: str) -> torch.Tensor:
         """The motors' constant `limit`, or what the `line` leaves of it at their speed [N m]."""
         read = self.readings
         if of == "limit" or self.context.options.motors == "box":
             return self.effort_limit
         return motor_limit(read.torque, read.joint_vel, self.effort_limit, self._stall_torque, self._no_load_speed)
-
-    def tracking_kernels(self) -> torch.Tensor:
-        """How well the command is followed on each axis (n, 3), worked out once a step."""
-        if self._kernels is None:
-            sigma2 = self.context.options.sigma2
-            self._kernels = tracking(self.command, self.tracked_velocity, sigma2)
-        return self._kernels
 
     @property
     def tracked_velocity(self) -> torch.Tensor:
@@ -138,14 +125,68 @@ class AmpEnvironment(ManagerBasedRlEnv):
         return self.readings.mean_velocity if mean else self.readings.velocity
 
     def step(self, action: torch.Tensor):
-        """mjlab's step; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows within one episode."""
-        self._kernels = None
-        result = super().step(action)
-        self.record.add(self)
-        self._motion = torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1)
+        """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
+        within one episode.
+
+        Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations see links as they were
+        a physics step ago.
+        """
+        self.extras["log"] = {}
+        self.ramps.at(self.iteration())
+        self._given.copy_(action)
+        for aim in self._aims:
+            self._sim_step_counter += 1
+            aim()
+            self.sim.step()
+            self.scene.update(dt=self.physics_dt)
+        self.common_step_counter += 1
+        self._judge()
+        self.sim.reset(self.reset_buf)
+        self._begin()
+        self.sim.forward()
+        self._see()
+        if self.common_step_counter % VELOCITY_STEPS == 0:
+            self._note()
+        self.readings.fresh()
+        self.obs_buf = {name: seen.clone() for name, seen in self._seen.items()}  # the next step writes over them
+        return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
+
+    def _aim_first(self) -> None:
+        self.action_manager.process_action(self._given)
+        self._aim_again()
+
+    def _aim_again(self) -> None:
+        self.action_manager.apply_action()
+        self.scene.write_data_to_sim()
+
+    def _judge_state(self) -> None:
+        """Ends, rewards and pushes."""
+        self.episode_length_buf += 1
+        self.reset_buf = self.termination_manager.compute()
+        self.reset_terminated = self.termination_manager.terminated
+        self.reset_time_outs = self.termination_manager.time_outs
+        self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
+        if "step" in self.event_manager.available_modes:
+            self.event_manager.apply(mode="step", dt=self.step_dt)
+
+    def _begin_episodes(self, mask: torch.Tensor) -> None:
+        """Everything that an episode begins with, of those (n,) whose simulation has been reset."""
+        replace(self.ended_steps, mask, self.episode_length_buf)
+        begin_episodes(self, mask)
+        for state in (self.action_manager.action, self.action_manager.prev_action):
+            replace(state, mask, 0.0)
+        for restart in self.restarts:
+            restart(mask)
+        replace(self.episode_length_buf, mask, 0)
+
+    def _see_state(self) -> None:
+        """Commands grow older, then what is seen of the state and kept of it."""
+        self.command_manager.compute(dt=self.step_dt * ~self.reset_buf)
+        self._seen = self.observation_manager.compute(update_history=True)
+        self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
         self.extras["motion"] = window_frames(self._motion, self.context.options)
         self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
-        return result
+        self.record.add(self)
 
     def motion_features(self) -> torch.Tensor:
         """Features of the current states (n, f), with the command where the discriminator sees it."""
@@ -165,83 +206,5 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
         assert env_ids is not None
-        self.ended_steps[env_ids] = self.episode_length_buf[env_ids]
-        super()._reset_idx(env_ids)
-        self.velocity_command.keep(env_ids, self.own_command[env_ids], OLD_S)
-
-
-def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:
-    """The environment in mjlab's terms."""
-    rough = options.terrain == "rough"
-    return ManagerBasedRlEnvCfg(
-        decimation=DECIMATION,
-        episode_length_s=options.episode_s,
-        seed=seed,
-        scene=SceneCfg(
-            num_envs=num_envs,
-            terrain=terrain_cfg(options, seed),
-            entities={"robot": robot_entity(robot, options)},
-            sensors=_sensors(robot),
-        ),
-        sim=SimulationCfg(
-            nconmax=60 if rough else 40,
-            njmax=300 if rough else 200,
-            mujoco=MujocoCfg(timestep=PHYSICS_S, iterations=10, ls_iterations=20),
-        ),
-        observations=observation_cfg(),
-        actions={"joints": PolicyActionCfg(entity_name="robot")},
-        commands={"velocity": VelocityCommandCfg(resampling_time_range=options.resample_s)},
-        rewards=reward_cfg(),
-        terminations=termination_cfg(options),
-        events=_events(robot, options),
-    )
-
-
-def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
-    touching = [shape for kind in ("shanks", "others") for shape in robot.shapes[kind]]
-
-    def sensor(name: str, mode, pattern: tuple[str, ...]) -> ContactSensorCfg:
-        return ContactSensorCfg(
-            name=name,
-            primary=ContactMatch(mode=mode, pattern=pattern, entity="robot"),
-            fields=("force",),
-            reduce="netforce",
-        )
-
-    feet = sensor("feet_contact", "body", tuple(f"^{link}$" for link in robot.foot_links))
-    return feet, sensor("other_contact", "geom", tuple(f"^{shape}$" for shape in touching))
-
-
-def _events(robot: RobotFacts, options: Options) -> dict[str, EventTermCfg]:
-    feet = tuple(f"^{name}$" for name in robot.shapes["feet"])
-    trunk = (f"^{robot.root_link}$",)
-    events = {
-        "friction": EventTermCfg(
-            mode="startup",
-            func=dr.geom_friction,
-            params={
-                "asset_cfg": SceneEntityCfg("robot", geom_names=feet),
-                "operation": "abs",
-                "ranges": options.friction,
-                "shared_random": True,
-            },
-        ),
-        "gains": EventTermCfg(
-            mode="startup",
-            func=dr.pd_gains,
-            params={"kp_range": options.gain_range, "kd_range": options.gain_range},
-        ),
-        "trunk": EventTermCfg(
-            mode="startup",
-            func=dr.pseudo_inertia,
-            params={"asset_cfg": SceneEntityCfg("robot", body_names=trunk), "alpha_range": options.trunk_density},
-        ),
-        "begin": EventTermCfg(mode="reset", func=begin_episodes),
-    }
-    if options.push_speed[1] > 0.0:
-        events["push_velocity"] = EventTermCfg(
-            mode="interval", interval_range_s=options.push_interval_s, func=push_velocity
-        )
-    if options.push_impulse[1] > 0.0:
-        events["push_force"] = EventTermCfg(mode="step", func=PushForce)
-    return events
+        self.sim.reset(env_ids)
+        self._begin_episodes(members(env_ids, self.num_envs))

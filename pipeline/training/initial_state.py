@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import torch
-from mjlab.utils.lab_api.math import quat_apply, quat_from_euler_xyz, quat_mul
+from mjlab.utils.lab_api.math import quat_apply, quat_apply_inverse, quat_from_euler_xyz, quat_mul
+
+from pipeline.training.masks import replace
 
 LIFT_M = 0.02
 """Expert frames are put this much higher, so that no sole begins in the ground [m]."""
@@ -15,10 +17,12 @@ SPEED_NOISE = 0.2
 """Of the base near the default pose [m/s, rad/s]."""
 
 
-def begin_episodes(env, env_ids: torch.Tensor) -> None:
-    """Write root and joint states of environments that begin an episode, and give some the frame's own command."""
-    options, robot = env.context.options, env.scene["robot"]
-    count, device = len(env_ids), env.device
+def begin_episodes(env, mask: torch.Tensor) -> None:
+    """Write root and joint states of environments (n,) that begin an episode, and give some the frame's own command.
+
+    States are drawn for all and taken by those.
+    """
+    options, count, device = env.context.options, env.num_envs, env.device
     frames, command = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
     home = (torch.rand(count, device=device) >= options.reference_share)[:, None]
@@ -38,12 +42,12 @@ def begin_episodes(env, env_ids: torch.Tensor) -> None:
     joints = torch.clamp(joints, *env.joint_limits)
     pos[:, :2] = 0.0
     pos[:, 2] += options.roughness_m if options.terrain == "rough" else 0.0
-    robot.write_root_link_pose_to_sim(torch.cat([pos + env.scene.env_origins[env_ids], quat], dim=1), env_ids=env_ids)
-    robot.write_root_link_velocity_to_sim(torch.cat([lin_vel_w, ang_vel_w], dim=1), env_ids=env_ids)
-    robot.write_joint_state_to_sim(joints, joint_vel, env_ids=env_ids)
-    env.readings.restart(env_ids)
+    data = env.sim.data
+    replace(data.qpos[:], mask, torch.cat([pos + env.scene.env_origins, quat, joints], dim=1))
+    replace(data.qvel[:], mask, torch.cat([lin_vel_w, quat_apply_inverse(quat, ang_vel_w), joint_vel], dim=1))
+    env.readings.restart(mask)
     keeps = ~home & (torch.rand(count, 1, device=device) < options.reference_command_share)
-    env.own_command[env_ids] = torch.where(keeps, command, torch.nan)
+    replace(env.own_command, mask, torch.where(keeps, command, torch.nan))
 
 
 def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:

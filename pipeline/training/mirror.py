@@ -5,10 +5,14 @@ from __future__ import annotations
 from typing import Any, cast
 
 import torch
+from rsl_rl.extensions import Symmetry
 from tensordict import TensorDict
 
 from pipeline.training.bundle import RobotFacts
 from pipeline.training.observations import HISTORY
+
+COMMAND = slice(6, 9)
+"""Where the command is in a frame."""
 
 
 class Mirror:
@@ -53,9 +57,32 @@ def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> to
     return value[:, index] * sign
 
 
-def augment(env, obs: TensorDict | None, actions: torch.Tensor | None) -> tuple[TensorDict | None, torch.Tensor | None]:
-    """The samples and after them their mirror images, as rsl-rl asks for it; `env.mirror` knows the robot."""
+class MirroredSamples(Symmetry):
+    """rsl-rl's symmetry without the figure of it, for which the network would be worked out once more a mini-batch."""
+
+    def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
+        """0."""
+        return torch.zeros((), device=batch.actions.device)
+
+
+def stands(obs: TensorDict) -> torch.Tensor:
+    """Whether (n,) the newest command is to stand."""
+    newest = obs["actor"].unflatten(1, (HISTORY, -1))[:, -1]
+    return (newest[:, COMMAND] == 0.0).all(dim=1)
+
+
+def augment(env, obs: TensorDict, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:
+    """The samples and after them their mirror images, as rsl-rl asks for it; `env.mirror` knows the robot.
+
+    Where `mirror_standing` is off, samples that are told to stand come twice as they are.
+    """
     mirror: Mirror = env.mirror
-    both_obs = None if obs is None else cast(TensorDict, torch.cat([cast(Any, obs), mirror.observations(obs)]))
-    both_actions = None if actions is None else torch.cat([actions, mirror.actions(actions)])
-    return both_obs, both_actions
+    other_obs, other_actions = mirror.observations(obs), mirror.actions(actions)
+    if not env.unwrapped.context.options.mirror_standing:
+        same = stands(obs)[:, None]
+        other_actions = torch.where(same, actions, other_actions)
+        other_obs = TensorDict(
+            {name: torch.where(same, obs[name], other_obs[name]) for name in ("actor", "critic")},
+            batch_size=obs.batch_size,
+        )
+    return cast(TensorDict, torch.cat([cast(Any, obs), other_obs])), torch.cat([actions, other_actions])

@@ -10,6 +10,8 @@ from __future__ import annotations
 import torch
 from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
 
+from pipeline.training.masks import replace
+
 HISTORY = 10
 LARGEST = 100.0
 """Observations are cut here: only a simulation that has come apart gets beyond, which must not reach the network."""
@@ -55,16 +57,18 @@ class ActorHistory:
         joints = len(env.policy_index)
         self._frames = torch.zeros(env.num_envs, HISTORY, 9 + 3 * joints, device=env.device)
         self._scale = noise_scale(env.context.options.noise, joints).to(env.device) * ~env.quiet[:, None]
+        env.restarts.append(self.restart)
 
     def __call__(self, env) -> torch.Tensor:
         env.readings.fresh()
         newest = newest_frame(env)
         newest += self._scale * (2.0 * torch.rand_like(newest) - 1.0)
-        self._frames = torch.cat([self._frames[:, 1:], newest[:, None]], dim=1)
+        self._frames.copy_(torch.cat([self._frames[:, 1:], newest[:, None]], dim=1))
         return self._frames.flatten(1)
 
-    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
-        self._frames[slice(None) if env_ids is None else env_ids] = 0.0
+    def restart(self, mask: torch.Tensor) -> None:
+        """Nothing was seen before an episode."""
+        replace(self._frames, mask, 0.0)
 
 
 def critic_frame(env) -> torch.Tensor:

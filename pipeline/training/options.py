@@ -26,6 +26,8 @@ class Options:
     """The defaults are the paper's where it states a number, else those of its references."""
 
     # The run
+    captured: bool = True
+    """Whether a GPU replays the parts of a control step instead of being told each launch; the same work."""
     run_iterations: int = 0
     """Iterations that all schedules are written for: they stretch to the minutes of a run that is bound by minutes. 0:
     they go by iterations."""
@@ -208,7 +210,9 @@ class Options:
     """The bound sinks from `init_std` between these iterations."""
     hidden: tuple[int, ...] = (512, 256, 128)
     symmetry: bool = True
-    """Mirrored samples beside each mini-batch's own."""
+    """Mirrored samples beside each mini-batch's own …"""
+    mirror_standing: bool = True
+    """… those in which the command is to stand among them."""
 
     def __post_init__(self) -> None:
         for name, words in WORDS.items():

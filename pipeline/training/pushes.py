@@ -6,68 +6,80 @@ import math
 
 import torch
 
+from pipeline.training.masks import replace
+
 FORCE_S = 0.1
 """How long a force acts [s]."""
 LEAST_SHARE = 0.2
 """A push is at least this share of the largest one."""
 
 
-def horizontal(count: int, largest: float, device: str | torch.device) -> torch.Tensor:
+def horizontal(count: int, largest: float | torch.Tensor, device: str | torch.device) -> torch.Tensor:
     """Vectors (count, 3) in random horizontal directions, their lengths evenly up to the largest one."""
     angle = 2.0 * math.pi * torch.rand(count, device=device)
     length = largest * (LEAST_SHARE + (1.0 - LEAST_SHARE) * torch.rand(count, device=device))
     return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
 
 
-def grown(span: tuple[float, float], iteration: float, iterations: int) -> float:
-    """A value on its way from the first to the last of a span."""
-    share = 1.0 if iterations <= 0 else min(1.0, iteration / iterations)
-    return span[0] + (span[1] - span[0]) * share
+class Waits:
+    """How long each environment is still left alone; drawn anew when a wait is over and when an episode begins."""
+
+    def __init__(self, env):
+        self._span, self._step_s = env.context.options.push_interval_s, env.step_dt
+        self._left = torch.zeros(env.num_envs, device=env.device)
+        self.restart(torch.ones_like(self._left, dtype=torch.bool))
+
+    def over(self) -> torch.Tensor:
+        """Whose wait ends with this step (n,)."""
+        self._left -= self._step_s
+        ends = self._left <= 0.0
+        self.restart(ends)
+        return ends
+
+    def restart(self, mask: torch.Tensor) -> None:
+        """Draw the waits of some anew."""
+        low, high = self._span
+        replace(self._left, mask, low + (high - low) * torch.rand_like(self._left))
 
 
-def push_velocity(env, env_ids: torch.Tensor) -> None:
-    """Change the base's velocity at once."""
-    options = env.context.options
-    largest = grown(options.push_speed, env.iteration(), options.push_iterations)
-    robot = env.scene["robot"]
-    velocity = torch.cat([env.readings.lin_vel_w[env_ids], robot.data.root_link_ang_vel_w[env_ids]], dim=1)
-    velocity[:, :3] += horizontal(len(env_ids), largest, env.device) * env.pushed[env_ids, None]
-    robot.write_root_link_velocity_to_sim(velocity, env_ids=env_ids)
+class PushVelocity:
+    """Every few seconds the base's velocity is another at once."""
+
+    def __init__(self, cfg, env):
+        self._waits = Waits(env)
+        env.restarts.append(self._waits.restart)
+
+    def __call__(self, env, env_ids: torch.Tensor | None) -> None:
+        pushed = (self._waits.over() & env.pushed)[:, None]
+        velocity_w = env.sim.data.qvel[:, :3]
+        velocity_w += torch.where(pushed, horizontal(env.num_envs, env.ramps.push_speed, env.device), 0.0)
 
 
 class PushForce:
     """Every few seconds a force on the trunk's centre of mass, for FORCE_S."""
 
     def __init__(self, cfg, env):
-        self._env = env
         self._robot = env.scene["robot"]
         (trunk,), _ = self._robot.find_bodies(env.context.bundle.robot.root_link)
         self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
-        self._wait = self._drawn(env.num_envs)
+        self._waits = Waits(env)
         self._left = torch.zeros(env.num_envs, device=env.device)
         self._force_w = torch.zeros(env.num_envs, 3, device=env.device)
-
-    def _drawn(self, count: int) -> torch.Tensor:
-        low, high = self._env.context.options.push_interval_s
-        return low + (high - low) * torch.rand(count, device=self._env.device)
+        env.restarts.append(self.restart)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
         """All forces are written, also those that are none: to count them, a processor would have to wait."""
-        options, count = env.context.options, env.num_envs
-        self._wait -= env.step_dt
         self._left -= env.step_dt
-        begins = self._wait <= 0.0
-        largest = grown(options.push_impulse, env.iteration(), options.push_iterations) / FORCE_S
-        drawn = horizontal(count, largest, env.device) * env.pushed[:, None]
-        goes_on = torch.where((self._left > 1e-6)[:, None], self._force_w, 0.0)
-        self._force_w = torch.where(begins[:, None], drawn, goes_on)
-        self._left = torch.where(begins, FORCE_S, self._left)
-        self._wait = torch.where(begins, self._drawn(count), self._wait)
+        begins = self._waits.over()
+        drawn = horizontal(env.num_envs, env.ramps.push_impulse / FORCE_S, env.device) * env.pushed[:, None]
+        replace(self._force_w, self._left <= 1e-6, 0.0)
+        replace(self._force_w, begins, drawn)
+        replace(self._left, begins, FORCE_S)
         force = self._force_w[:, None]
         self._robot.write_external_wrench_to_sim(force, torch.zeros_like(force), body_ids=self._trunk)
 
-    def reset(self, env_ids: torch.Tensor | None = None) -> None:
-        """No force at the start of an episode (mjlab has cleared it), and a new wait."""
-        ids = slice(None) if env_ids is None else env_ids
-        self._left[ids], self._force_w[ids] = 0.0, 0.0
-        self._wait[ids] = self._drawn(len(self._wait[ids]))
+    def restart(self, mask: torch.Tensor) -> None:
+        """No force at the start of an episode (the simulation has cleared it), and a new wait."""
+        replace(self._left, mask, 0.0)
+        replace(self._force_w, mask, 0.0)
+        self._waits.restart(mask)

@@ -14,7 +14,9 @@ import numpy as np
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
+from pipeline.training.masks import replace
 from pipeline.training.plain_walk import AIR_S
+from pipeline.training.reward_terms import tracking
 from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
@@ -176,6 +178,11 @@ class Readings:
         """`velocity` averaged over MEAN_TIME_S (n, 3)."""
         return self._mean
 
+    @_kept
+    def tracking(self) -> torch.Tensor:
+        """How well the command is followed on each axis (n, 3)."""
+        return tracking(self._env.command, self._env.tracked_velocity, self._env.context.options.sigma2)
+
     @property
     def joint_pos(self) -> torch.Tensor:
         return self._qpos[:, 7:]
@@ -263,8 +270,8 @@ class Readings:
         """The times of stances and steps, with feet (n, 2) that touch the ground now and who is told to move (n,)."""
         same, lasted = contacts == self._stood, self._stance + self._env.step_dt
         self._advance_steps(contacts & ~same & (lasted >= AIR_S - 1e-6), moves)
-        self._stance = lasted * same
-        self._stood = contacts
+        self._stance.copy_(lasted * same)
+        self._stood.copy_(contacts)
 
     def _advance_steps(self, landed: torch.Tensor, moves: torch.Tensor) -> None:
         """The time of steps, with feet (n, 2) that are set down now after a swing."""
@@ -272,15 +279,15 @@ class Readings:
         one, both = landed.any(dim=1), landed.all(dim=1)
         foot = torch.where(landed[:, 0], 0, 1)
         stepped = one & ~both & (foot != self._set_down) & (self._set_down >= 0)
-        self._step = self._since * stepped
+        self._step.copy_(self._since * stepped)
         self._since *= ~one
         down = torch.where(both, -1, torch.where(one, foot, self._set_down))
-        self._set_down = torch.where(moves, down, -1)
+        self._set_down.copy_(torch.where(moves, down, -1))
 
-    def restart(self, env_ids: torch.Tensor) -> None:
+    def restart(self, mask: torch.Tensor) -> None:
         """The averaged velocity of environments that begin an episode is the one they begin with."""
         self.fresh()
-        rotation = matrix_from_quat(self.root_quat_w[env_ids])
-        self._mean[env_ids] = velocity_of(rotation, self.lin_vel_w[env_ids], self.ang_vel_b[env_ids])[0]
-        self._stance[env_ids] = 0.0
-        self._set_down[env_ids] = -1
+        rotation = matrix_from_quat(self.root_quat_w)
+        replace(self._mean, mask, velocity_of(rotation, self.lin_vel_w, self.ang_vel_b)[0])
+        replace(self._stance, mask, 0.0)
+        replace(self._set_down, mask, -1)

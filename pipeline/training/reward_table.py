@@ -59,8 +59,8 @@ class TaskReward:
 
     def weights(self, env) -> torch.Tensor:
         """Every row's weight at this iteration (rows,)."""
-        grown = self._weights[""] + env.penalty_factor() * self._weights[PENALTY]
-        return grown + env.late_factor() * self._weights[LATE]
+        grown = self._weights[""] + env.ramps.penalty * self._weights[PENALTY]
+        return grown + env.ramps.late * self._weights[LATE]
 
     def __call__(self, env) -> torch.Tensor:
         self.paid = torch.nan_to_num(self.values(env)) * self.weights(env)
@@ -74,7 +74,7 @@ def _ramp(row: Term) -> str:
 
 def _tracking(options: Options) -> tuple[Term, ...]:
     def kernel(axis: int) -> Callable:
-        return lambda env: env.tracking_kernels()[:, axis]
+        return lambda env: env.readings.tracking[:, axis]
 
     names = ("tracking_x", "tracking_y", "tracking_yaw")
     symbols = ("v_x", "v_y", "w_z")

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
 
 from pipeline.training.amp_ppo import AmpPpo
 from pipeline.training.bundle import Bundle
@@ -50,6 +51,13 @@ class RunRequest:
     resume: bool
 
 
+class TrainedOn(RslRlVecEnvWrapper):
+    """What rsl-rl trains on. It sees what the last step returned, not the memory that the next one writes over."""
+
+    def get_observations(self) -> TensorDict:
+        return TensorDict(self.unwrapped.obs_buf, batch_size=[self.num_envs])
+
+
 class TrainingRun:
     """Environment, algorithm and files of a run."""
 
@@ -60,7 +68,7 @@ class TrainingRun:
         options = request.options
         env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
         self.env = env
-        wrapped = RslRlVecEnvWrapper(env)
+        wrapped = TrainedOn(env)
         wrapped.mirror = Mirror(bundle.robot, request.device)  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)

@@ -8,6 +8,7 @@ import torch
 from mjlab.envs.mdp.terminations import time_out
 from mjlab.managers.termination_manager import TerminationTermCfg
 
+from pipeline.training.masks import replace
 from pipeline.training.options import Options
 
 
@@ -39,17 +40,19 @@ class Stall:
 
     def __init__(self, cfg: TerminationTermCfg, env):
         self._seconds = torch.zeros(env.num_envs, device=env.device)
+        env.restarts.append(self.restart)
 
     def __call__(self, env) -> torch.Tensor:
         options = env.context.options
         stalls = stands_though_told(env.command, env.readings.mean_velocity, options)
         stalls &= env.velocity_command.age > options.stall_s
-        self._seconds = torch.where(stalls, self._seconds + env.step_dt, 0.0)
+        self._seconds.copy_(torch.where(stalls, self._seconds + env.step_dt, 0.0))
         env.stalled = self._seconds > options.stall_s
         return env.stalled
 
-    def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
-        self._seconds[slice(None) if env_ids is None else env_ids] = 0.0
+    def restart(self, mask: torch.Tensor) -> None:
+        """No stall at the start of an episode."""
+        replace(self._seconds, mask, 0.0)
 
 
 def _fell(env) -> torch.Tensor:

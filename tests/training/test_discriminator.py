@@ -119,9 +119,9 @@ def test_what_hardly_moves_is_divided_by_a_floor_and_cut():
 
 def test_the_replay_forgets_the_oldest():
     replay = Replay(5, (1, 1), "cpu")
-    replay.insert(torch.arange(3.0)[:, None, None])
+    replay.insert(torch.arange(3.0)[:, None, None], torch.ones(3) > 0.0)
     assert set(replay.draw(50).flatten().tolist()) == {0.0, 1.0, 2.0}
-    replay.insert(torch.arange(3.0, 7.0)[:, None, None])
+    replay.insert(torch.arange(3.0, 7.0)[:, None, None], torch.ones(4) > 0.0)
     assert replay.count == 5
     assert set(replay.draw(200).flatten().tolist()) == {2.0, 3.0, 4.0, 5.0, 6.0}
 
@@ -134,7 +134,7 @@ def test_it_learns_to_score_the_expert_above_the_policy():
     discriminator = Discriminator(expert, JOINTS, options, "cpu")
     discriminator.update()
     assert discriminator.figures == {}
-    discriminator.replay.insert(torch.randn(300, 4, size) - 2.0)
+    discriminator.replay.insert(torch.randn(300, 4, size) - 2.0, torch.ones(300) > 0.0)
     discriminator.update()
     assert discriminator.figures["d_expert"] > discriminator.figures["d_policy"]
     assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, size) - 2.0).mean()

@@ -150,7 +150,7 @@ def test_a_discriminator_that_sees_the_command_tells_standing_though_told_to_wal
     told = (torch.rand(count) < 0.5).float()
     moves = (torch.rand(count) < 0.5).float()
     discriminator = Discriminator(windows(told, told), JOINTS, options, "cpu")
-    discriminator.replay.insert(windows(told, moves))
+    discriminator.replay.insert(windows(told, moves), torch.ones(count) > 0.0)
     discriminator.update()
     one, none = torch.ones(100), torch.zeros(100)
     obeys, stands = (discriminator.score(windows(one, speed)).mean().item() for speed in (one, none))

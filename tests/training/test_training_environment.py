@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -22,7 +23,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.export_policy import main as export
 from pipeline.training.first_posture import first_action
 from pipeline.training.initial_state import _of_frames
-from pipeline.training.mirror import Mirror
+from pipeline.training.mirror import Mirror, augment
 from pipeline.training.motion_features import frame_features
 from pipeline.training.policy_file import act, policy_arrays
 from pipeline.training.presets import DEFAULT, preset
@@ -152,6 +153,27 @@ def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
     mirrored = robot.mirror_sign * joints[robot.mirror_index]
     once = mirror.actions(torch.from_numpy(joints[task.policy_index])[None])
     assert once[0].numpy() == pytest.approx(mirrored[task.policy_index])
+
+
+def test_who_stands_is_mirrored_unless_told_otherwise(bundle_folder):
+    robot = read_bundle(bundle_folder).robot
+    obs = TensorDict({"actor": torch.randn(4, 720), "critic": torch.randn(4, 77)}, batch_size=[4])
+    obs["actor"][:2, -72 + 6 : -72 + 9] = 0.0
+    obs["actor"][1:3, 6:9] = 0.0  # the oldest command does not count
+    actions, mirror = torch.randn(4, 21), Mirror(robot, "cpu")
+    for mirrors in (True, False):
+        options = preset("long_steps").changed(mirror_standing=mirrors)
+        env = SimpleNamespace(mirror=mirror, unwrapped=SimpleNamespace(context=SimpleNamespace(options=options)))
+        both, both_actions = augment(env, obs, actions)
+        same = [not mirrors, not mirrors, False, False]
+        for name, own, image in (
+            ("actor", obs["actor"], mirror.observations(obs)["actor"]),
+            ("critic", obs["critic"], mirror.observations(obs)["critic"]),
+        ):
+            wanted = torch.stack([own[at] if same[at] else image[at] for at in range(4)])
+            assert torch.equal(both[name], torch.cat([own, wanted]))
+        wanted = torch.stack([actions[at] if same[at] else mirror.actions(actions)[at] for at in range(4)])
+        assert torch.equal(both_actions, torch.cat([actions, wanted]))
 
 
 def test_a_reward_is_the_sum_of_the_tables_rows(env):

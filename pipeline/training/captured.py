@@ -1,0 +1,47 @@
+"""Parts of a control step that a GPU replays as one graph.
+
+A control step has some 900 launches beside physics, each of some microseconds of a processor: more than the GPU needs
+for them. A part is called a few times, then recorded once and replayed from there on. It may therefore only read and
+write memory that is the same at every step, must not ask for a number that the GPU works out, and is given nothing that
+changes but in such memory. `tests/training/test_captured_steps.py` holds each part to that, on a CPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+import warp as wp
+
+WARM_UP = 4
+"""Calls before a part is recorded: libraries set themselves up in the first ones."""
+
+
+class Captured:
+    """Work without arguments or result, called as it is on a CPU and replayed on a GPU."""
+
+    def __init__(self, work: Callable[[], None], device: str, replayed: bool = True):
+        self._work = work
+        self._device = device
+        self._replayed = replayed and device.startswith("cuda")
+        self._called = 0
+        self._graph: torch.cuda.CUDAGraph | None = None
+
+    def __call__(self) -> None:
+        if self._graph is not None:
+            self._graph.replay()
+            return
+        if not self._replayed or self._called < WARM_UP:
+            self._called += 1
+            self._work()
+            return
+        self._graph = self._recorded()
+        self._graph.replay()
+
+    def _recorded(self) -> torch.cuda.CUDAGraph:
+        """On the stream that mjlab writes the simulation's arrays on: what it writes elsewhere is not recorded."""
+        graph = torch.cuda.CUDAGraph()
+        stream = torch.cuda.ExternalStream(wp.get_stream(self._device).cuda_stream, device=self._device)
+        with torch.cuda.graph(graph, stream=stream):
+            self._work()
+        return graph

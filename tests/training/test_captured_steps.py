@@ -1,0 +1,235 @@
+"""What a GPU replays is the same work on the same memory at every step, and nobody waits for it: held on a CPU, by what
+PyTorch is called with. That a part replayed gives what the part called gives can only be seen on a GPU: none is here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, cast
+
+import pytest
+import torch
+from mjlab.envs import ManagerBasedRlEnv
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_flatten
+
+from pipeline.training.bundle import read_bundle
+from pipeline.training.captured import Captured
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.presets import preset
+from tests.factories.training_bundle import small_bundle
+
+ENVS = 6
+WAITS = ("nonzero", "_local_scalar_dense", "masked_select", "unique", "is_nonzero")
+"""Their result's size or value has to be known before the next call."""
+PARTS = ("_judge", "_begin", "_see", "_note")
+
+
+class Calls(TorchDispatchMode):
+    """What is called: each with its numbers, and with where its tensors come from: made by an earlier call of the step,
+    or at an address."""
+
+    def __init__(self):
+        super().__init__()
+        self.made: dict[int, tuple[str, int]] = {}
+        self.kept: list[torch.Tensor] = []
+        """So that no address is used twice."""
+        self.calls: list[tuple] = []
+        self.waits: list[str] = []
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        given, _ = tree_flatten((args, kwargs or {}))
+        if "lift_fresh" in str(func) and not given[0].ndim:  # a number, given as one
+            self.made[_address(given[0])] = (f"number {given[0].item()}", 0)
+            self.kept.append(given[0])
+            return func(*args, **(kwargs or {}))
+        self.calls.append((str(func), *(self._source(each) for each in given)))
+        by_mask = [each for each in given if isinstance(each, torch.Tensor) and each.dtype == torch.bool]
+        if (
+            any(name in str(func) for name in WAITS)
+            or ("aten.index" in str(func) and by_mask)
+            or "lift_fresh" in str(func)  # `torch.tensor` of a list: a copy from the processor
+        ):
+            self.waits.append(str(func))
+        result = func(*args, **(kwargs or {}))
+        taken = {_address(each) for each in given if isinstance(each, torch.Tensor)}
+        for number, each in enumerate(tree_flatten(result)[0]):
+            if isinstance(each, torch.Tensor) and _address(each) not in taken:
+                self.made[_address(each)] = (f"call {len(self.calls)}", number)
+                self.kept.append(each)
+        return result
+
+    def _source(self, given: Any) -> Any:
+        if not isinstance(given, torch.Tensor):
+            return repr(given)
+        at = _address(given)
+        return (self.made.get(at, f"address {at}"), tuple(given.shape), given.storage_offset())
+
+
+def _address(tensor: torch.Tensor) -> int:
+    return tensor.untyped_storage().data_ptr()
+
+
+def recorded(parts: list[Captured], steps: list[Callable[[], None]]) -> list[Calls]:
+    """What the parts call in each of the steps."""
+    works, found = [part._work for part in parts], []
+    for step in steps:
+        calls = Calls()
+
+        def within(work: Callable[[], None], calls: Calls = calls) -> Callable[[], None]:
+            def watched() -> None:
+                with calls:
+                    work()
+
+            return watched
+
+        for part, work in zip(parts, works, strict=True):
+            part._work = within(work)
+        step()
+        found.append(calls)
+    for part, work in zip(parts, works, strict=True):
+        part._work = work
+    return found
+
+
+def differences(one: Calls, other: Calls) -> list[tuple]:
+    """Calls that are not alike."""
+    if len(one.calls) != len(other.calls):
+        return [(len(one.calls), len(other.calls))]
+    return [(a, b) for a, b in zip(one.calls, other.calls, strict=True) if a != b]
+
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "paper_flat": {"push_interval_s": (0.02, 0.04)},
+    "tracking_amp": {},
+    "long_steps": {"push_interval_s": (0.02, 0.04)},
+    "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0)},
+}
+
+
+@pytest.fixture(scope="module", params=CHANGES)
+def env(request, tmp_path_factory, root, robot) -> Iterator[AmpEnvironment]:
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("captured"), root, robot))
+    env = AmpEnvironment(bundle, preset(request.param).changed(**CHANGES[request.param]), ENVS, "cpu", seed=1)
+    env.reset()
+    yield env
+
+
+def test_every_step_is_the_same_work_on_the_same_memory(env: AmpEnvironment):
+    parts = [*env._aims, *(getattr(env, name) for name in PARTS)]
+
+    def eight(ends: int) -> Callable[[], None]:
+        def steps() -> None:
+            env.episode_length_buf[:ends] = env.max_episode_length
+            for step in range(8):
+                if step == 3:
+                    env.schedule = 100.0 * ends
+                env.step(torch.randn(ENVS, 21))
+
+        return steps
+
+    with torch.no_grad():
+        env.step(torch.zeros(ENVS, 21))
+        while env.common_step_counter % 8:
+            env.step(torch.zeros(ENVS, 21))
+        first, second, third = recorded(parts, [eight(0), eight(3), eight(ENVS)])
+    assert len(first.calls) > 8 * 400
+    assert not first.waits + second.waits + third.waits
+    assert not differences(first, second)[:1]
+    assert not differences(second, third)[:1]
+
+
+class Careless:
+    """Work as a part must not be."""
+
+    def __init__(self):
+        self.state, self.number, self.seen = torch.zeros(3), 0.0, torch.zeros(())
+
+    def bound_anew(self) -> None:
+        self.state = self.state + 1.0
+
+    def a_number(self) -> None:
+        self.number += 1.0
+        self.seen.fill_(self.number)
+
+    def sometimes(self) -> None:
+        self.number += 1.0
+        if self.number > 1.5:
+            self.seen.zero_()
+
+    def waits(self) -> None:
+        self.state[self.state > 0.0].sum()
+
+
+@pytest.mark.parametrize("name", ["bound_anew", "a_number", "sometimes"])
+def test_work_that_is_another_at_the_next_step_is_told(name: str):
+    part = Captured(getattr(Careless(), name), "cpu")
+    first, second, third = recorded([part], [part, part, part])
+    assert differences(first, second) + differences(second, third)
+
+
+def test_work_that_waits_is_told():
+    part = Captured(Careless().waits, "cpu")
+    assert recorded([part], [part])[0].waits
+
+
+def test_what_a_step_returns_is_not_written_over_by_the_next(env: AmpEnvironment):
+    env.reset()
+    observation, *_ = env.step(torch.randn(ENVS, 21))
+    seen = cast(torch.Tensor, observation["actor"])
+    before = seen.clone()
+    cast(torch.Tensor, env._seen["actor"]).add_(1.0)  # as a replay does
+    assert torch.equal(seen, before)
+
+
+def test_a_step_is_the_one_of_mjlab(tmp_path, root, robot):
+    """With nothing drawn at random in it, and no episode that ends."""
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    calm = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "reference_share": 0.0}
+    options = preset("long_steps").changed(**calm)
+    seen: list[list[torch.Tensor]] = []
+    for step in (ManagerBasedRlEnv.step, AmpEnvironment.step):
+        env = AmpEnvironment(bundle, options, 3, "cpu", seed=4)
+        env.schedule = 700.0
+        env.ramps.at(env.schedule)
+        env.reset(seed=4)
+        given = torch.Generator().manual_seed(5)
+        found = []
+        for _ in range(10):
+            observation, reward, ended, *_ = step(env, 0.3 * torch.randn(3, 21, generator=given))
+            env.readings.fresh()
+            assert not ended.any()
+            found += [cast(torch.Tensor, observation[name]).clone() for name in ("actor", "critic")]
+            found += [reward.clone(), env.motion_features(), env.velocity_command.age.clone()]
+        seen.append(found)
+    assert max(each.abs().max() for each in seen[0]) > 1.0
+    for mjlabs, ours in zip(*seen, strict=True):
+        assert ours.numpy() == pytest.approx(mjlabs.numpy(), abs=1e-5)
+
+
+def test_an_episode_begins_anew_only_where_it_ended(env: AmpEnvironment):
+    """By what `mjlab` begins an episode with, for environments told by their indices, and no other is touched."""
+    for _ in range(3):
+        env.step(torch.randn(ENVS, 21))
+    before = {name: value.clone() for name, value in _states(env).items()}
+    env._reset_idx(torch.tensor([1, 4]))
+    others = [0, 2, 3, 5]
+    for name, value in _states(env).items():
+        assert torch.equal(value[others], before[name][others]), name
+        assert not torch.equal(value[[1, 4]], before[name][[1, 4]]), name
+    assert (env.episode_length_buf[[1, 4]] == 0).all()
+    height = env.sim.data.qpos[[1, 4], 2]
+    assert ((height > 0.5) & (height < 0.9)).all()
+
+
+def _states(env: AmpEnvironment) -> dict[str, torch.Tensor]:
+    return {
+        "qpos": env.sim.data.qpos[:],
+        "qvel": env.sim.data.qvel[:],
+        "time": env.sim.data.time[:],
+        "length": env.episode_length_buf,
+        "action": env.action_manager.action,
+        "time_left": env.velocity_command.time_left,
+        "mean velocity": env.readings.mean_velocity,
+        "history": env.observation_manager.get_term_cfg("actor", "history").func._frames,
+    }
