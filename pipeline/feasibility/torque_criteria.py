@@ -136,14 +136,17 @@ def _of_frames(forces: MotionForces, frames: slice | Int[np.ndarray, " f"]) -> M
 def _touching(motion: Motion, settings: TorqueSettings) -> Bool[np.ndarray, "t 2 4"]:
     """Corners that may bear a force: low ones of feet that are labelled as in contact.
 
-    Where nothing is labelled, low corners that stay where they are. A foot that swings through a centimetre above the
+    Where nothing is labelled, low corners that stay where they are, for the speed over ground of that second: a foot
+    in a slow swing is no faster than one that rolls off in a run. One that swings through a centimetre above the
     ground would else be one to lean on, and no torque of the standing leg could ever be needed.
     """
     height, reach_s = motion.sole.corner_pos_w[..., 2], settings.label_reach_s
     if motion.labelled:
         bearing = (height < settings.touch_height) & motion.contacts[:, :, None]
     else:
-        slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < motion.contact.off_speed
+        (slowest, by_speed), commands = settings.told_speed, motion.commands
+        bound = slowest + by_speed * np.hypot(commands[:, 0], commands[:, 1])
+        slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < bound[:, None, None]
         bearing, reach_s = (height < motion.contact.height) & slow, settings.told_reach_s
     touching = bearing.copy()
     for away in range(1, round(reach_s * motion.clip.fps) + 1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.feasibility.units import Hertz, Metres, OfFrames, OfWeight, Plain, Seconds
+from pipeline.feasibility.units import Hertz, Metres, MetresPerSecondBySpeed, OfFrames, OfWeight, Plain, Seconds
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 from pipeline.files.sourced import Unit
 
@@ -102,6 +102,8 @@ class TorqueSettings:
     """A force is sought this long before and after a contact, as accelerations are over three frames [s] ..."""
     told_reach_s: Seconds
     """... and this long where contacts are told from the soles, which begin and end a frame late or early [s]."""
+    told_speed: MetresPerSecondBySpeed
+    """A corner that is faster bears no force there [m/s]: a + b times the speed over ground about that time [m/s]."""
     strict_excess: Plain
     """Cost of torque past a limit against the root's residual where a motion is taken at its word ..."""
     reference_excess: Plain
@@ -137,6 +139,7 @@ class TorqueSettings:
             over_run_s=SECONDS,
             label_reach_s=Range(0.0, 0.5),
             told_reach_s=Range(0.0, 0.5),
+            told_speed=NOT_NEGATIVE,
             strict_excess=Range(0.0, 100.0, open_low=True),
             reference_excess=Range(0.0, 1000.0, open_low=True),
             consistent_share=SHARE,

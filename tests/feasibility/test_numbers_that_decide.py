@@ -22,12 +22,15 @@ from tests.factories.robot_clips import standing
 LIMITS = settings.read(Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
-def _with(name: str, value: float) -> FeasibilitySettings:
+Value = float | tuple[float, float]
+
+
+def _with(name: str, value: Value) -> FeasibilitySettings:
     """The file's settings with another value of `section.name` or `section.part.name`."""
     return _replaced(LIMITS, name.split("."), value)
 
 
-def _replaced(settings: Any, path: list[str], value: float) -> Any:
+def _replaced(settings: Any, path: list[str], value: Value) -> Any:
     inner = value if len(path) == 1 else _replaced(getattr(settings, path[0]), path[1:], value)
     return dataclasses.replace(settings, **{path[0]: inner})
 
@@ -138,10 +141,12 @@ def _limits_of_a_reference_are_kept(robot: Robot, limits: FeasibilitySettings) -
     return next(verdict.holds for verdict in found.verdicts if verdict.code == "torque_over_run_s")
 
 
-def _soles_bear(height: float, speed: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+def _soles_bear(height: float, speed: float, ground_speed: float = 0.0) -> Callable[[Robot, FeasibilitySettings], bool]:
     def explained(robot: Robot, limits: FeasibilitySettings) -> bool:
-        """Standing without labels on soles at that height [m] and of that speed [m/s]."""
-        motion = motion_of(dataclasses.replace(standing(robot, 2.0), contacts=None), robot, limits)
+        """Upright without labels on soles at that height [m] and of that speed [m/s], carried over ground [m/s]."""
+        clip = standing(robot, 2.0)
+        root = clip.root_pos_w + ground_speed * np.arange(clip.frame_count)[:, None] / clip.fps * np.array([1.0, 0, 0])
+        motion = motion_of(dataclasses.replace(clip, root_pos_w=root, contacts=None), robot, limits)
         frames = motion.clip.frame_count
         velocity = np.tile([speed, 0.0, 0.0], (frames, 4, 1))
         return _consistent(_soles_replaced(motion, np.full((frames, 4), height), velocity), limits)
@@ -161,6 +166,8 @@ def _labels_agree(speeds: np.ndarray) -> Callable[[Robot, FeasibilitySettings], 
 
 SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
 """Faster than contact begins, not than it ends; and too fast in two of four frames."""
+QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
+"""Slow enough to begin, then only to go on."""
 
 
 @pytest.mark.parametrize(
@@ -170,18 +177,21 @@ SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
         ("cut.max_cuts", 0, _keeps_what_is_left),
         ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
         ("torque.told_reach_s", 0.0, _is_explained_when_soles_blink),
+        ("torque.told_speed", (0.1, 0.3), _soles_bear(0.0, 0.2)),
+        ("torque.told_speed", (0.7, 0.3), _soles_bear(0.0, 0.5)),
+        ("torque.told_speed", (0.3, 0.0), _soles_bear(0.0, 0.5, ground_speed=1.5)),
         ("torque.consistent_share", 1.0, _is_explained_with_a_fault),
         ("torque.consistent.force", 0.05, _is_explained_where_it_slips),
         ("torque.consistent.lever", 0.005, _is_explained_where_it_tips),
         ("torque.strict_excess", 3.0, _weak_hip_shows),
         ("torque.reference_excess", 0.003, _limits_of_a_reference_are_kept),
         ("contact.height", 0.002, _soles_bear(0.005, 0.0)),
-        ("contact.off_speed", 0.45, _soles_bear(0.0, 0.5)),
+        ("contact.off_speed", 0.45, _labels_agree(QUICKER)),
         ("contact.on_speed", 0.6, _labels_agree(SLOW)),
         ("contact.shortest_s", 0.1, _labels_agree(BLINKING)),
     ],
 )
 def test_another_value_gives_another_verdict(
-    robot: Robot, name: str, value: float, case: Callable[[Robot, FeasibilitySettings], bool]
+    robot: Robot, name: str, value: Value, case: Callable[[Robot, FeasibilitySettings], bool]
 ):
     assert case(robot, LIMITS) != case(robot, _with(name, value))

@@ -141,7 +141,7 @@ def _swinging(motion: Motion, height: float, speed: float) -> Motion:
     return dataclasses.replace(motion, sole=SoleMotion(fps=sole.fps, corner_pos_w=pos, corner_vel_w=vel))
 
 
-@pytest.mark.parametrize(("height", "speed"), [(0.005, 1.0), (0.015, 0.0)])
+@pytest.mark.parametrize(("height", "speed"), [(0.005, 1.0), (0.0, 0.4), (0.015, 0.0)])
 def test_without_labels_a_foot_that_passes_low_is_not_leant_on(
     robot: Robot, limits: FeasibilitySettings, height: float, speed: float
 ):
@@ -157,3 +157,15 @@ def test_without_labels_a_foot_that_rests_on_the_ground_helps(robot: Robot, limi
     clip = dataclasses.replace(_on_one_leg(robot), contacts=None)
     found = dynamics(_swinging(motion_of(clip, weak, limits), 0.0, 0.0), limits.torque)
     assert _share(found) == 0.0
+
+
+def test_how_fast_soles_may_be_without_labels_goes_by_the_speed_of_that_time_and_not_of_the_clip(robot, limits):
+    clip = dataclasses.replace(standing(robot, 10.0), contacts=None)
+    speed = np.interp(np.arange(clip.frame_count) / clip.fps, [4.0, 6.0], [0.0, 1.5])
+    root = clip.root_pos_w + (np.cumsum(speed) / clip.fps)[:, None] * np.array([1.0, 0.0, 0.0])
+    motion = motion_of(dataclasses.replace(clip, root_pos_w=root), robot, limits)
+    pos, vel = motion.sole.corner_pos_w, 0.4 * motion.sole.corner_vel_w
+    a, b = limits.torque.told_speed
+    assert a + b * motion.ground_speed < 0.4 * 1.5 < a + b * 1.5
+    slides = dataclasses.replace(motion, sole=SoleMotion(fps=clip.fps, corner_pos_w=pos, corner_vel_w=vel))
+    assert dynamics(slides, limits.torque).consistent
