@@ -114,7 +114,7 @@ FIELD = (
     Plan(
         name="curation_feedback",
         packages=("feedback", "failures", "feasibility", "selection"),
-        settings_files=("feedback_rules.yaml", "feasibility.yaml", "curation.yaml"),
+        settings_files=("feedback_rules.yaml", "feasibility.yaml#balance", "curation.yaml"),
     ),
     Plan(name="sim_to_real_report", packages=("feedback",)),
 )

@@ -144,17 +144,41 @@ def test_a_fingerprint_follows_the_settings_and_not_their_remarks(name, tmp_path
     assert plan.fingerprint(project) != before
 
 
-def test_perturbations_follow_what_contact_is_and_no_other_number_of_feasibility(tmp_path, root):
+def _numbers(values: dict, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Where each number of a settings file with units and sources stands."""
+    if "value" in values:
+        return [path]
+    return [at for name, below in values.items() if isinstance(below, dict) for at in _numbers(below, (*path, name))]
+
+
+def test_each_number_of_feasibility_makes_that_stage_stale_and_nothing_above_it(tmp_path, root):
+    """But for what contact is, which perturbations ask as well, and the grid of commands, which feedback is told in."""
+    import copy
+    import dataclasses
     import shutil
 
+    import yaml
+
     from assets.project import Project
+    from pipeline.files.settings import read_yaml
 
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
     project = Project(tmp_path)
-    plan, path = plans(project)[dg.AssetKey(["augmented_motions"])], project.settings("feasibility.yaml")
-    before, text = plan.fingerprint(project), path.read_text()
-    path.write_text(text.replace("flight_s: {value: 0.4", "flight_s: {value: 0.5"))
-    assert plan.fingerprint(project) == before
-    path.write_text(text.replace("off_speed: {value: 0.7", "off_speed: {value: 0.8"))
-    assert plan.fingerprint(project) != before
+    asked = {key: plan for key, plan in plans(project).items() if any("feasib" in at for at in plan.settings_files)}
+    named = {key: dataclasses.replace(plan, robot=None) for key, plan in asked.items()}  # its digest takes its time
+    path = project.settings("feasibility.yaml")
+    values = read_yaml(path)
+    others = {"contact": {"augmented_motions"}, "balance": {"curation_feedback"}}
+    before = {key: plan.fingerprint(project) for key, plan in named.items()}
+    numbers = _numbers(values)
+    assert len(numbers) > 60
+    for section, *names in numbers:
+        changed = copy.deepcopy(values)
+        at = changed[section]
+        for name in names:
+            at = at[name]
+        at["value"] = "another"
+        path.write_text(yaml.safe_dump(changed))
+        stale = {plan.name for key, plan in named.items() if plan.fingerprint(project) != before[key]}
+        assert stale == {"feasible_motions"} | others.get(section, set()), (section, *names)
