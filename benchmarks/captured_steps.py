@@ -1,10 +1,13 @@
 """Control steps that a GPU replays against the same steps told launch by launch: what they give and how long they take.
 
     python -m benchmarks.captured_steps --bundle DIR [--device cuda|cpu] [--num-envs N] [--steps N] [--preset NAME]
+                                        [--json]
 
-Both begin with the same seed and get the same actions. `differs` is the largest difference of rewards and features of a
-robot whose episode has not ended, after a few steps, before the solver's rounding has grown into it. Waits of the
-processor for the GPU in a step are counted by PyTorch.
+Both begin with the same seed and get the same actions, without noise and pushes. After a few steps, some of them
+replayed, rewards and motion features of robots whose episode goes on are compared: on average, as rounding has grown by
+then in some. After more steps, in which episodes have ended, every robot whose episode begins at the last of them must
+have seen but one frame, be within its joints' limits and at a height to stand at. The processor's waits for the GPU are
+counted by PyTorch, over as many steps as everything comes round in.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import argparse
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
@@ -20,14 +24,37 @@ import torch
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.training.bundle import read_bundle  # noqa: E402
 from pipeline.training.captured import WARM_UP  # noqa: E402
 from pipeline.training.environment import VELOCITY_STEPS, AmpEnvironment  # noqa: E402
+from pipeline.training.observations import HISTORY  # noqa: E402
 from pipeline.training.presets import DEFAULT, preset  # noqa: E402
 
 COMPARED = WARM_UP + 8
-"""Steps until what both give is compared: some of them are replayed."""
+"""Steps until what both give is compared."""
 CALM = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "push_speed": (0.0, 0.0)}
+DIFFERENCE = 1e-3
+"""Most that the mean difference may be of the largest value."""
+HEIGHT_M = (0.5, 0.9)
+"""Of a root at the start of an episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What came of one way of stepping; tensors of all robots (n, ...)."""
+
+    reward: torch.Tensor
+    features: torch.Tensor
+    lived: torch.Tensor
+    """Whose first episode went on until here."""
+    begun: int
+    """How many robots have just begun an episode at the last step that is looked at …"""
+    sound: int
+    """… and how many of these as they should."""
+    seconds: float
+    """A control step."""
+    waits: int
 
 
 def main() -> int:
@@ -37,52 +64,76 @@ def main() -> int:
     parser.add_argument("--num-envs", type=int, default=4096)
     parser.add_argument("--steps", type=int, default=120)
     parser.add_argument("--preset", default=DEFAULT)
+    parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     told, replayed = (_run(given, captured) for captured in (False, True))
-    alive = told["lived"] & replayed["lived"]
+    alive = told.lived & replayed.lived
+    bars = [Bar(name="robots compared", value=int(alive.sum()), sense=">=", bound=1)]
     for name in ("reward", "features"):
-        away = (told[name] - replayed[name])[alive].abs()
-        size = told[name][alive].abs().max()
-        print(f"{name}: differs by {away.max():.2g} at most, {away.mean():.2g} on average, of {size:.3g}")
-    print(f"robots compared: {int(alive.sum())} of {given.num_envs}")
-    for name, run in (("told", told), ("replayed", replayed)):
-        print(
-            f"{name}: {1e3 * run['seconds']:.2f} ms a control step, {run['waits']} waits in {VELOCITY_STEPS} steps, "
-            f"{run['falls']} falls a minute"
+        ours, others = getattr(replayed, name)[alive], getattr(told, name)[alive]
+        away = float((ours - others).abs().mean() / others.abs().max())
+        bars.append(
+            Bar(name=f"{name}: mean difference", value=away, unit="of the largest", sense="<=", bound=DIFFERENCE)
         )
-    return 0
+    for name, run in (("told", told), ("replayed", replayed)):
+        bars += [
+            Bar(name=f"{name}: episodes that begin", value=run.begun, sense=">=", bound=1),
+            Bar(name=f"{name}: of these not as they should", value=run.begun - run.sound, sense="<=", bound=0),
+            Bar(name=f"{name}: a control step", value=1e3 * run.seconds, unit="ms"),
+            Bar(name=f"{name}: waits in {VELOCITY_STEPS} steps", value=run.waits, sense="<=", bound=0),
+        ]
+    return 0 if report(bars, machine=machine(), json=given.json) else 1
 
 
-def _run(given: argparse.Namespace, captured: bool) -> dict:
+def _run(given: argparse.Namespace, captured: bool) -> Run:
     """Steps of one environment from its seed on."""
     options = preset(given.preset).changed(**CALM, captured=captured)
     env = AmpEnvironment(read_bundle(given.bundle), options, given.num_envs, given.device, seed=1)
     env.reset(seed=1)
     drawn = torch.Generator(device=given.device).manual_seed(2)
     lived = torch.ones(given.num_envs, dtype=torch.bool, device=given.device)
-    found: dict = {}
 
-    def step() -> None:
+    def step() -> torch.Tensor:
         action = 0.3 * torch.randn(given.num_envs, 21, device=given.device, generator=drawn)
-        env.step(action)
+        observation, *_ = env.step(action)
+        return observation["actor"]
 
     with torch.inference_mode():
         for _ in range(COMPARED):
             step()
             lived &= ~env.reset_buf
-        found |= {"reward": env.reward_buf.clone(), "features": env.motion_features(), "lived": lived.clone()}
+        reward, features = env.reward_buf.clone(), env.motion_features()
         for _ in range(VELOCITY_STEPS * (WARM_UP + 2)):
             step()
-        env.record.take(env.step_dt)
+        env.episode_length_buf[: max(1, given.num_envs // 8)] = env.max_episode_length
+        seen = step()
+        begun, sound = env.reset_buf.clone(), _sound(env, seen)
         _finish(given.device)
-        begun = time.perf_counter()
+        started = time.perf_counter()
         for _ in range(given.steps):
             step()
         _finish(given.device)
-        found["seconds"] = (time.perf_counter() - begun) / given.steps
-        found["waits"] = _waits(step) if given.device != "cpu" else 0
-    found["falls"] = round(env.record.take(env.step_dt)["falls_per_min"], 1)
-    return found
+        seconds = (time.perf_counter() - started) / given.steps
+        waits = _waits(step) if given.device != "cpu" else 0
+    return Run(
+        reward=reward,
+        features=features,
+        lived=lived,
+        begun=int(begun.sum()),
+        sound=int((begun & sound).sum()),
+        seconds=seconds,
+        waits=waits,
+    )
+
+
+def _sound(env: AmpEnvironment, seen: torch.Tensor) -> torch.Tensor:
+    """Who (n,) is as at the start of an episode."""
+    frames = seen.unflatten(1, (HISTORY, -1))
+    first = (frames[:, :-1] == 0.0).flatten(1).all(dim=1) & (frames[:, -1] != 0.0).any(dim=1)
+    height, joints = env.sim.data.qpos[:, 2], env.sim.data.qpos[:, 7:]
+    low, high = env.joint_limits
+    inside = ((joints >= low) & (joints <= high)).all(dim=1)
+    return first & inside & (height > HEIGHT_M[0]) & (height < HEIGHT_M[1]) & (env.episode_length_buf == 0)
 
 
 def _waits(step) -> int:

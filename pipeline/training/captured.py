@@ -1,13 +1,15 @@
 """Parts of a control step that a GPU replays as one graph.
 
-A control step has some 900 launches beside physics, each of some microseconds of a processor: more than the GPU needs
-for them. A part is called a few times, then recorded once and replayed from there on. It may therefore only read and
-write memory that is the same at every step, must not ask for a number that the GPU works out, and is given nothing that
-changes but in such memory. `tests/training/test_captured_steps.py` holds each part to that, on a CPU.
+A control step has hundreds of launches beside physics, each of some microseconds of a processor: more than the GPU
+needs for them. A part is called a few times, then recorded once and replayed from there on. It may therefore only read
+and write memory that is the same at every step, must not ask for a number that the GPU works out, and is given nothing
+that changes but in such memory. What a later part reads of an earlier one in the same step may be bound anew, as the
+earlier one is recorded first. `tests/training/test_captured_steps.py` holds each part to that, on a CPU.
 """
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 
 import torch
@@ -42,6 +44,13 @@ class Captured:
         """On the stream that mjlab writes the simulation's arrays on: what it writes elsewhere is not recorded."""
         graph = torch.cuda.CUDAGraph()
         stream = torch.cuda.ExternalStream(wp.get_stream(self._device).cuda_stream, device=self._device)
-        with torch.cuda.graph(graph, stream=stream):
-            self._work()
+        collects = gc.isenabled()
+        gc.collect()
+        gc.disable()  # else what ends meanwhile, another graph say, would be recorded ending
+        try:
+            with torch.cuda.graph(graph, stream=stream):
+                self._work()
+        finally:
+            if collects:
+                gc.enable()
         return graph

@@ -98,8 +98,8 @@ class VelocityCommand(CommandTerm):
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
         """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew."""
         self.time_left -= dt
-        self.age += dt
         self._draw(self.time_left <= 0.0)
+        self.age += dt
 
     def restart(self, mask: torch.Tensor) -> None:
         """Another command for environments that begin an episode, or the one that goes with what they begin at, as if
@@ -115,11 +115,6 @@ class VelocityCommand(CommandTerm):
         replace(self.time_left, mask, low + (high - low) * torch.rand_like(self.time_left))
         replace(self._command, mask, draw_commands(self.num_envs, self._env.context.options, self.device))
         replace(self.age, mask, 0.0)
-        self.command_counter += mask
-
-    def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
-        """Nothing: `restart` is called instead."""
-        return {}
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
         """Nothing: `compute` and `restart` draw."""

@@ -17,7 +17,7 @@ from pipeline.training.commands import VelocityCommand
 from pipeline.training.curves import Record
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.expert_sampling import ReferenceStates
-from pipeline.training.initial_state import begin_episodes
+from pipeline.training.initial_state import write_starts
 from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST
@@ -84,7 +84,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._judge = part(self._judge_state)
         self._begin = part(lambda: self._begin_episodes(self.reset_buf))
         self._see = part(self._see_state)
-        self._note = part(lambda: self.record.add_velocity(self))
+        self._note = part(self._note_velocity)
 
     def load_managers(self) -> None:
         """mjlab's managers; the readings must be there before, the windows' size is known after."""
@@ -129,7 +129,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         within one episode.
 
         Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations see links as they were
-        a physics step ago.
+        a physics step ago. Observations are the caller's; all else that is returned is written over by the next step.
         """
         self.extras["log"] = {}
         self.ramps.at(self.iteration())
@@ -170,9 +170,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
             self.event_manager.apply(mode="step", dt=self.step_dt)
 
     def _begin_episodes(self, mask: torch.Tensor) -> None:
-        """Everything that an episode begins with, of those (n,) whose simulation has been reset."""
+        """Everything that an episode begins with, of those (n,) whose simulation has been reset.
+
+        In place of mjlab's managers, which reset by indices. Its scene is left out: motors and sensors here keep no
+        state, and targets are written before the next physics step.
+        """
         replace(self.ended_steps, mask, self.episode_length_buf)
-        begin_episodes(self, mask)
+        write_starts(self, mask)
         for state in (self.action_manager.action, self.action_manager.prev_action):
             replace(state, mask, 0.0)
         for restart in self.restarts:
@@ -187,6 +191,14 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.extras["motion"] = window_frames(self._motion, self.context.options)
         self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
         self.record.add(self)
+
+    def _note_velocity(self) -> None:
+        self.readings.fresh()
+        self.record.add_velocity(self)
+
+    def get_observations(self) -> dict:
+        """What the last step returned, not the memory that the next one writes over."""
+        return self.obs_buf
 
     def motion_features(self) -> torch.Tensor:
         """Features of the current states (n, f), with the command where the discriminator sees it."""

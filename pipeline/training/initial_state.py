@@ -17,7 +17,7 @@ SPEED_NOISE = 0.2
 """Of the base near the default pose [m/s, rad/s]."""
 
 
-def begin_episodes(env, mask: torch.Tensor) -> None:
+def write_starts(env, mask: torch.Tensor) -> None:
     """Write root and joint states of environments (n,) that begin an episode, and give some the frame's own command.
 
     States are drawn for all and taken by those.

@@ -2,7 +2,7 @@
 
 Root velocities and joints come straight from qpos and qvel. Orientations and places of links lag them by one physics
 step while rewards and terminations are worked out, and are fresh for observations and motion features (see mjlab's
-`step`). A step has thousands of launches on the GPU; this file is written for few.
+`step`). Each call is a launch on the GPU; this file is written for few.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def _sole_corners(model: mujoco.MjModel, shapes: list[str], feet: tuple[str, str
 class Readings:
     """Quantities of N environments at the current step. Joints are in the robot's order (J).
 
-    `fresh` is called where the state has changed: after the physics steps, after resets, before observations.
+    `fresh` is called where the state has changed: after the physics steps, after resets, before observations; and at
+    the end of a step, as one that is replayed does not call it.
     """
 
     def __init__(self, env, feet: tuple[str, str], ends: tuple[str, ...]):

@@ -52,10 +52,11 @@ class RunRequest:
 
 
 class TrainedOn(RslRlVecEnvWrapper):
-    """What rsl-rl trains on. It sees what the last step returned, not the memory that the next one writes over."""
+    """What rsl-rl trains on."""
 
     def get_observations(self) -> TensorDict:
-        return TensorDict(self.unwrapped.obs_buf, batch_size=[self.num_envs])
+        """Those of the environment; mjlab's wrapper would ask the manager, whose memory the next step writes over."""
+        return TensorDict(self.unwrapped.get_observations(), batch_size=[self.num_envs])
 
 
 class TrainingRun:

@@ -1,5 +1,6 @@
 """What a GPU replays is the same work on the same memory at every step, and nobody waits for it: held on a CPU, by what
-PyTorch is called with. That a part replayed gives what the part called gives can only be seen on a GPU: none is here.
+PyTorch is called with. That a part replayed gives what the part called gives can only be seen on a GPU
+(`benchmarks/captured_steps.py`); so can a number that is made a tensor of in a part, which can't be recorded there.
 """
 
 from __future__ import annotations
@@ -104,6 +105,7 @@ CHANGES: dict[str, dict[str, Any]] = {
     "tracking_amp": {},
     "long_steps": {"push_interval_s": (0.02, 0.04)},
     "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0)},
+    "paper": {},
 }
 
 
@@ -208,28 +210,58 @@ def test_a_step_is_the_one_of_mjlab(tmp_path, root, robot):
 
 
 def test_an_episode_begins_anew_only_where_it_ended(env: AmpEnvironment):
-    """By what `mjlab` begins an episode with, for environments told by their indices, and no other is touched."""
+    """Everything that a term keeps of an episode is another, or as at the start of one, and no other is touched."""
     for _ in range(3):
         env.step(torch.randn(ENVS, 21))
-    before = {name: value.clone() for name, value in _states(env).items()}
+    for value in _kept(env).values():
+        value[:] = 7
+    env.ended_steps[:] = 5
+    before = {name: value.clone() for name, value in (_states(env) | _kept(env)).items()}
     env._reset_idx(torch.tensor([1, 4]))
     others = [0, 2, 3, 5]
-    for name, value in _states(env).items():
+    for name, value in (_states(env) | _kept(env)).items():
         assert torch.equal(value[others], before[name][others]), name
-        assert not torch.equal(value[[1, 4]], before[name][[1, 4]]), name
+        for number in (1, 4):
+            assert not torch.equal(value[number], before[name][number]), name
     assert (env.episode_length_buf[[1, 4]] == 0).all()
+    assert (env.ended_steps[[1, 4]] == 7).all()
     height = env.sim.data.qpos[[1, 4], 2]
     assert ((height > 0.5) & (height < 0.9)).all()
 
 
 def _states(env: AmpEnvironment) -> dict[str, torch.Tensor]:
+    """What is drawn anew, never the same twice."""
     return {
         "qpos": env.sim.data.qpos[:],
         "qvel": env.sim.data.qvel[:],
         "time": env.sim.data.time[:],
-        "length": env.episode_length_buf,
-        "action": env.action_manager.action,
         "time_left": env.velocity_command.time_left,
         "mean velocity": env.readings.mean_velocity,
-        "history": env.observation_manager.get_term_cfg("actor", "history").func._frames,
+    }
+
+
+def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
+    """What may be set to anything before, and is not that after."""
+    action = env.action_manager.get_term("joints")
+    terms = [env.observation_manager.get_term_cfg("actor", "history").func, action]
+    if env.context.options.stall:
+        terms.append(env.termination_manager.get_term_cfg("stall").func)
+    pushes = [name for name in ("push_force", "push_velocity") if name in env.cfg.events]
+    terms += [env.event_manager.get_term_cfg(name).func for name in pushes]
+    terms += [term._waits for term in terms if hasattr(term, "_waits")]
+    named = ["_frames", "_raw", "_target", "_seconds", "_left", "_force_w"]
+    named += ["_lag"] if env.context.options.action_lag_steps else []
+    found = {
+        f"{type(term).__name__}.{name}": getattr(term, name) for term in terms for name in named if hasattr(term, name)
+    }
+    return found | {
+        "length": env.episode_length_buf,
+        "ended steps": env.ended_steps,
+        "action": env.action_manager.action,
+        "action before": env.action_manager.prev_action,
+        "command": env.command,
+        "age of the command": env.velocity_command.age,
+        "own command": env.own_command,
+        "stance": env.readings.stance_time,
+        "foot set down": env.readings._set_down,
     }
