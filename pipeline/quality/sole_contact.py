@@ -25,7 +25,7 @@ class ContactSettings:
     on_speed: Annotated[float, Unit("m/s")]
     """Contact begins below this speed of the sole [m/s] ..."""
     off_speed: Annotated[float, Unit("m/s")]
-    """... and ends above this [m/s]; a corner that is faster bears no force."""
+    """... and ends above this [m/s]."""
     shortest_s: Annotated[float, Unit("s")]
     """Contacts and gaps that are shorter are not believed [s]."""
 
