@@ -69,6 +69,7 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
         joint_criteria.joint_acceleration(motion, joints, settings.torque.cutoff_hz),
         *dynamics.verdicts,
         *foot_criteria.foot_slip(motion, feet),
+        *foot_criteria.gliding(motion, feet),
         *foot_criteria.penetration(motion, feet),
         foot_criteria.floating(motion, feet),
         foot_criteria.flight(motion, feet),

@@ -48,6 +48,7 @@ GROUPS: dict[str, dict[str, str]] = {
     "foot slip": {
         "foot_slip_mean": "feet.slip_mean",
         "foot_slip_p95": "feet.slip_p95",
+        "foot_glide_s": "feet.glide_s",
     },
     "penetration": {
         "penetration_p95": "feet.penetration_p95",

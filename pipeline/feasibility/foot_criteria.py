@@ -1,4 +1,4 @@
-"""Criteria of the feet: slip, penetration, floating, flight, labels."""
+"""Criteria of the feet: slip, gliding, penetration, floating, flight, labels."""
 
 from __future__ import annotations
 
@@ -45,6 +45,38 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]
         bad=_sliding_stances(slip, standing, p95_limit),
     )
     return mean, p95
+
+
+def gliding(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
+    """Time in a row that a sole is near the ground and no foot stands: of all such times the one furthest past what its
+    speed over ground allows. No verdict where contacts are labelled.
+
+    Without labels a foot that slides fast is told as not in contact, so that no slip is asked of it, and it is too low
+    for a flight. In a good run it is so low and so fast only just after it left the ground and before it comes down.
+    """
+    if motion.labelled:
+        return ()
+    fps, (standing, by_speed) = motion.clip.fps, settings.glide_s
+    limit = standing + by_speed * np.hypot(motion.commands[:, 0], motion.commands[:, 1])
+    near = np.any(motion.sole.height < motion.contact.height, axis=1)
+    spans = time_series.runs(near & ~motion.contacts.any(axis=1))
+    times = [((stop - start) / fps, float(limit[start:stop].mean()), start) for start, stop in spans]
+    value, allowed, first = max(times, key=lambda each: each[0] - each[1], default=(0.0, float(limit.mean()), 0))
+    bad = np.zeros(len(near), dtype=bool)
+    for (start, stop), (seconds, most, _) in zip(spans, times, strict=True):
+        bad[start:stop] = seconds > most
+    near_cm = 100.0 * motion.contact.height
+    return (
+        Verdict(
+            code="foot_glide_s",
+            value=value,
+            limit=allowed,
+            unit="s",
+            text=f"from {first / fps:.2f} s on feet glide for {value:.2f} s: within {near_cm:g} cm of the ground, and "
+            "none slow enough to stand",
+            bad=bad,
+        ),
+    )
 
 
 def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:

@@ -29,9 +29,13 @@ NO_ROLLOUT = "no tracked rollout"
 PERTURBED = "a rollout that was changed on purpose"
 NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
+LABELLED = "contacts are labelled"
 NO_STANCE = "no foot is in contact"
 EXPLAINED = "contact forces explain the motion"
 NOT_ASKED = "not asked"
+
+OF_STANCES = ("foot_slip_mean", "foot_slip_p95")
+"""Criteria of feet that are in contact."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,12 +112,14 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
     motion = assessment.motion
     if code == "contact_disagreement" and not motion.labelled:
         return NO_LABELS
-    if GROUP_OF[code] == "foot slip" and not motion.contacts.any():
+    if code in OF_STANCES and not motion.contacts.any():
         return NO_STANCE
     if asked:
         return ""
     if code == "reference_need_run_s":
         return EXPLAINED
+    if code == "foot_glide_s":
+        return LABELLED
     if code in GROUPS["tracking stability"]:
         return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
     if code in FIGURES:

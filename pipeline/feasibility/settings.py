@@ -23,6 +23,7 @@ from pipeline.feasibility.units import (
     OfMotorLimit,
     Radians,
     Seconds,
+    SecondsBySpeed,
 )
 from pipeline.files.ranges import POSITIVE, SHARE, Range, check
 from pipeline.files.sourced import Unit
@@ -73,6 +74,9 @@ class FootSettings:
     """Largest mean slip [m/s]: a + b times the speed over ground."""
     slip_p95: MetresPerSecondBySpeed
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
+    glide_s: SecondsBySpeed
+    """Longest time that feet near the ground may be too fast to stand, where nothing is labelled [s]: a + b times the
+    speed over ground about that time."""
     penetration_p95: Metres
     """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
     penetration_max: Metres
@@ -92,6 +96,7 @@ class FootSettings:
             level=LENGTH,
             slip_mean=SPEED,
             slip_p95=SPEED,
+            glide_s=SECONDS,
             penetration_p95=LENGTH,
             penetration_max=LENGTH,
             floating=LENGTH,

@@ -18,3 +18,5 @@ OfMotorLimit = Annotated[float, Unit("of the motor's limit")]
 OfWeight = Annotated[float, Unit("of the weight")]
 MetresPerSecondBySpeed = Annotated[tuple[float, float], Unit("m/s")]
 """a + b times the speed over ground."""
+SecondsBySpeed = Annotated[tuple[float, float], Unit("s")]
+"""a + b times the speed over ground."""

@@ -35,6 +35,11 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("told_speed: {value: [0.3, 0.3]", "told_speed: {value: [-0.3, 0.3]", r"'torque.told_speed\[0\]' is -0.3"),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (
+            "glide_s: {value: [0.08, 0.075]",
+            "glide_s: {value: [0.08, -1]",
+            r"'feet.glide_s\[1\]' is -1, allowed is 0 to 10",
+        ),
+        (
             "height: {value: [0.7, 1.2]",
             "height: {value: [1.2, 0.7]",
             r"'root.height\[1\]' is 0.7, allowed is more than the first",

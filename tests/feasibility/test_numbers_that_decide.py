@@ -11,7 +11,7 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, process
-from pipeline.feasibility.foot_criteria import foot_slip, label_disagreement
+from pipeline.feasibility.foot_criteria import foot_slip, gliding, label_disagreement
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.torque_criteria import dynamics
 from pipeline.files import settings
@@ -164,6 +164,20 @@ def _labels_agree(speeds: np.ndarray) -> Callable[[Robot, FeasibilitySettings], 
     return agree
 
 
+def _glides(seconds: float, ground_speed: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def held(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Without labels, carried over ground [m/s], and no foot stands for that long [s]."""
+        clip = standing(robot, 2.0)
+        frames = np.arange(clip.frame_count)
+        root = clip.root_pos_w + ground_speed * frames[:, None] / clip.fps * np.array([1.0, 0.0, 0.0])
+        motion = motion_of(dataclasses.replace(clip, root_pos_w=root, contacts=None), robot, limits)
+        stands = np.abs(frames - 50) > seconds * clip.fps / 2.0
+        contacts = np.repeat(stands[:, None], 2, axis=1)
+        return all(verdict.holds for verdict in gliding(dataclasses.replace(motion, contacts=contacts), limits.feet))
+
+    return held
+
+
 SLOW, BLINKING = np.full(100, 0.5), np.where(np.arange(100) % 4 < 2, 0.0, 1.0)
 """Faster than contact begins, not than it ends; and too fast in two of four frames."""
 QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
@@ -174,6 +188,8 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
     ("name", "value", "case"),
     [
         ("feet.level", 0.001, _slips_at_the_heel),
+        ("feet.glide_s", (0.2, 0.075), _glides(0.2, 0.5)),
+        ("feet.glide_s", (0.08, 0.0), _glides(0.16, 1.6)),
         ("cut.max_cuts", 0, _keeps_what_is_left),
         ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
         ("torque.told_reach_s", 0.0, _is_explained_when_soles_blink),
