@@ -18,14 +18,19 @@ SIDES = ("left", "right")
 
 
 def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
-    """Mean and 95th percentile of slip against limits that grow with the speed over ground."""
+    """Mean and 95th percentile of slip against limits that grow with the speed over ground.
+
+    The mean has a limit of its own where nothing is labelled: a foot that slides fast is then told as not in contact,
+    so that what is left of slip is less, of good motion and of bad.
+    """
     slip = slowest_point_speed(motion.sole, settings.level)
     standing = _standing(motion, slip)
     found = slip[standing]
     mean_slip = float(found.mean()) if found.size else 0.0
     p95_slip = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
     speed = motion.ground_speed
-    mean_limit = settings.slip_mean[0] + settings.slip_mean[1] * speed
+    still, by_speed = settings.slip_mean if motion.labelled else settings.told_slip_mean
+    mean_limit = still + by_speed * speed
     p95_limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
     text = f"feet in contact slide, at {speed:.2f} m/s over ground, at"
     mean = Verdict(

@@ -63,6 +63,8 @@ class Judgement:
     """Where the stretch lies in the clip [s]."""
     explained: bool
     """Contact forces explain the motion."""
+    labelled: bool
+    """It says itself which feet are in contact."""
     found: Mapping[str, Found]
     """Criterion -> what it said, for every one in `criteria.GROUP_OF`."""
     piece: str = ""
@@ -84,7 +86,13 @@ def judge(assessment: Assessment, beside: Sequence[Verdict], numbers: Numbers, s
         found[code] = Found(not_applicable=why) if why else _found(verdicts[code])
     clip = assessment.motion.clip
     start_s, stop_s = start / clip.fps, (start + clip.frame_count) / clip.fps
-    return Judgement(start_s=start_s, stop_s=stop_s, explained=assessment.dynamic, found=found)
+    return Judgement(
+        start_s=start_s,
+        stop_s=stop_s,
+        explained=assessment.dynamic,
+        labelled=assessment.motion.labelled,
+        found=found,
+    )
 
 
 def length(seconds: float, least_s: float) -> Verdict:

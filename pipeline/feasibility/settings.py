@@ -72,6 +72,8 @@ class FootSettings:
     """Corners of a sole that lie by less than this above its lowest one are on the ground with it [m]."""
     slip_mean: MetresPerSecondBySpeed
     """Largest mean slip [m/s]: a + b times the speed over ground."""
+    told_slip_mean: MetresPerSecondBySpeed
+    """The same where nothing is labelled, of the slower foot of two that seem to be down [m/s]."""
     slip_p95: MetresPerSecondBySpeed
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
     glide_s: SecondsBySpeed
@@ -95,6 +97,7 @@ class FootSettings:
             self,
             level=LENGTH,
             slip_mean=SPEED,
+            told_slip_mean=SPEED,
             slip_p95=SPEED,
             glide_s=SECONDS,
             penetration_p95=LENGTH,

@@ -13,7 +13,7 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility import FeasibilitySettings, assess, criteria_table, process
-from pipeline.feasibility.criteria import EXPLAINED, GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.criteria import EXPLAINED, GROUP_OF, GROUPS, LENGTH, UNLABELLED
 from pipeline.feasibility.criteria_summary import by_criterion, worst_margins
 from pipeline.feasibility.judgement import NUMBER, from_text, to_text
 from pipeline.feasibility.likeness_criteria import FIGURES
@@ -89,7 +89,8 @@ def test_every_verdict_there_is_has_its_place_and_the_unit_of_its_threshold(robo
     ]
     assert {verdict.code for verdict in verdicts} | {*FIGURES, LENGTH} == set(GROUP_OF)
     for verdict in verdicts:
-        names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")} - {""}
+        names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")}
+        names = (names | {UNLABELLED.get(verdict.code, "")}) - {""}
         assert {ORIGINS[name].unit for name in names} == {verdict.unit}, verdict.code
 
 
@@ -163,6 +164,8 @@ def test_what_does_not_apply_says_why_and_does_not_hold(table: pd.DataFrame):
     rows = _rows(table, "sunk, of the robot")
     assert rows["contact_disagreement"]["said"] == "no contact labels"
     assert rows["foot_glide_s"]["verdict"] == "holds"
+    assert rows["foot_slip_mean"]["setting"] == "feet.told_slip_mean"
+    assert _rows(table, "good")["foot_slip_mean"]["setting"] == "feet.slip_mean"
     assert _rows(table, "good")["foot_glide_s"]["said"] == "contacts are labelled"
     assert rows["limb_error_deg"]["said"] == "no figure of retargeting: the robot's own recording"
     assert _rows(table, "unlike")["trunk_error_deg"]["said"] == "no figure of retargeting: KP3 had no sample of it"

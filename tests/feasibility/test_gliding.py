@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, assess
-from pipeline.feasibility.foot_criteria import gliding
+from pipeline.feasibility.foot_criteria import foot_slip, gliding
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.verdict import Verdict
 from pipeline.files import settings
@@ -92,6 +92,19 @@ def test_a_run_may_glide_for_longer_than_a_walk_by_the_speed_of_that_time(
     assert found.value == pytest.approx(glides_s)
     assert found.limit == pytest.approx(0.08 + 0.075 * speed, rel=0.02), "the second before, it stood"
     assert found.holds == holds
+
+
+@pytest.mark.parametrize(("labelled", "limit"), [(True, 0.1), (False, 0.05)])
+def test_mean_slip_may_be_less_where_nothing_is_labelled(
+    robot: Robot, limits: FeasibilitySettings, labelled: bool, limit: float
+):
+    """.08 m/s to and fro."""
+    clip = standing(robot) if labelled else _unlabelled(robot)
+    motion = motion_of(_carried(clip, np.where(np.arange(100) % 50 < 25, 0.08, -0.08)), robot, limits)
+    found, _ = foot_slip(motion, limits.feet)
+    assert found.value == pytest.approx(0.08, abs=0.005)
+    assert found.limit == pytest.approx(limit, abs=0.005)
+    assert found.holds == labelled
 
 
 def test_labels_are_taken_at_their_word(robot: Robot, limits: FeasibilitySettings):

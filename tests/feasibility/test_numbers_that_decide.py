@@ -77,6 +77,20 @@ def _slips_at_the_heel(robot: Robot, limits: FeasibilitySettings) -> bool:
     return not all(verdict.holds for verdict in foot_slip(soles, limits.feet))
 
 
+def _slides(speed: float, ground_speed: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def held(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Without labels, on feet that slide at a speed [m/s], carried over ground [m/s]."""
+        clip = standing(robot, 2.0)
+        root = clip.root_pos_w + ground_speed * np.arange(clip.frame_count)[:, None] / clip.fps * np.array([1.0, 0, 0])
+        motion = motion_of(dataclasses.replace(clip, root_pos_w=root, contacts=None), robot, limits)
+        motion = dataclasses.replace(motion, contacts=np.ones((clip.frame_count, 2), dtype=bool))
+        velocity = np.tile([speed, 0.0, 0.0], (clip.frame_count, 4, 1))
+        soles = _soles_replaced(motion, np.zeros((clip.frame_count, 4)), velocity)
+        return all(verdict.holds for verdict in foot_slip(soles, limits.feet))
+
+    return held
+
+
 def _keeps_what_is_left(robot: Robot, limits: FeasibilitySettings) -> bool:
     """A clip with one frame that is no posture at all."""
     clip = standing(robot, 4.0)
@@ -188,6 +202,8 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
     ("name", "value", "case"),
     [
         ("feet.level", 0.001, _slips_at_the_heel),
+        ("feet.told_slip_mean", (0.1, 0.04), _slides(0.08, 0.0)),
+        ("feet.told_slip_mean", (0.05, 0.0), _slides(0.08, 1.5)),
         ("feet.glide_s", (0.2, 0.075), _glides(0.2, 0.5)),
         ("feet.glide_s", (0.08, 0.0), _glides(0.16, 1.6)),
         ("cut.max_cuts", 0, _keeps_what_is_left),
