@@ -33,7 +33,8 @@ class Dynamics:
     root_first: ContactSolution
     """The forces that leave least at the root ..."""
     judged: ContactSolution
-    """... and those that torque is judged by: where the motion is not explained, the ones that keep to the limits."""
+    """... and those that torque is judged by: where the motion is explained, with labels a little late or early; where
+    it is not, the ones that keep to the limits."""
 
 
 def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
@@ -45,19 +46,27 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     torque costs more than the root's residual, which takes the rest. What it asks of the motors is held against
     limits of its own.
     """
-    contacts = Contacts(motion, settings)
+    contacts = Contacts(motion, settings, settings.label_reach_s if motion.labelled else settings.told_reach_s)
     strict = contacts.solve(settings.strict_excess)
     percentiles = np.percentile(_residual(motion, strict), 100.0 * settings.consistent_share, axis=0)
     bounds = settings.consistent
     consistent = bool(percentiles[0] <= bounds.force and percentiles[1] <= bounds.lever)
-    solution = strict if consistent else contacts.solve(settings.reference_excess)
+    solution = _with_late_labels(motion, strict, settings) if consistent else contacts.solve(settings.reference_excess)
     limits = settings.dynamic_residual if consistent else _reference_limits(motion.ground_speed, settings)
     verdicts = (
         *torque_over_limit(motion, solution.joint_torque, settings),
         *(() if consistent else _asked(motion, contacts, strict, solution, settings)),
-        *_residuals(motion, solution, limits, settings),
+        *_residuals(motion, strict if consistent else solution, limits, settings),
     )
     return Dynamics(verdicts=verdicts, consistent=consistent, root_first=strict, judged=solution)
+
+
+def _with_late_labels(motion: Motion, strict: ContactSolution, settings: TorqueSettings) -> ContactSolution:
+    """What an explained motion needs where its labels, if it has any, may begin and end as late or early as those do
+    that are told from the soles: beside a wrong label a motor seems to be past its limit."""
+    if not motion.labelled:
+        return strict
+    return Contacts(motion, settings, settings.told_reach_s).solve(settings.strict_excess)
 
 
 def _asked(
@@ -86,12 +95,12 @@ def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
 class Contacts:
     """The forces a motion needs and the corners that may supply them."""
 
-    def __init__(self, motion: Motion, settings: TorqueSettings):
+    def __init__(self, motion: Motion, settings: TorqueSettings, reach_s: float):
         self._motion, self._friction = motion, settings.friction
         clip = motion.clip
         series = states(clip.root_pos_w, clip.root_quat_w, clip.joint_pos, clip.fps, settings.cutoff_hz)
         self._forces = motion_forces(motion.robot, series)
-        self._touching = _touching(motion, settings)
+        self._touching = _touching(motion, settings, reach_s)
 
     def solve(
         self,
@@ -133,21 +142,22 @@ def _of_frames(forces: MotionForces, frames: slice | Int[np.ndarray, " f"]) -> M
     return MotionForces(**{name: values[frames] for name, values in vars(forces).items()})
 
 
-def _touching(motion: Motion, settings: TorqueSettings) -> Bool[np.ndarray, "t 2 4"]:
-    """Corners that may bear a force: low ones of feet that are labelled as in contact.
+def _touching(motion: Motion, settings: TorqueSettings, reach_s: float) -> Bool[np.ndarray, "t 2 4"]:
+    """Corners that may bear a force: low ones of feet that are labelled as in contact, and they also for `reach_s` [s]
+    before and after.
 
     Where nothing is labelled, low corners that stay where they are, for the speed over ground of that second: a foot
     in a slow swing is no faster than one that rolls off in a run. One that swings through a centimetre above the
     ground would else be one to lean on, and no torque of the standing leg could ever be needed.
     """
-    height, reach_s = motion.sole.corner_pos_w[..., 2], settings.label_reach_s
+    height = motion.sole.corner_pos_w[..., 2]
     if motion.labelled:
         bearing = (height < settings.touch_height) & motion.contacts[:, :, None]
     else:
         (slowest, by_speed), commands = settings.told_speed, motion.commands
         bound = slowest + by_speed * np.hypot(commands[:, 0], commands[:, 1])
         slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < bound[:, None, None]
-        bearing, reach_s = (height < motion.contact.height) & slow, settings.told_reach_s
+        bearing = (height < motion.contact.height) & slow
     touching = bearing.copy()
     for away in range(1, round(reach_s * motion.clip.fps) + 1):
         touching[away:] |= bearing[:-away]

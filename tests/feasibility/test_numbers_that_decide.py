@@ -114,6 +114,19 @@ def _is_explained_when_soles_blink(robot: Robot, limits: FeasibilitySettings) ->
     return _consistent(_on_the_ground(motion_of(clip, robot, limits), blinking=3), limits)
 
 
+def _holds_with_a_late_label(robot: Robot, limits: FeasibilitySettings) -> bool:
+    """Standing on two feet with a hip of 6 N m, the other foot not labelled for seven frames."""
+    limit = robot.torque_limit.copy()
+    limit[robot.joint("Right_Hip_Roll")] = 6.0
+    weak = dataclasses.replace(robot, torque_limit=limit)
+    clip = standing(weak, 2.0)
+    contacts = np.ones((clip.frame_count, 2), dtype=bool)
+    contacts[50:57, 0] = False
+    found = dynamics(motion_of(dataclasses.replace(clip, contacts=contacts), weak, limits), limits.torque)
+    assert found.consistent
+    return all(verdict.holds for verdict in found.verdicts)
+
+
 def _is_explained_with_a_fault(robot: Robot, limits: FeasibilitySettings) -> bool:
     """Standing, with no contact labelled in .1 s of two."""
     clip = standing(robot, 2.0)
@@ -209,6 +222,7 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
         ("cut.max_cuts", 0, _keeps_what_is_left),
         ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
         ("torque.told_reach_s", 0.0, _is_explained_when_soles_blink),
+        ("torque.told_reach_s", 0.02, _holds_with_a_late_label),
         ("torque.told_speed", (0.1, 0.3), _soles_bear(0.0, 0.2)),
         ("torque.told_speed", (0.7, 0.3), _soles_bear(0.0, 0.5)),
         ("torque.told_speed", (0.3, 0.0), _soles_bear(0.0, 0.5, ground_speed=1.5)),

@@ -141,7 +141,8 @@ def test_where_an_ankle_is_at_its_limit_the_hip_is_asked_for_what_it_would_give_
     clip, ankle, hip = _out_of_balance(robot), robot.joint("Left_Ankle_Roll"), robot.joint("Left_Hip_Roll")
     limit = robot.torque_limit.copy()
     limit[[ankle, hip]] = 5.0, 0.5 * _hip_need(robot)
-    contacts = Contacts(motion_of(clip, dataclasses.replace(robot, torque_limit=limit), limits), limits.torque)
+    weak = dataclasses.replace(robot, torque_limit=limit)
+    contacts = Contacts(motion_of(clip, weak, limits), limits.torque, limits.torque.label_reach_s)
     weight = limits.torque.reference_excess
     first = contacts.solve(weight)
     alone = contacts.torque_alone(first, weight)
