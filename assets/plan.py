@@ -29,7 +29,7 @@ class Plan:
     packages: tuple[str, ...]
     """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
-    """Files of `data/` that parametrise it, or one section of a file: "feasibility.yaml#contact"."""
+    """Files of `data/` that parametrise it, or one section of a file: "feasibility.yaml#balance"."""
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
     as_they_are: tuple[str, ...] = ()
@@ -130,12 +130,7 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
         Plan(
             name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
         ),
-        Plan(
-            name="augmented_motions",
-            packages=("augment",),
-            settings_files=("augment.yaml", "feasibility.yaml#contact"),
-            robot=robot,
-        ),
+        Plan(name="augmented_motions", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
         Plan(name="feasible_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
         Plan(name="expert_db", packages=("expert",), robot=robot),
     )

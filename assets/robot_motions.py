@@ -145,17 +145,15 @@ def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
         from pipeline.augment import AugmentSettings, process
         from pipeline.augment.strengths import KINDS
-        from pipeline.feasibility import FeasibilitySettings
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
-        contact = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings).contact
         feedback = approved_part(PROJECT, "augmentation", plan.robot)
 
         def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
-            made_with = partial(process, settings=wanted, robot=robot, contact=contact)
-            stage = stage_of(plan, made_with, wanted, further=contact)
+            made_with = partial(process, settings=wanted, robot=robot)
+            stage = stage_of(plan, made_with, wanted)
             return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
 
         manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")

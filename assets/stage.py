@@ -9,7 +9,7 @@ from assets.checks import evaluate
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
-from pipeline.files import digest, settings
+from pipeline.files import settings
 
 
 def stage_of(
@@ -20,12 +20,11 @@ def stage_of(
     prepare: Callable[..., Any] | None = None,
     name: str = "",
     robot_files: str | None = None,
-    further: Any = None,
 ) -> Stage:
     """The stage of an asset with its settings `values` (a settings dataclass, or None).
 
     `name` is for a second question that the asset asks of its clips; `robot_files` is the digest of the robot where it
-    is not the one of the robot's folder; `further` are settings of another stage that the answers depend on too.
+    is not the one of the robot's folder.
     """
     if plan.robot and robot_files is None:
         robot_files = digest_of_robot(PROJECT, plan.robot)
@@ -35,10 +34,7 @@ def stage_of(
         function=function,
         prepare=prepare,
         settings=settings.plain(values) if values is not None else {},
-        depends={
-            **({"robot_files": robot_files} if robot_files else {}),
-            **({"further": digest.of_json(settings.plain(further))} if further is not None else {}),
-        },
+        depends={"robot_files": robot_files} if robot_files else {},
     )
 
 

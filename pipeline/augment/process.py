@@ -15,20 +15,12 @@ from pipeline.quality.sole_contact import ContactSettings
 from pipeline.robot import Robot
 
 
-def process(
-    clip: RobotClip,
-    numbers: Numbers,
-    *,
-    settings: AugmentSettings,
-    robot: Robot,
-    contact: ContactSettings | None = None,
-) -> Outcome:
+def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:
     """The clip, its mirror image, and both at other playing speeds and with perturbations, as the settings say.
 
     Each piece says its `variant`, whether it is `mirrored`, its `time_scale` and, as `parent`, the name of
     the clip it was made from: variants of one parent share a weight later. A perturbed one says the strength of each
     kind too. A perturbation that the robot can't follow, or that changes nothing, is a reason and no piece.
-    `contact` is what contact is in a recording that does not say it (the section of `data/feasibility.yaml`).
     """
     originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
     if settings.mirror:
@@ -37,7 +29,7 @@ def process(
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:
         pieces += [_scaled(piece, scale, clip.name) for scale in settings.time_scales for piece in originals]
-    perturbed, reasons = _perturbed(originals, settings.perturbations, robot, contact)
+    perturbed, reasons = _perturbed(originals, settings.perturbations, robot, settings.contact)
     pieces += perturbed
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers={"variants": len(pieces)})
 
@@ -51,7 +43,7 @@ def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
 
 
 def _perturbed(
-    originals: list[Piece], strengths: Strengths, robot: Robot, contact: ContactSettings | None
+    originals: list[Piece], strengths: Strengths, robot: Robot, contact: ContactSettings
 ) -> tuple[list[Piece], list[Reason]]:
     pieces: list[Piece] = []
     reasons: list[Reason] = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pipeline.augment.strengths import Strengths
 from pipeline.clips.skill import LABELS
 from pipeline.files.ranges import OneOf, Range, check
+from pipeline.quality.sole_contact import ContactSettings
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class AugmentSettings:
     """Skills that are played at no other speed: standing is the same slower."""
     perturbations: Strengths
     """Variants with other steps or another posture."""
+    contact: ContactSettings
+    """What contact is in a recording that does not say it, where those are made."""
 
     def __post_init__(self) -> None:
         check(self, time_scales=_Scale(0.5, 2.0), unscaled_skills=OneOf(LABELS))

@@ -18,7 +18,8 @@ _SPEED = Range(0.0, 5.0, open_low=True)
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """The section `contact` of `data/feasibility.yaml`: a foot is on the ground where its sole is low and slow."""
+    """A foot is on the ground where its sole is low and slow: the section `contact` of `data/feasibility.yaml`, and of
+    `data/augment.yaml`."""
 
     height: Annotated[float, Unit("m")]
     """Its lowest corner is below this [m]."""

@@ -11,10 +11,14 @@ from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings
 from pipeline.files.ranges import RangeError
+from pipeline.quality.sole_contact import ContactSettings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 
-BOTH = AugmentSettings(mirror=True, time_scales=(0.9, 1.1), unscaled_skills=("stand",), perturbations=Strengths())
+CONTACT = ContactSettings(height=0.01, on_speed=0.4, off_speed=0.7, shortest_s=0.04)
+BOTH = AugmentSettings(
+    mirror=True, time_scales=(0.9, 1.1), unscaled_skills=("stand",), perturbations=Strengths(), contact=CONTACT
+)
 
 
 def test_the_committed_settings_are_read(root: Path):
@@ -83,4 +87,6 @@ def test_numbers_scale_as_their_units_say():
 @pytest.mark.parametrize("scale", [0.0, -1.0, 1.0, 2.5])
 def test_a_time_scale_that_makes_no_variant_is_refused(scale: float):
     with pytest.raises(RangeError, match=r"'time_scales\[0\]' is .*(allowed is 0.5 to 2|the original)"):
-        AugmentSettings(mirror=False, time_scales=(scale,), unscaled_skills=(), perturbations=Strengths())
+        AugmentSettings(
+            mirror=False, time_scales=(scale,), unscaled_skills=(), perturbations=Strengths(), contact=CONTACT
+        )

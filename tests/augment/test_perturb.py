@@ -27,6 +27,7 @@ from tests.factories.human_clips import Gait, walker
 from tests.factories.robot_clips import standing
 
 ROBOT = load_robot("t1")
+CONTACT = settings.read(ROOT / "data/augment.yaml", AugmentSettings).contact
 RETARGET = settings.read(ROOT / "data/retarget.yaml", RetargetSettings)
 SPEEDS_M_S = (1.1, -0.8)
 """Of the person; the robot's are about .55 of it."""
@@ -55,8 +56,7 @@ def variant(speed_m_s: float, kind: str, strength: float) -> RobotClip:
 
 
 def made(clip: RobotClip, kind: str, strength: float) -> RobotClip:
-    contact = settings.read(ROOT / "data/feasibility.yaml", FeasibilitySettings).contact
-    found = perturb(clip, ROBOT, kind, strength, f"{clip.name}~{kind}", contact)
+    found = perturb(clip, ROBOT, kind, strength, f"{clip.name}~{kind}", CONTACT)
     assert isinstance(found, RobotClip), found
     return found
 
@@ -230,7 +230,7 @@ def test_kp5_lets_a_walk_with_it_pass(kind: str, strength: float):
 
 def test_variants_say_what_they_are_and_their_numbers_hold():
     planned = Strengths(step_length=(0.9,), foot_lift=(0.02,))
-    asked = AugmentSettings(mirror=True, time_scales=(1.1,), unscaled_skills=(), perturbations=planned)
+    asked = AugmentSettings(mirror=True, time_scales=(1.1,), unscaled_skills=(), perturbations=planned, contact=CONTACT)
     said = {"skill": "turn_left", "forward_m_s": 0.6, "yaw_rate_rad_s": 0.4, "trunk_error_deg": 2.0}
     outcome = process(walking(1.1), said, settings=asked, robot=ROBOT)
     pieces = {str(piece.numbers["variant"]): piece for piece in outcome.pieces}
@@ -248,7 +248,7 @@ def test_variants_say_what_they_are_and_their_numbers_hold():
 
 def test_variants_that_are_not_made_are_reasons_and_the_others_go_on():
     planned = Strengths(step_length=(1.3, 0.95))
-    asked = AugmentSettings(mirror=False, time_scales=(), unscaled_skills=(), perturbations=planned)
+    asked = AugmentSettings(mirror=False, time_scales=(), unscaled_skills=(), perturbations=planned, contact=CONTACT)
     outcome = process(walking(-0.8), {}, settings=asked, robot=ROBOT)
     assert [piece.numbers["variant"] for piece in outcome.pieces] == ["original", "step_length0.95"]
     assert len(outcome.reasons) == 1 and outcome.reasons[0].text.startswith("step_length1.3 is not made: frame")
