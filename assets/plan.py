@@ -29,7 +29,7 @@ class Plan:
     packages: tuple[str, ...]
     """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
-    """Files of `data/` that parametrise it, or one section of a file: "feasibility.yaml#balance"."""
+    """Files of `data/` that parametrise it, or a part of a file: "feasibility.yaml#balance.commands"."""
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
     as_they_are: tuple[str, ...] = ()
@@ -60,10 +60,12 @@ class Plan:
 
 
 def _values(project: Project, name: str) -> Any:
-    """What a settings file, or its section after a "#", says now."""
-    file, _, section = name.partition("#")
+    """What a settings file, or its part after a "#", says now."""
+    file, _, part = name.partition("#")
     values = settings.read_yaml(project.settings(file))
-    return values.get(section) if section and isinstance(values, dict) else values
+    for section in filter(None, part.split(".")):
+        values = values.get(section) if isinstance(values, dict) else None
+    return values
 
 
 def digest_of_robot(project: Project, robot: str) -> str:
@@ -114,7 +116,7 @@ FIELD = (
     Plan(
         name="curation_feedback",
         packages=("feedback", "failures", "feasibility", "selection"),
-        settings_files=("feedback_rules.yaml", "feasibility.yaml#balance", "curation.yaml"),
+        settings_files=("feedback_rules.yaml", "feasibility.yaml#balance.commands", "curation.yaml"),
     ),
     Plan(name="sim_to_real_report", packages=("feedback",)),
 )

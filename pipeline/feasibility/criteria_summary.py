@@ -11,9 +11,13 @@ from pipeline.feasibility.criteria_table import BROKEN, NOT_APPLICABLE
 
 BY_CRITERION = (
     *("group", "criterion", "clips", "broken", "not applicable"),
-    *("closest margin", "closest number", "threshold", "unit", "closest clip", "source", "why"),
+    *("closest margin", "closest number", "threshold", "unit", "closest clip", "setting", "source", "why"),
 )
-"""Columns of `by_criterion`."""
+"""Columns of `by_criterion`. Threshold and where it comes from are the closest stretch's: some criteria have one limit
+for labelled motion and another for the rest."""
+
+ORIGIN = ("unit", "setting", "source", "why")
+"""Columns that say where a threshold comes from."""
 
 MARGINS = (
     *("clip", "start_s", "stop_s", "piece", "group", "criterion", "verdict"),
@@ -36,7 +40,7 @@ def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
         )
         first = own.iloc[0]
         row = {"group": first["group"], "criterion": code, "clips": own["clip"].nunique(), "broken": len(broken)}
-        rows.append({**row, "not applicable": len(silent), **_closest(own), **first[["unit", "source", "why"]]})
+        rows.append({**row, "not applicable": len(silent), **first[list(ORIGIN)], **_closest(own)})
     return pd.DataFrame(rows, columns=list(BY_CRITERION))
 
 
@@ -53,4 +57,4 @@ def _closest(own: pd.DataFrame) -> dict[str, Any]:
         return {}
     row = kept.sort_values(by=["margin", "piece"]).iloc[0]
     found = {"closest margin": row["margin"], "closest number": row["number"], "threshold": row["threshold"]}
-    return {**found, "closest clip": row["piece"]}
+    return {**found, "closest clip": row["piece"], **row[list(ORIGIN)]}

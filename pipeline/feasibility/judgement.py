@@ -18,6 +18,7 @@ from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
 from pipeline.feasibility.likeness_criteria import FIGURES
 from pipeline.feasibility.reference import CONTENT
 from pipeline.feasibility.verdict import Verdict
+from pipeline.quality.foot_slip import inner_contacts
 
 NUMBER = "judgements"
 """Name that the text has among the numbers of a clip that was judged, until the table is made of it."""
@@ -120,7 +121,7 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
     motion = assessment.motion
     if code == "contact_disagreement" and not motion.labelled:
         return NO_LABELS
-    if code in OF_STANCES and not motion.contacts.any():
+    if code in OF_STANCES and not inner_contacts(motion.contacts).any():
         return NO_STANCE
     if asked:
         return ""

@@ -40,7 +40,8 @@ class Dynamics:
 def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     """Torque over the limits (most, share of a joint's frames, longest stretch) and what contact forces don't explain.
 
-    A motion that contact forces explain is taken at its word: every torque it needs counts. One that they don't is a
+    A motion that contact forces explain is taken at its word: every torque it needs counts, with labels, where it has
+    any, that may be late or early. One that they don't is a
     reference, followed only roughly: there the forces are sought that keep the torques within their limits, and what is
     missing at the root is held against a looser limit. So the most that such a motion needs says little: past its limit
     torque costs more than the root's residual, which takes the rest. What it asks of the motors is held against
@@ -66,7 +67,8 @@ def _with_late_labels(motion: Motion, strict: ContactSolution, settings: TorqueS
     that are told from the soles: beside a wrong label a motor seems to be past its limit."""
     if not motion.labelled:
         return strict
-    return Contacts(motion, settings, settings.told_reach_s).solve(settings.strict_excess)
+    reach_s = max(settings.label_reach_s, settings.told_reach_s)
+    return Contacts(motion, settings, reach_s).solve(settings.strict_excess)
 
 
 def _asked(

@@ -140,7 +140,7 @@ class TorqueSettings:
             over_run_s=SECONDS,
             label_reach_s=Range(0.0, 0.5),
             told_reach_s=Range(0.0, 0.5),
-            told_speed=NOT_NEGATIVE,
+            told_speed=Range(0.0, 5.0),
             strict_excess=Range(0.0, 100.0, open_low=True),
             reference_excess=Range(0.0, 1000.0, open_low=True),
             consistent_share=SHARE,

@@ -220,6 +220,20 @@ def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd
     assert seen["not_finite"]["broken"] == 1
 
 
+@pytest.mark.parametrize(("closest", "setting"), [("good", "feet.slip_mean"), ("unlike", "feet.told_slip_mean")])
+def test_from_afar_a_threshold_is_told_with_where_it_itself_comes_from(table: pd.DataFrame, closest: str, setting: str):
+    """Of two limits of one criterion the one that the closest stretch was held to."""
+    bare = table[(table["criterion"] == "foot_slip_mean") & table["clip"].isin(["good", "unlike"])].copy()
+    bare["piece"], bare["verdict"] = bare["clip"], "holds"
+    bare["margin"] = np.where(bare["clip"] == closest, 0.1, 0.9)
+    other = table[(table["criterion"] == "foot_slip_mean") & (table["clip"] == "sunk, of the robot")].iloc[0]
+    for column in ("setting", "source", "why"):
+        bare.loc[bare["clip"] == "unlike", column] = other[column]
+    (row,) = by_criterion(bare).to_dict("records")
+    assert row["setting"] == setting
+    assert row["why"] == ORIGINS[setting.removeprefix("feasibility.")].why
+
+
 def test_the_worst_margins_come_first(table: pd.DataFrame):
     seen = worst_margins(table)
     margins = seen["margin"].dropna()
