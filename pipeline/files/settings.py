@@ -59,7 +59,11 @@ def read_yaml(path: Path) -> Any:
     if path.stat().st_size > MAX_BYTES:
         raise SettingsError(path, f"the file is larger than {MAX_BYTES} bytes.")
     try:
-        return yaml.load(path.read_text(), Loader=_StrictLoader)  # noqa: S506, a SafeLoader
+        loader = _StrictLoader(path.read_text())
+        try:
+            return loader.get_single_data()
+        finally:
+            loader.dispose()
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error)
