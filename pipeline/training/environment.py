@@ -26,6 +26,7 @@ from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
 from pipeline.training.reward_terms import motor_limit
 from pipeline.training.step_times import StepTimes
+from pipeline.training.trunk_forces import TrunkForces
 
 VELOCITY_STEPS = 8
 """Velocities are recorded at every so many steps."""
@@ -94,6 +95,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         size = 18 + 2 * len(self.controlled_index) + (3 if options.discriminator_command else 0)
         self._motion = torch.zeros(self.num_envs, window_span(options), size, device=self.device)
         self.record = Record(self.device)
+        self.trunk_forces = TrunkForces(self)
         super().load_managers()
 
     @property
@@ -153,10 +155,14 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     def _aim_first(self) -> None:
         self.action_manager.process_action(self._given)
+        if not self.trunk_forces.helps:
+            self.trunk_forces.write()
         self._aim_again()
 
     def _aim_again(self) -> None:
         self.action_manager.apply_action()
+        if self.trunk_forces.helps:
+            self.trunk_forces.write()
         self.scene.write_data_to_sim()
 
     def _judge_state(self) -> None:

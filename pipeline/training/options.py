@@ -148,6 +148,12 @@ class Options:
     push_iterations: int = 1000
     """Length of the ramp."""
 
+    # Help
+    assist: float = 0.0
+    """Share of the full help by a hand that holds the trunk (`trunk_forces.py`) at the start; 0: no hand."""
+    assist_iterations: tuple[int, int] = (100, 700)
+    """It fades to nothing between these iterations."""
+
     # Adversarial motion prior
     style: float = 0.3
     """Share of the style reward in the blend; 0 trains without a discriminator."""

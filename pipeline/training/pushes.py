@@ -56,30 +56,24 @@ class PushVelocity:
 
 
 class PushForce:
-    """Every few seconds a force on the trunk's centre of mass, for FORCE_S."""
+    """Every few seconds a force on the trunk's centre of mass, for FORCE_S; `trunk_forces.py` brings it there."""
 
     def __init__(self, cfg, env):
-        self._robot = env.scene["robot"]
-        (trunk,), _ = self._robot.find_bodies(env.context.bundle.robot.root_link)
-        self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
+        self._force_w = env.trunk_forces.push_w
         self._waits = Waits(env)
         self._left = torch.zeros(env.num_envs, device=env.device)
-        self._force_w = torch.zeros(env.num_envs, 3, device=env.device)
         env.restarts.append(self.restart)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
-        """All forces are written, also those that are none: to count them, a processor would have to wait."""
         self._left -= env.step_dt
         begins = self._waits.over()
         drawn = horizontal(env.num_envs, env.ramps.push_impulse / FORCE_S, env.device) * env.pushed[:, None]
         replace(self._force_w, self._left <= 1e-6, 0.0)
         replace(self._force_w, begins, drawn)
         replace(self._left, begins, FORCE_S)
-        force = self._force_w[:, None]
-        self._robot.write_external_wrench_to_sim(force, torch.zeros_like(force), body_ids=self._trunk)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """No force at the start of an episode (the simulation has cleared it), and a new wait."""
+        """No force at the start of an episode, and a new wait."""
         replace(self._left, mask, 0.0)
         replace(self._force_w, mask, 0.0)
         self._waits.restart(mask)

@@ -13,6 +13,12 @@ def grown(span: tuple[float, float], iteration: float, iterations: int) -> float
     return span[0] + (span[1] - span[0]) * share
 
 
+def passed(between: tuple[int, int], iteration: float) -> float:
+    """The share of the way from the first to the last of two iterations that lies behind."""
+    first, last = between
+    return min(1.0, max(0.0, (iteration - first) / max(last - first, 1)))
+
+
 class Ramps:
     """Each a tensor of one number, at the value of the iteration that `at` was last called with."""
 
@@ -26,18 +32,20 @@ class Ramps:
         """Largest change of the base's velocity [m/s]."""
         self.push_impulse = torch.zeros((), device=device)
         """Largest impulse of a force on the trunk [N s]."""
+        self.assist = torch.zeros((), device=device)
+        """Share of the full help that robots are given."""
         self._known: dict[str, float] = {}
         self.at(0.0)
 
     def at(self, iteration: float) -> None:
         """Go to an iteration; only what has changed is written."""
         options = self._options
-        first, last = options.late_iterations
         values = {
             "penalty": grown((options.penalty_start, 1.0), iteration, options.penalty_iterations),
-            "late": min(1.0, max(0.0, (iteration - first) / max(last - first, 1))),
+            "late": passed(options.late_iterations, iteration),
             "push_speed": grown(options.push_speed, iteration, options.push_iterations),
             "push_impulse": grown(options.push_impulse, iteration, options.push_iterations),
+            "assist": options.assist * (1.0 - passed(options.assist_iterations, iteration)),
         }
         for name, value in values.items():
             if self._known.get(name) != value:

@@ -124,12 +124,10 @@ def play(
     alive = torch.ones(env.num_envs, dtype=torch.bool)
     ended, lived = ["time"] * env.num_envs, torch.zeros(env.num_envs)
     recent: list[torch.Tensor] = []
-    trunk, _ = env.scene["robot"].find_bodies(env.context.bundle.robot.root_link)
     for step in range(round(seconds / env.step_dt)):
         if push:
             on = PUSHED_S <= step * env.step_dt < PUSHED_S + FORCE_S
-            force = torch.tensor([push / FORCE_S * on, 0.0, 0.0]).expand(env.num_envs, 1, 3)
-            env.scene["robot"].write_external_wrench_to_sim(force, torch.zeros_like(force), body_ids=trunk)
+            env.trunk_forces.push_w[:, 0] = push / FORCE_S * on
         seen = cast(torch.Tensor, observation["actor"])
         observation, *_ = env.step(controller(seen))
         terms += DISCOUNT**step * env.step_dt * task.paid * alive[:, None]
