@@ -96,10 +96,14 @@ class VelocityCommand(CommandTerm):
         self.age[env_ids] = age
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
-        """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew."""
+        """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew. Who tracks a
+        clip is told the clip's."""
         self.time_left -= dt
         self._draw(self.time_left <= 0.0)
         self.age += dt
+        clip = self._env.tracked_clip
+        if clip is not None:
+            replace(self._command, clip.tracks, clip.command)
 
     def restart(self, mask: torch.Tensor) -> None:
         """Another command for environments that begin an episode, or the one that goes with what they begin at, as if

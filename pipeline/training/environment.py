@@ -26,6 +26,7 @@ from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
 from pipeline.training.reward_terms import motor_limit
 from pipeline.training.step_times import StepTimes
+from pipeline.training.tracked_clip import TrackedClip
 from pipeline.training.trunk_forces import TrunkForces
 
 VELOCITY_STEPS = 8
@@ -96,6 +97,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._motion = torch.zeros(self.num_envs, window_span(options), size, device=self.device)
         self.record = Record(self.device)
         self.trunk_forces = TrunkForces(self)
+        self.tracked_clip = TrackedClip(self) if options.tracked else None
         super().load_managers()
 
     @property

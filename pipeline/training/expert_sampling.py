@@ -119,8 +119,8 @@ class ReferenceStates:
         self._frames = torch.from_numpy(expert.frames).to(device)
         self._command = torch.from_numpy(expert.command).to(device)
 
-    def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Frames (count, c) and the commands that they obey (count, 3)."""
+    def draw(self, count: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Frames (count, c), the commands that they obey (count, 3), and which of the expert's they are (count,)."""
         at = torch.rand(count, device=self._weight.device)
         index = torch.searchsorted(self._weight, at).clamp(max=len(self._weight) - 1)
-        return self._frames[index], self._command[index]
+        return self._frames[index], self._command[index], index

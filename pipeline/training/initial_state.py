@@ -23,7 +23,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     States are drawn for all and taken by those.
     """
     options, count, device = env.context.options, env.num_envs, env.device
-    frames, command = env.context.references.draw(count)
+    frames, command, at = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
     home = (torch.rand(count, device=device) >= options.reference_share)[:, None]
     height = env.context.bundle.robot.default_root_height + LIFT_M
@@ -48,6 +48,8 @@ def write_starts(env, mask: torch.Tensor) -> None:
     env.readings.restart(mask)
     keeps = ~home & (torch.rand(count, 1, device=device) < options.reference_command_share)
     replace(env.own_command, mask, torch.where(keeps, command, torch.nan))
+    if env.tracked_clip is not None:
+        env.tracked_clip.begin(mask, at, keeps[:, 0])
 
 
 def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:

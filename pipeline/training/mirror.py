@@ -45,11 +45,10 @@ class Mirror:
         return _mirrored(actions, self._action)
 
     def observations(self, obs: TensorDict) -> TensorDict:
-        """Of the groups `actor` and `critic`."""
-        return TensorDict(
-            {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)},
-            batch_size=obs.batch_size,
-        )
+        """Of the groups `actor` and `critic`; what the critic sees beyond the feet is the same on both sides."""
+        known = len(self._critic[0])
+        critic = torch.cat([_mirrored(obs["critic"], self._critic), obs["critic"][:, known:]], dim=1)
+        return TensorDict({"actor": _mirrored(obs["actor"], self._actor), "critic": critic}, batch_size=obs.batch_size)
 
 
 def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:

@@ -2,7 +2,7 @@
 
 The actor's 72 x 10 numbers are those of `pipeline/deployment/observation.py`, time-major, the oldest frame first, zeros
 where there is none yet; joints in the network's order. The critic sees the newest frame without noise, the base's
-velocity and which feet touch.
+velocity, which feet touch, and the clip that is tracked where clips are.
 """
 
 from __future__ import annotations
@@ -72,8 +72,10 @@ class ActorHistory:
 
 
 def critic_frame(env) -> torch.Tensor:
-    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5)."""
-    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float()], dim=1)
+    """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5); where clips are tracked, how near the
+    clip is and how long it is still there (n, 2)."""
+    clip = [] if env.tracked_clip is None else [env.tracked_clip.seen()]
+    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float(), *clip], dim=1)
 
 
 def observation_cfg() -> dict[str, ObservationGroupCfg]:

@@ -95,6 +95,8 @@ class Options:
     """Who is on one foot for longer [s] is paid nothing; 0: is paid for ever."""
     long_step: float = 0.0
     """Weight of the time walked in steps as long as the clips take at that command, shorter ones by their share."""
+    long_step_share: float = 0.0
+    """Of the clips' time: shorter steps are paid nothing."""
     saturation: float = 0.0
     """Weight of torque beyond .85 of a joint's limit."""
     saturation_of: str = "limit"
@@ -125,6 +127,13 @@ class Options:
     """Of these, how many get the frame's own command."""
     reference_by_cell: bool = False
     """Frames drawn so that their commands are distributed as the policy's."""
+
+    tracked: float = 0.0
+    """Of those with the frame's own command, how many track its clip at first (`tracked_clip.py`); 0: none ever."""
+    tracked_iterations: tuple[int, int] = (200, 700)
+    """The share falls to nothing between these iterations."""
+    track_clip: float = 10.0
+    """Weight of being near the clip that is tracked."""
 
     # Randomization
     friction: tuple[float, float] = (0.4, 1.2)

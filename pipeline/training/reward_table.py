@@ -217,6 +217,13 @@ def _added(options: Options) -> tuple[Term, ...]:
             ramp=LATE,
         ),
         Term(
+            name="track_clip",
+            equation="1 / (1 + |dq|^2 / .5 + |dp|^2 / .05) from the clip that is tracked",
+            weight=options.track_clip if options.tracked else 0.0,
+            value=lambda env: env.tracked_clip.near,
+            added="whatever is paid for long steps, the gait that is found first has quick ones, and stays",
+        ),
+        Term(
             name="standing_still",
             equation="1[c = 0] (feet in the air + .05 |dq|)",
             weight=-options.standing_still,
@@ -234,10 +241,12 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="long_step",
-            equation="1[c != 0] at the end of a step: T min(1, T / (.75 T_clips)) / dt, T at most 1.5 T_clips",
+            equation="1[c != 0] at the end of a step: T clip((T / T_clips - s) / (.75 - s), 0, 1) / dt, T at most "
+            "1.5 T_clips",
             weight=options.long_step,
             value=lambda env: (
-                terms.long_step(env.command, env.readings.step_s, env.step_times(env.command)) / env.step_dt
+                terms.long_step(env.command, env.readings.step_s, env.step_times(env.command), options.long_step_share)
+                / env.step_dt
             ),
             added="steps of a third of the clips' time are paid as well as theirs",
         ),

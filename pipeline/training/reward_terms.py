@@ -114,12 +114,14 @@ def single_stance(
     return torch.clamp(time, max=STANCE_TIME) * (single & moves)
 
 
-def long_step(command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor) -> torch.Tensor:
-    """The time (n,) [s] of steps that end now, while told to move, times how much of STEP_SHARE of the wanted time (n,)
-    they took; 0 where none ends. No step is paid for more than LONGEST_SHARE of the wanted time."""
-    enough = (STEP_SHARE * wanted_s).clamp(min=1e-6)
-    time = torch.minimum(step_s, LONGEST_SHARE * wanted_s)
-    return time * (time / enough).clamp(max=1.0) * (command.abs() > 1e-6).any(dim=1)
+def long_step(
+    command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor, least_share: float = 0.0
+) -> torch.Tensor:
+    """The time (n,) [s] of steps that end now, while told to move, times how far they got from `least_share` to
+    STEP_SHARE of the wanted time (n,); 0 where none ends. No step is paid for more than LONGEST_SHARE of that."""
+    share = step_s / wanted_s.clamp(min=1e-6)
+    got = ((share - least_share) / (STEP_SHARE - least_share)).clamp(0.0, 1.0)
+    return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * got * (command.abs() > 1e-6).any(dim=1)
 
 
 def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:

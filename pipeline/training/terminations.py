@@ -57,14 +57,18 @@ class Stall:
 
 def _fell(env) -> torch.Tensor:
     env.readings.advance()
+    if env.tracked_clip is not None:
+        env.tracked_clip.advance()
     options = env.context.options
     env.fell = fallen(env.readings.gravity_b, env.readings.height, options.max_tilt_deg, options.min_height_m)
     return env.fell
 
 
 def termination_cfg(options: Options) -> dict[str, TerminationTermCfg]:
-    """Falls, the stall rule where it is on, and the end of the time."""
+    """Falls, the stall rule where it is on, who strays from a clip where clips are tracked, and the end of the time."""
     rules = {"fell": TerminationTermCfg(func=_fell), "time": TerminationTermCfg(func=time_out, time_out=True)}
     if options.stall:
         rules["stall"] = TerminationTermCfg(func=Stall)
+    if options.tracked:
+        rules["strayed"] = TerminationTermCfg(func=lambda env: env.tracked_clip.strayed)
     return rules

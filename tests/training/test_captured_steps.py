@@ -104,7 +104,7 @@ CHANGES: dict[str, dict[str, Any]] = {
     "paper_flat": {"push_interval_s": (0.02, 0.04)},
     "tracking_amp": {},
     "long_steps": {"push_interval_s": (0.02, 0.04)},
-    "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0), "assist": 1.0},
+    "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0), "assist": 1.0, "tracked": 0.5},
     "paper": {},
 }
 

@@ -94,7 +94,7 @@ def test_by_cell_they_are_drawn_as_often_as_their_command_is_asked_for(expert):
 
 
 def test_reference_states_come_with_the_command_they_obey(expert):
-    frames, command = ReferenceStates(expert, Options(), 0, "cpu").draw(400)
+    frames, command, _ = ReferenceStates(expert, Options(), 0, "cpu").draw(400)
     index = (frames[:, 0] / 100.0).numpy().astype(int)
     assert np.array_equal(command[:, 0].numpy(), expert.command[index, 0])
 

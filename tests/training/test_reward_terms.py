@@ -171,3 +171,5 @@ def test_steps_are_paid_for_their_time_the_more_the_longer_up_to_the_clips():
         "a second of short steps is paid half of one of long ones"
     )
     assert terms.long_step(command, time, torch.zeros(6)).tolist() == pytest.approx([0.0] * 6), "no clip steps"
+    above_half = terms.long_step(command, torch.tensor([0.15, 0.2, 0.25, 0.3, 0.6, 0.3]), torch.full((6,), 0.4), 0.5)
+    assert above_half.tolist() == pytest.approx([0.0, 0.0, 0.25 / 2.0, 0.3, 0.6, 0.0]), "shorter ones are paid nothing"

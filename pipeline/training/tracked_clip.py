@@ -1,0 +1,107 @@
+"""Episodes that track the clip they begin in: paid for staying near it, ended where they stray from it.
+
+The tracking of DeepMimic (Peng et al., ACM ToG 37(4), 2018), for a network that is not told the clip: its command is
+the clip's at each frame, and what it saw last tells it where in a step it is. The clip's time goes with the robot's, at
+.75 to 1.25 of its own rate: every few steps the nearest of its frames just before and after is taken.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import torch
+
+from pipeline.training.bundle import FPS
+from pipeline.training.masks import replace
+
+JOINTS, ENDS = 0.5, 0.05
+"""Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2]."""
+AGAIN = 4
+"""Control steps after which the nearest frame is looked for."""
+LEFT_S = 1.0
+"""The clip's end is told to the critic from so long before it [s]."""
+END_STRAY_M = 0.2
+"""Who has a hand or a foot further than this from the clip's, seen from the trunk, has strayed …"""
+HEIGHT_STRAY_M = 0.12
+"""… and whose trunk is this much higher or lower …"""
+TILT_STRAY = 0.5
+"""… or whose vertical, seen from the trunk, differs by so much from the clip's (of unit vectors)."""
+
+
+def nearness(away_joints: torch.Tensor, away_ends: torch.Tensor) -> torch.Tensor:
+    """1 / (1 + |dq|^2 / JOINTS + |dp|^2 / ENDS) of differences in joints (…, a) [rad] and in ends in the trunk's frame
+    (…, 12) [m]. It has a slope far off too: a run's frames are 10 from the default pose."""
+    return 1.0 / (1.0 + torch.square(away_joints).sum(dim=-1) / JOINTS + torch.square(away_ends).sum(dim=-1) / ENDS)
+
+
+class TrackedClip:
+    """Where in its clip each of N environments is, and which of them track one."""
+
+    def __init__(self, env):
+        self._env, expert = env, env.context.bundle.expert
+        joints, device = expert.controlled, env.device
+        frames = torch.from_numpy(expert.frames).to(device)
+        self._joints, self._ends = frames[:, 7 : 7 + joints], frames[:, 7 + joints : 19 + joints]
+        self._height, self._up_b = frames[:, 2], _up_b(frames[:, 3:7])
+        self._command = torch.from_numpy(expert.command).to(device)
+        last = np.concatenate([np.full(b - a, b - 1) for a, b in itertools.pairwise(expert.clip_start)])
+        self._last = torch.from_numpy(last).to(device)
+        count = env.num_envs
+        self._at = torch.zeros(count, dtype=torch.long, device=device)
+        self._steps = torch.zeros(count, dtype=torch.long, device=device)
+        self.tracks = torch.zeros(count, dtype=torch.bool, device=device)
+        """Which environments track a clip."""
+        self.near = torch.zeros(count, device=device)
+        """How near each is to its clip, 0..1; 0 where it has none."""
+        self.strayed = torch.zeros(count, dtype=torch.bool, device=device)
+        """Who tracks a clip and is too far from it."""
+
+    @property
+    def command(self) -> torch.Tensor:
+        """The clips' commands (n, 3)."""
+        return self._command[self._at]
+
+    def seen(self) -> torch.Tensor:
+        """What the critic is told (n, 2): how near the clip is, and how long it is still there [s], at most LEFT_S."""
+        left_s = ((self._last[self._at] - self._at) / FPS).clamp(max=LEFT_S)
+        return torch.stack([self.near, left_s * self.tracks], dim=1)
+
+    def begin(self, mask: torch.Tensor, at: torch.Tensor, own: torch.Tensor) -> None:
+        """Episodes of the mask begin at frames `at` of the expert; of those with their clip's `own` command some are to
+        track it, as many as the ramp says."""
+        drawn = torch.rand(self._at.shape, device=self._at.device) < self._env.ramps.tracked
+        replace(self._at, mask, at)
+        replace(self._steps, mask, 0)
+        replace(self.tracks, mask, own & drawn)
+        replace(self.near, mask, (own & drawn).float())
+        replace(self.strayed, mask, False)
+
+    def advance(self) -> None:
+        """A control step further, after the simulation's and before rewards and ends."""
+        read, index = self._env.readings, self._env.controlled_index
+        away = read.ends_pos_w - read.root_pos_w[:, None]
+        ends_b = torch.bmm(away, read.root_rotation_w).flatten(1)
+        self._go_on(read.joint_pos[:, index], ends_b, read.height, -read.gravity_b)
+
+    def _go_on(self, joints: torch.Tensor, ends_b: torch.Tensor, height: torch.Tensor, up_b: torch.Tensor) -> None:
+        last = self._last[self._at]
+        self.tracks &= self._at < last
+        self._steps += 1
+        at = torch.minimum(self._at + 1, last)
+        around = torch.stack([at - 1, at, torch.minimum(at + 1, last)], dim=1)
+        each = nearness(joints[:, None] - self._joints[around], ends_b[:, None] - self._ends[around])
+        nearest = around.gather(1, each.argmax(dim=1, keepdim=True))[:, 0]
+        self._at.copy_(torch.where(self._steps % AGAIN == 0, nearest, at))
+        off = ends_b - self._ends[self._at]
+        self.near.copy_(torch.nan_to_num(nearness(joints - self._joints[self._at], off)) * self.tracks)
+        furthest = torch.linalg.norm(off.unflatten(1, (4, 3)), dim=2).amax(dim=1)
+        near = (furthest < END_STRAY_M) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
+        near &= torch.linalg.norm(up_b - self._up_b[self._at], dim=1) < TILT_STRAY
+        self.strayed.copy_(self.tracks & ~near)
+
+
+def _up_b(quat: torch.Tensor) -> torch.Tensor:
+    """The vertical (t, 3) in the frames of unit quaternions (t, 4), w first."""
+    w, x, y, z = quat.unbind(dim=1)
+    return torch.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], dim=1)

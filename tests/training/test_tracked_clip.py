@@ -1,0 +1,193 @@
+"""Episodes that track a clip: nearness in closed form, the clip's time, who strays, and how a policy is led."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.training.bundle import ExpertFrames, read_bundle
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.observations import critic_frame
+from pipeline.training.presets import preset
+from pipeline.training.tracked_clip import AGAIN, END_STRAY_M, TrackedClip, nearness
+from tests.factories.training_bundle import small_bundle
+
+JOINTS = 21
+PERIOD = 60
+UP = torch.tensor([[0.0, 0.0, 1.0]])
+HEIGHT = torch.tensor([0.6])
+
+
+@pytest.fixture(scope="module")
+def expert() -> ExpertFrames:
+    """Two clips of 120 frames whose joints and ends go round in 60 frames, upright .6 m up."""
+    angle = 2.0 * np.pi * np.arange(240) / PERIOD
+    frames = np.zeros((240, 37 + 2 * JOINTS), dtype=np.float32)
+    frames[:, 2], frames[:, 3] = 0.6, 1.0
+    frames[:, 7 : 7 + JOINTS] = 0.4 * np.sin(angle[:, None] + np.arange(JOINTS))
+    frames[:, 7 + JOINTS : 19 + JOINTS] = 0.1 * np.cos(angle[:, None] + np.arange(12))
+    return ExpertFrames(
+        frames=frames,
+        command=np.ones((240, 3), dtype=np.float32),
+        clip_start=np.array([0, 120, 240]),
+        clip_weight=np.ones(2),
+    )
+
+
+def tracked(expert: ExpertFrames, begin: int) -> TrackedClip:
+    """One robot that begins at a frame and tracks its clip."""
+    env = SimpleNamespace(
+        context=SimpleNamespace(bundle=SimpleNamespace(expert=expert)),
+        device="cpu",
+        num_envs=1,
+        ramps=SimpleNamespace(tracked=torch.ones(())),
+    )
+    clip, yes = TrackedClip(env), torch.tensor([True])
+    clip.begin(yes, torch.tensor([begin]), yes)
+    return clip
+
+
+def state(expert: ExpertFrames, at: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Joints and ends at a time between the frames, of one robot."""
+    low = int(at)
+    frame = expert.frames[low] + (at - low) * (expert.frames[low + 1] - expert.frames[low])
+    values = torch.from_numpy(frame)[None]
+    return values[:, 7 : 7 + JOINTS], values[:, 7 + JOINTS : 19 + JOINTS]
+
+
+def gone(expert: ExpertFrames, rate: float, count: int, begin: int = 10) -> list[float]:
+    """How near a robot is found that goes through the clip at a rate."""
+    clip, found = tracked(expert, begin), []
+    for step in range(1, count + 1):
+        clip._go_on(*state(expert, begin + rate * step), HEIGHT, UP)
+        found.append(float(clip.near[0]))
+    return found
+
+
+def test_nearness_halves_at_its_widths():
+    away = torch.zeros(3, JOINTS), torch.zeros(3, 12)
+    away[0][1, 2], away[1][2, 5] = 0.5**0.5, 0.05**0.5
+    assert nearness(*away).tolist() == pytest.approx([1.0, 0.5, 0.5])
+
+
+def test_who_does_what_the_clip_does_is_near_it(expert):
+    assert gone(expert, 1.0, 80) == pytest.approx([1.0] * 80)
+
+
+@pytest.mark.parametrize("rate", [0.8, 1.2])
+def test_a_gait_of_nearly_the_clips_rate_stays_with_it(expert, rate):
+    assert min(gone(expert, rate, 80)) > 0.85
+
+
+def test_who_stands_still_is_left_behind(expert):
+    assert gone(expert, 0.0, PERIOD // 2)[-1] < 0.2
+
+
+def test_it_ends_with_the_clip(expert):
+    assert gone(expert, 1.0, 30, begin=100)[-1] == 0.0, "the next clip is another one"
+    clip = tracked(expert, 119 - 25)
+    assert clip.seen()[0].tolist() == pytest.approx([1.0, 0.5]), "the end is told from a second before it"
+    clip = tracked(expert, 10)
+    assert clip.seen()[0].tolist() == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("end_m", "height_m", "tilt", "strays"),
+    [
+        (0.0, 0.0, 0.0, False),
+        (0.9 * END_STRAY_M, 0.1, 0.4, False),
+        (1.1 * END_STRAY_M, 0.0, 0.0, True),
+        (0.0, 0.13, 0.0, True),
+        (0.0, 0.0, 0.6, True),
+    ],
+)
+def test_who_is_too_far_from_it_strays(expert, end_m, height_m, tilt, strays):
+    clip = tracked(expert, 10)
+    joints, ends = state(expert, 11.0)
+    ends = ends.clone()
+    ends[0, 4] += end_m
+    up = torch.nn.functional.normalize(torch.tensor([[tilt, 0.0, 1.0]]))
+    clip._go_on(joints, ends, HEIGHT + height_m, up)
+    assert bool(clip.strayed[0]) == strays
+    clip.tracks[:] = False
+    clip._go_on(joints, ends, HEIGHT + height_m, up)
+    assert not clip.strayed[0], "who tracks none strays from none"
+
+
+OPTIONS = {"tracked": 1.0, "assist": 1.0, "reference_share": 1.0, "reference_command_share": 1.0}
+CALM = {"push_impulse": (0.0, 0.0), "noise": (0.0, 0.0, 0.0, 0.0), "stall": False}
+
+
+@pytest.fixture(scope="module")
+def env(tmp_path_factory, root, robot) -> Iterator[AmpEnvironment]:
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("tracked"), root, robot))
+    yield AmpEnvironment(bundle, preset("long_steps").changed(**OPTIONS, **CALM), 24, "cpu", seed=1)
+
+
+def targets(env: AmpEnvironment) -> torch.Tensor:
+    """Actions whose joint targets are those of the clips at this moment."""
+    clip, robot = env.tracked_clip, env.context.bundle.robot
+    assert clip is not None
+    offset = (clip._joints[clip._at] - env.default_joint_pos[env.controlled_index]) / 0.25
+    return offset[:, [robot.controlled.index(name) for name in robot.policy_joints]]
+
+
+def test_a_clip_played_open_loop_is_tracked_and_one_that_is_not_is_strayed_from(env):
+    clip = env.tracked_clip
+    assert clip is not None
+    strays = {}
+    for played in (True, False):
+        env.reset()
+        assert clip.tracks.all()
+        stands = clip._at < int(env.context.bundle.expert.clip_start[1])
+        assert 3 <= stands.sum() < env.num_envs
+        strayed = torch.zeros(env.num_envs, dtype=torch.bool)
+        for step in range(25):
+            frames = clip._at.clone()
+            env.step(targets(env) if played else torch.full((env.num_envs, JOINTS), 4.0))
+            going = ~env.reset_buf & clip.tracks
+            assert torch.equal(env.command[going], clip.command[going]), "the clip's command is told"
+            if step < AGAIN - 1:
+                assert (clip._at[going] == frames[going] + 1).all()
+            strayed |= env.termination_manager.get_term("strayed")
+        strays[played] = strayed, stands
+    strayed, stands = strays[True]
+    assert not strayed[stands].any(), "the other clip moves at random, which no robot can"
+    assert strays[False][0].all()
+
+
+def test_the_critic_is_told_of_the_clip_and_the_reward_pays_nearness(env):
+    env.reset()
+    clip = env.tracked_clip
+    assert clip is not None
+    env.step(targets(env))
+    env.readings.fresh()
+    assert critic_frame(env).shape == (env.num_envs, 79)
+    assert torch.equal(critic_frame(env)[:, 77:], clip.seen())
+    task = env.reward_manager.get_term_cfg("task").func
+    at = [row.name for row in task.rows].index("track_clip")
+    going = ~env.reset_buf
+    assert (clip.near[going] > 0.7).float().mean() > 0.8
+    paid = task.weights(env)[at] * clip.near
+    assert task.paid[going, at].tolist() == pytest.approx(paid[going].tolist(), rel=1e-5)
+
+
+def test_fewer_episodes_track_as_the_ramp_sinks(env):
+    first, last = env.context.options.tracked_iterations
+    clip, found = env.tracked_clip, []
+    assert clip is not None
+    for env.schedule in (0.0, (first + last) / 2.0, float(last)):
+        env.ramps.at(env.schedule)
+        told = []
+        for _ in range(8):
+            env.reset()
+            told.append(clip.tracks.float().mean())
+        found.append(float(torch.stack(told).mean()))
+    env.schedule = None
+    assert found[0] == 1.0
+    assert 0.3 < found[1] < 0.7
+    assert found[2] == 0.0
