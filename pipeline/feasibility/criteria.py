@@ -47,6 +47,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "foot slip": {
         "foot_slip_mean": "feet.slip_mean",
+        "foot_told_slip_mean": "feet.told_slip_mean",
         "foot_slip_p95": "feet.slip_p95",
         "foot_glide_s": "feet.glide_s",
     },
@@ -77,15 +78,10 @@ EXPLAINED = {
 }
 """Thresholds that take their place in a motion that contact forces explain."""
 
-UNLABELLED = {"foot_slip_mean": "feet.told_slip_mean"}
-"""Thresholds that take their place in a motion whose contacts nobody labelled."""
-
 GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 """Criterion -> its group, in a fixed order."""
 
 
-def threshold_of(code: str, explained: bool, labelled: bool) -> str:
-    """Name of a criterion's threshold in `data/feasibility.yaml`; `explained`: contact forces explain the motion;
-    `labelled`: it says itself which feet are in contact."""
-    instead = (EXPLAINED if explained else {}) | ({} if labelled else UNLABELLED)
-    return instead.get(code, GROUPS[GROUP_OF[code]][code])
+def threshold_of(code: str, explained: bool) -> str:
+    """Name of a criterion's threshold in `data/feasibility.yaml`; `explained`: contact forces explain the motion."""
+    return EXPLAINED.get(code, "") if explained and code in EXPLAINED else GROUPS[GROUP_OF[code]][code]

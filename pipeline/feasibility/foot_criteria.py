@@ -12,44 +12,35 @@ from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.feasibility.verdict import Verdict
 from pipeline.quality.foot_slip import inner_contacts
 from pipeline.quality.percentile import percentile_of_least
-from pipeline.quality.sole_contact import contact_from_sole
 
 SIDES = ("left", "right")
 
 
-def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
+def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     """Mean and 95th percentile of slip against limits that grow with the speed over ground.
 
-    The mean has a limit of its own where nothing is labelled: a foot that slides fast is then told as not in contact,
-    so that what is left of slip is less, of good motion and of bad.
+    The mean is asked twice: of feet that are labelled as in contact, where something is labelled, and in any motion of
+    those that the soles tell to be. A label moves no foot: who slides is not to hold because feet are labelled, or
+    wrongly. A foot that slides fast is told as not in contact, so that what is left of slip is less, of good motion
+    and of bad, and the limit lower.
     """
     slip = slowest_point_speed(motion.sole, settings.level)
-    standing = _standing(motion, slip)
-    found = slip[standing]
-    mean_slip = float(found.mean()) if found.size else 0.0
-    p95_slip = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
-    speed = motion.ground_speed
-    still, by_speed = settings.slip_mean if motion.labelled else settings.told_slip_mean
-    mean_limit = still + by_speed * speed
-    p95_limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
-    text = f"feet in contact slide, at {speed:.2f} m/s over ground, at"
-    mean = Verdict(
-        code="foot_slip_mean",
-        value=mean_slip,
-        limit=mean_limit,
-        unit="m/s",
-        text=f"{text} {mean_slip:.2f} m/s on average",
-        bad=_sliding_stances(slip, standing, mean_limit),
-    )
+    told = _told_to_stand(motion, slip)
+    standing = inner_contacts(motion.contacts) if motion.labelled else told
+    mean = _mean_slip("foot_slip_mean", "feet in contact", slip, standing, settings.slip_mean, motion)
+    of_soles = _mean_slip("foot_told_slip_mean", "the slower feet", slip, told, settings.told_slip_mean, motion)
+    found, speed = slip[standing], motion.ground_speed
+    value = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
+    limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
     p95 = Verdict(
         code="foot_slip_p95",
-        value=p95_slip,
-        limit=p95_limit,
+        value=value,
+        limit=limit,
         unit="m/s",
-        text=f"{text} more than {p95_slip:.2f} m/s in 5 % of the time",
-        bad=_sliding_stances(slip, standing, p95_limit),
+        text=f"feet in contact slide, at {speed:.2f} m/s over ground, at more than {value:.2f} m/s in 5 % of the time",
+        bad=_sliding_stances(slip, standing, limit),
     )
-    return mean, p95
+    return (*((mean,) if motion.labelled else ()), of_soles, p95)
 
 
 def gliding(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
@@ -148,8 +139,7 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
 
 def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
-    seen = contact_from_sole(motion.sole, motion.contact)
-    value = float(np.mean(seen != motion.contacts)) if motion.labelled else 0.0
+    value = float(np.mean(motion.told_contacts != motion.contacts))
     return Verdict(
         code="contact_disagreement",
         value=value,
@@ -159,17 +149,35 @@ def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
     )
 
 
-def _standing(motion: Motion, slip: Float[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
-    """Feet that have to stand still: those labelled as in contact.
+def _mean_slip(
+    code: str,
+    feet: str,
+    slip: Float[np.ndarray, "t 2"],
+    standing: Bool[np.ndarray, "t 2"],
+    limits: tuple[float, float],
+    motion: Motion,
+) -> Verdict:
+    """Mean slip [m/s] of the feet that are held to stand."""
+    speed, found = motion.ground_speed, slip[standing]
+    value, limit = float(found.mean()) if found.size else 0.0, limits[0] + limits[1] * speed
+    return Verdict(
+        code=code,
+        value=value,
+        limit=limit,
+        unit="m/s",
+        text=f"{feet} slide, at {speed:.2f} m/s over ground, at {value:.2f} m/s on average",
+        bad=_sliding_stances(slip, standing, limit),
+    )
 
-    Where nothing is labelled, a foot that comes down or leaves within a centimetre of the ground looks like one that
-    slides. Of two feet that seem to be down only the slower one is held to stand: the other may be on its way.
+
+def _told_to_stand(motion: Motion, slip: Float[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
+    """Feet that the soles tell to be in contact, and of two such the slower one.
+
+    A foot that comes down or leaves within a centimetre of the ground looks like one that slides: it may be on its way.
     """
-    standing = inner_contacts(motion.contacts)
-    if not motion.labelled:
-        slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
-        standing &= slower | ~standing.all(axis=1, keepdims=True)
-    return standing
+    told = motion.told_contacts
+    slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
+    return inner_contacts(told) & (slower | ~told.all(axis=1, keepdims=True))
 
 
 def _sliding_stances(

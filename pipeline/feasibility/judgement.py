@@ -35,8 +35,12 @@ NO_STANCE = "no foot is in contact"
 EXPLAINED = "contact forces explain the motion"
 NOT_ASKED = "not asked"
 
+OF_LABELS = ("foot_slip_mean", "contact_disagreement")
+"""Criteria of feet that are labelled as in contact ..."""
 OF_STANCES = ("foot_slip_mean", "foot_slip_p95")
-"""Criteria of feet that are in contact."""
+"""... of feet that are, by their labels or as the soles tell it ..."""
+OF_SOLES = "foot_told_slip_mean"
+"""... and of those that the soles tell, whatever is labelled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,8 +68,6 @@ class Judgement:
     """Where the stretch lies in the clip [s]."""
     explained: bool
     """Contact forces explain the motion."""
-    labelled: bool
-    """It says itself which feet are in contact."""
     found: Mapping[str, Found]
     """Criterion -> what it said, for every one in `criteria.GROUP_OF`."""
     piece: str = ""
@@ -87,13 +89,7 @@ def judge(assessment: Assessment, beside: Sequence[Verdict], numbers: Numbers, s
         found[code] = Found(not_applicable=why) if why else _found(verdicts[code])
     clip = assessment.motion.clip
     start_s, stop_s = start / clip.fps, (start + clip.frame_count) / clip.fps
-    return Judgement(
-        start_s=start_s,
-        stop_s=stop_s,
-        explained=assessment.dynamic,
-        labelled=assessment.motion.labelled,
-        found=found,
-    )
+    return Judgement(start_s=start_s, stop_s=stop_s, explained=assessment.dynamic, found=found)
 
 
 def length(seconds: float, least_s: float) -> Verdict:
@@ -119,9 +115,11 @@ def from_text(text: str) -> tuple[Judgement, ...]:
 def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Numbers) -> str:
     """Why a criterion says nothing of a stretch; empty where it does."""
     motion = assessment.motion
-    if code == "contact_disagreement" and not motion.labelled:
+    if code in OF_LABELS and not motion.labelled:
         return NO_LABELS
     if code in OF_STANCES and not inner_contacts(motion.contacts).any():
+        return NO_STANCE
+    if code == OF_SOLES and not inner_contacts(motion.told_contacts).any():
         return NO_STANCE
     if asked:
         return ""

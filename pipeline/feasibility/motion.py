@@ -45,6 +45,11 @@ class Motion:
     """... but no larger a share of its own."""
 
     @property
+    def told_contacts(self) -> Bool[np.ndarray, "t 2"]:
+        """Which foot is on the ground as the soles tell it, whatever is labelled."""
+        return contact_from_sole(self.sole, self.contact) if self.labelled else self.contacts
+
+    @property
     def ground_speed(self) -> float:
         """Mean speed over ground [m/s]; a step to the left and one back do not cancel."""
         return float(np.hypot(self.commands[:, 0], self.commands[:, 1]).mean())

@@ -71,9 +71,9 @@ class FootSettings:
     level: Metres
     """Corners of a sole that lie by less than this above its lowest one are on the ground with it [m]."""
     slip_mean: MetresPerSecondBySpeed
-    """Largest mean slip [m/s]: a + b times the speed over ground."""
+    """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the speed over ground."""
     told_slip_mean: MetresPerSecondBySpeed
-    """The same where nothing is labelled, of the slower foot of two that seem to be down [m/s]."""
+    """The same of feet that the soles tell to be, the slower of two [m/s], in motion with labels or without."""
     slip_p95: MetresPerSecondBySpeed
     """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
     glide_s: SecondsBySpeed

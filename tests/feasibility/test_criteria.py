@@ -40,7 +40,7 @@ def test_a_robot_that_stands_satisfies_every_criterion(robot: Robot, limits: Fea
     found = _assess(standing(robot), robot, limits)
     assert found.holds, [verdict.text for verdict in found.broken]
     assert found.dynamic
-    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) == 26
+    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) == 27
 
 
 def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: FeasibilitySettings):

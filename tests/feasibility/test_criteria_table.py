@@ -13,9 +13,9 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility import FeasibilitySettings, assess, criteria_table, process
-from pipeline.feasibility.criteria import EXPLAINED, GROUP_OF, GROUPS, LENGTH, UNLABELLED
+from pipeline.feasibility.criteria import EXPLAINED, GROUP_OF, GROUPS, LENGTH
 from pipeline.feasibility.criteria_summary import by_criterion, worst_margins
-from pipeline.feasibility.judgement import NUMBER, from_text, to_text
+from pipeline.feasibility.judgement import NUMBER, Judgement, from_text, judge, to_text
 from pipeline.feasibility.likeness_criteria import FIGURES
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
@@ -89,8 +89,7 @@ def test_every_verdict_there_is_has_its_place_and_the_unit_of_its_threshold(robo
     ]
     assert {verdict.code for verdict in verdicts} | {*FIGURES, LENGTH} == set(GROUP_OF)
     for verdict in verdicts:
-        names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")}
-        names = (names | {UNLABELLED.get(verdict.code, "")}) - {""}
+        names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")} - {""}
         assert {ORIGINS[name].unit for name in names} == {verdict.unit}, verdict.code
 
 
@@ -162,10 +161,10 @@ def test_what_is_wrong_is_said_all_of_it(table: pd.DataFrame):
 
 def test_what_does_not_apply_says_why_and_does_not_hold(table: pd.DataFrame):
     rows = _rows(table, "sunk, of the robot")
-    assert rows["contact_disagreement"]["said"] == "no contact labels"
-    assert rows["foot_glide_s"]["verdict"] == "holds"
-    assert rows["foot_slip_mean"]["setting"] == "feet.told_slip_mean"
-    assert _rows(table, "good")["foot_slip_mean"]["setting"] == "feet.slip_mean"
+    assert rows["contact_disagreement"]["said"] == rows["foot_slip_mean"]["said"] == "no contact labels"
+    assert rows["foot_glide_s"]["verdict"] == rows["foot_told_slip_mean"]["verdict"] == "holds"
+    assert _rows(table, "good")["foot_slip_mean"]["verdict"] == "holds"
+    assert _rows(table, "good")["foot_told_slip_mean"]["verdict"] == "holds"
     assert _rows(table, "good")["foot_glide_s"]["said"] == "contacts are labelled"
     assert rows["limb_error_deg"]["said"] == "no figure of retargeting: the robot's own recording"
     assert _rows(table, "unlike")["trunk_error_deg"]["said"] == "no figure of retargeting: KP3 had no sample of it"
@@ -174,6 +173,30 @@ def test_what_does_not_apply_says_why_and_does_not_hold(table: pd.DataFrame):
     assert set(tracked["said"]) == {"no tracked rollout"}
     assert tracked["number"].isna().all()
     assert set(tracked.loc[tracked["criterion"] == "tracking_gravity", "threshold"]) == {0.8}
+
+
+def test_a_foot_that_is_down_for_two_frames_is_no_stance_to_slip_in(robot: Robot):
+    """Slip is not asked of the first and last frame of a contact: a difference there sees the swing."""
+    clip = standing(robot)
+    contacts = np.zeros((clip.frame_count, 2), dtype=bool)
+    for length, said in ((2, "no foot is in contact"), (3, "")):
+        contacts[40 : 40 + length] = True
+        found = _judgement(dataclasses.replace(clip, contacts=contacts), robot).found
+        assert {found[code].not_applicable for code in ("foot_slip_mean", "foot_slip_p95")} == {said}
+        assert found["foot_told_slip_mean"].not_applicable == "", "the soles tell that both stand"
+
+
+def test_where_no_sole_is_down_there_is_no_stance_either(robot: Robot):
+    clip = standing(robot)
+    above = dataclasses.replace(clip, root_pos_w=clip.root_pos_w + np.array([0.0, 0.0, 0.05]))
+    for labelled, asked in ((True, "foot_slip_p95"), (False, "foot_glide_s")):
+        found = _judgement(above if labelled else dataclasses.replace(above, contacts=None), robot).found
+        assert found["foot_told_slip_mean"].not_applicable == "no foot is in contact"
+        assert found[asked].not_applicable == ""
+
+
+def _judgement(clip: RobotClip, robot: Robot) -> Judgement:
+    return judge(assess(motion_of(clip, robot, LIMITS), LIMITS), (), {}, 0)
 
 
 def test_judgements_do_not_stay_in_the_manifest(manifest: Manifest):
@@ -220,15 +243,17 @@ def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd
     assert seen["not_finite"]["broken"] == 1
 
 
-@pytest.mark.parametrize(("closest", "setting"), [("good", "feet.slip_mean"), ("unlike", "feet.told_slip_mean")])
+@pytest.mark.parametrize(
+    ("closest", "setting"), [("good", "torque.dynamic_residual.force"), ("unlike", "torque.reference_force")]
+)
 def test_from_afar_a_threshold_is_told_with_where_it_itself_comes_from(table: pd.DataFrame, closest: str, setting: str):
     """Of two limits of one criterion the one that the closest stretch was held to."""
-    bare = table[(table["criterion"] == "foot_slip_mean") & table["clip"].isin(["good", "unlike"])].copy()
+    bare = table[(table["criterion"] == "force_residual") & table["clip"].isin(["good", "unlike"])].copy()
     bare["piece"], bare["verdict"] = bare["clip"], "holds"
     bare["margin"] = np.where(bare["clip"] == closest, 0.1, 0.9)
-    other = table[(table["criterion"] == "foot_slip_mean") & (table["clip"] == "sunk, of the robot")].iloc[0]
-    for column in ("setting", "source", "why"):
-        bare.loc[bare["clip"] == "unlike", column] = other[column]
+    other = ORIGINS["torque.reference_force"]
+    for column, text in (("setting", "torque.reference_force"), ("source", other.source), ("why", other.why)):
+        bare.loc[bare["clip"] == "unlike", column] = text
     (row,) = by_criterion(bare).to_dict("records")
     assert row["setting"] == setting
     assert row["why"] == ORIGINS[setting.removeprefix("feasibility.")].why

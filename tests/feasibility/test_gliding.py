@@ -94,17 +94,49 @@ def test_a_run_may_glide_for_longer_than_a_walk_by_the_speed_of_that_time(
     assert found.holds == holds
 
 
-@pytest.mark.parametrize(("labelled", "limit"), [(True, 0.1), (False, 0.05)])
-def test_mean_slip_may_be_less_where_nothing_is_labelled(
-    robot: Robot, limits: FeasibilitySettings, labelled: bool, limit: float
-):
-    """.08 m/s to and fro."""
-    clip = standing(robot) if labelled else _unlabelled(robot)
-    motion = motion_of(_carried(clip, np.where(np.arange(100) % 50 < 25, 0.08, -0.08)), robot, limits)
-    found, _ = foot_slip(motion, limits.feet)
-    assert found.value == pytest.approx(0.08, abs=0.005)
-    assert found.limit == pytest.approx(limit, abs=0.005)
-    assert found.holds == labelled
+@pytest.mark.parametrize("labels", ["both", "left", "none", "unknown"])
+def test_feet_that_slide_are_found_whatever_is_labelled(robot: Robot, limits: FeasibilitySettings, labels: str):
+    """.08 m/s to and fro, which labelled feet may: the soles tell that both are down all the same."""
+    clip = _carried(standing(robot), np.where(np.arange(100) % 50 < 25, 0.08, -0.08))
+    told = {"both": [True, True], "left": [True, False], "none": [False, False]}
+    contacts = np.tile(told[labels], (clip.frame_count, 1)) if labels in told else None
+    motion = motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits)
+    found = {verdict.code: verdict for verdict in foot_slip(motion, limits.feet)}
+    of_soles = found["foot_told_slip_mean"]
+    assert of_soles.value == pytest.approx(0.08, abs=0.005)
+    assert of_soles.limit == pytest.approx(0.05, abs=0.005)
+    assert not of_soles.holds
+    assert of_soles.bad is not None
+    assert of_soles.bad[1:-1].all()
+    assert ("foot_slip_mean" in found) == (labels in told)
+    if labels in told:
+        assert found["foot_slip_mean"].value == pytest.approx(0.0 if labels == "none" else 0.08, abs=0.005)
+        assert found["foot_slip_mean"].limit == pytest.approx(0.1, abs=0.005)
+
+
+def test_of_two_feet_that_the_soles_tell_to_be_down_the_slower_one_is_held_to_stand(robot, limits):
+    motion = motion_of(standing(robot), robot, limits)
+    velocity = motion.sole.corner_vel_w.copy()
+    velocity[:, 1, :, 0] = 0.3
+    on_its_way = dataclasses.replace(motion, sole=dataclasses.replace(motion.sole, corner_vel_w=velocity))
+    found = {verdict.code: verdict for verdict in foot_slip(on_its_way, limits.feet)}
+    assert found["foot_told_slip_mean"].value == pytest.approx(0.0, abs=0.001)
+    assert found["foot_slip_mean"].value == pytest.approx(0.15, abs=0.001), "the label says that it stands"
+
+
+def test_a_foot_that_leaves_as_the_other_comes_down_is_not_held_to_stand(robot: Robot, limits: FeasibilitySettings):
+    """Of the one that comes down no slip is asked in its first frame, and yet it is the one that stands."""
+    motion = motion_of(_unlabelled(robot), robot, limits)
+    frames = np.arange(motion.clip.frame_count)
+    contacts = np.stack([frames <= 51, frames >= 50], axis=1)
+    velocity = motion.sole.corner_vel_w.copy()
+    velocity[50, 0, :, 0] = 0.9
+    soles = dataclasses.replace(motion.sole, corner_vel_w=velocity)
+    found = {
+        verdict.code: verdict
+        for verdict in foot_slip(dataclasses.replace(motion, sole=soles, contacts=contacts), limits.feet)
+    }
+    assert found["foot_told_slip_mean"].value == pytest.approx(0.0, abs=1e-3)
 
 
 def test_labels_are_taken_at_their_word(robot: Robot, limits: FeasibilitySettings):
