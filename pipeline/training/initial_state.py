@@ -25,7 +25,8 @@ def write_starts(env, mask: torch.Tensor) -> None:
     options, count, device = env.context.options, env.num_envs, env.device
     frames, command, at = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
-    home = (torch.rand(count, device=device) >= options.reference_share)[:, None]
+    tracks = (torch.rand(count, device=device) < env.ramps.tracked)[:, None]
+    home = ~tracks & (torch.rand(count, 1, device=device) >= options.reference_share)
     height = env.context.bundle.robot.default_root_height + LIFT_M
     pos[:, 2:] = torch.where(home, height, pos[:, 2:])
     quat = torch.where(home, (torch.arange(4, device=device) == 0).float(), quat)
@@ -46,10 +47,10 @@ def write_starts(env, mask: torch.Tensor) -> None:
     replace(data.qpos[:], mask, torch.cat([pos + env.scene.env_origins, quat, joints], dim=1))
     replace(data.qvel[:], mask, torch.cat([lin_vel_w, quat_apply_inverse(quat, ang_vel_w), joint_vel], dim=1))
     env.readings.restart(mask)
-    keeps = ~home & (torch.rand(count, 1, device=device) < options.reference_command_share)
+    keeps = tracks | (~home & (torch.rand(count, 1, device=device) < options.reference_command_share))
     replace(env.own_command, mask, torch.where(keeps, command, torch.nan))
     if env.tracked_clip is not None:
-        env.tracked_clip.begin(mask, at, keeps[:, 0])
+        env.tracked_clip.begin(mask, at, tracks[:, 0])
 
 
 def _of_frames(env, frames: torch.Tensor) -> tuple[torch.Tensor, ...]:

@@ -129,9 +129,11 @@ class Options:
     """Frames drawn so that their commands are distributed as the policy's."""
 
     tracked: float = 0.0
-    """Of those with the frame's own command, how many track its clip at first (`tracked_clip.py`); 0: none ever."""
+    """Share of all episodes that track a clip (`tracked_clip.py`) at first; 0: none ever."""
+    tracked_end: float = 0.0
+    """It falls to this …"""
     tracked_iterations: tuple[int, int] = (200, 700)
-    """The share falls to nothing between these iterations."""
+    """… between these iterations."""
     track_clip: float = 10.0
     """Weight of being near the clip that is tracked."""
 

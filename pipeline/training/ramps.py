@@ -35,7 +35,7 @@ class Ramps:
         self.assist = torch.zeros((), device=device)
         """Share of the full help that robots are given."""
         self.tracked = torch.zeros((), device=device)
-        """Share of the episodes with their clip's command that begin to track it."""
+        """Share of the episodes that begin to track a clip."""
         self._known: dict[str, float] = {}
         self.at(0.0)
 
@@ -47,7 +47,8 @@ class Ramps:
             "late": passed(options.late_iterations, iteration),
             "push_speed": grown(options.push_speed, iteration, options.push_iterations),
             "push_impulse": grown(options.push_impulse, iteration, options.push_iterations),
-            "tracked": options.tracked * (1.0 - passed(options.tracked_iterations, iteration)),
+            "tracked": options.tracked
+            + (options.tracked_end - options.tracked) * passed(options.tracked_iterations, iteration),
             "assist": options.assist * (1.0 - passed(options.assist_iterations, iteration)),
         }
         for name, value in values.items():

@@ -70,5 +70,6 @@ def termination_cfg(options: Options) -> dict[str, TerminationTermCfg]:
     if options.stall:
         rules["stall"] = TerminationTermCfg(func=Stall)
     if options.tracked:
+        rules["over"] = TerminationTermCfg(func=lambda env: env.tracked_clip.over, time_out=True)
         rules["strayed"] = TerminationTermCfg(func=lambda env: env.tracked_clip.strayed)
     return rules

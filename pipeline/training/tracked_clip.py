@@ -57,6 +57,9 @@ class TrackedClip:
         self.strayed = torch.zeros(count, dtype=torch.bool, device=device)
         """Who tracks a clip and is too far from it."""
 
+        self.over = torch.zeros(count, dtype=torch.bool, device=device)
+        """Whose clip ends."""
+
     @property
     def command(self) -> torch.Tensor:
         """The clips' commands (n, 3)."""
@@ -67,14 +70,12 @@ class TrackedClip:
         left_s = ((self._last[self._at] - self._at) / FPS).clamp(max=LEFT_S)
         return torch.stack([self.near, left_s * self.tracks], dim=1)
 
-    def begin(self, mask: torch.Tensor, at: torch.Tensor, own: torch.Tensor) -> None:
-        """Episodes of the mask begin at frames `at` of the expert; of those with their clip's `own` command some are to
-        track it, as many as the ramp says."""
-        drawn = torch.rand(self._at.shape, device=self._at.device) < self._env.ramps.tracked
+    def begin(self, mask: torch.Tensor, at: torch.Tensor, tracks: torch.Tensor) -> None:
+        """Episodes of the mask begin at frames `at` of the expert, and some of them track its clip."""
         replace(self._at, mask, at)
         replace(self._steps, mask, 0)
-        replace(self.tracks, mask, own & drawn)
-        replace(self.near, mask, (own & drawn).float())
+        replace(self.tracks, mask, tracks)
+        replace(self.near, mask, tracks.float())
         replace(self.strayed, mask, False)
 
     def advance(self) -> None:
@@ -86,7 +87,7 @@ class TrackedClip:
 
     def _go_on(self, joints: torch.Tensor, ends_b: torch.Tensor, height: torch.Tensor, up_b: torch.Tensor) -> None:
         last = self._last[self._at]
-        self.tracks &= self._at < last
+        self.over.copy_(self.tracks & (self._at + 1 >= last))
         self._steps += 1
         at = torch.minimum(self._at + 1, last)
         around = torch.stack([at - 1, at, torch.minimum(at + 1, last)], dim=1)
