@@ -47,7 +47,8 @@ def dynamics(motion: Motion, settings: TorqueSettings) -> Dynamics:
     torque costs more than the root's residual, which takes the rest. What it asks of the motors is held against
     limits of its own.
     """
-    contacts = Contacts(motion, settings, settings.label_reach_s if motion.labelled else settings.told_reach_s)
+    labelled_s = (settings.label_reach_s, settings.label_reach_s)
+    contacts = Contacts(motion, settings, labelled_s if motion.labelled else settings.told_reach_s)
     strict = contacts.solve(settings.strict_excess)
     percentiles = np.percentile(_residual(motion, strict), 100.0 * settings.consistent_share, axis=0)
     bounds = settings.consistent
@@ -67,7 +68,8 @@ def _with_late_labels(motion: Motion, strict: ContactSolution, settings: TorqueS
     that are told from the soles: beside a wrong label a motor seems to be past its limit."""
     if not motion.labelled:
         return strict
-    reach_s = max(settings.label_reach_s, settings.told_reach_s)
+    before_s, after_s = (max(settings.label_reach_s, told_s) for told_s in settings.told_reach_s)
+    reach_s = (before_s, after_s)
     return Contacts(motion, settings, reach_s).solve(settings.strict_excess)
 
 
@@ -97,7 +99,7 @@ def _reference_limits(speed: float, settings: TorqueSettings) -> Residual:
 class Contacts:
     """The forces a motion needs and the corners that may supply them."""
 
-    def __init__(self, motion: Motion, settings: TorqueSettings, reach_s: float):
+    def __init__(self, motion: Motion, settings: TorqueSettings, reach_s: tuple[float, float]):
         self._motion, self._friction = motion, settings.friction
         clip = motion.clip
         series = states(clip.root_pos_w, clip.root_quat_w, clip.joint_pos, clip.fps, settings.cutoff_hz)
@@ -144,9 +146,9 @@ def _of_frames(forces: MotionForces, frames: slice | Int[np.ndarray, " f"]) -> M
     return MotionForces(**{name: values[frames] for name, values in vars(forces).items()})
 
 
-def _touching(motion: Motion, settings: TorqueSettings, reach_s: float) -> Bool[np.ndarray, "t 2 4"]:
+def _touching(motion: Motion, settings: TorqueSettings, reach_s: tuple[float, float]) -> Bool[np.ndarray, "t 2 4"]:
     """Corners that may bear a force: low ones of feet that are labelled as in contact, and they also for `reach_s` [s]
-    before and after.
+    before they do and after.
 
     Where nothing is labelled, low corners that stay where they are, for the speed over ground of that second: a foot
     in a slow swing is no faster than one that rolls off in a run. One that swings through a centimetre above the
@@ -161,9 +163,11 @@ def _touching(motion: Motion, settings: TorqueSettings, reach_s: float) -> Bool[
         slow = np.linalg.norm(motion.sole.corner_vel_w[..., :2], axis=-1) < bound[:, None, None]
         bearing = (height < motion.contact.height) & slow
     touching = bearing.copy()
-    for away in range(1, round(reach_s * motion.clip.fps) + 1):
-        touching[away:] |= bearing[:-away]
+    before, after = (round(seconds * motion.clip.fps) for seconds in reach_s)
+    for away in range(1, before + 1):
         touching[:-away] |= bearing[away:]
+    for away in range(1, after + 1):
+        touching[away:] |= bearing[:-away]
     return touching
 
 

@@ -100,9 +100,10 @@ class TorqueSettings:
     """Longest time a joint may be over its limit without a break [s]."""
     label_reach_s: Seconds
     """A force is sought this long before and after a contact, as accelerations are over three frames [s] ..."""
-    told_reach_s: Seconds
-    """... and this long where contacts begin and end a frame late or early [s]: where they are told from the soles, and
-    for the torque of a motion that contact forces explain also where they are labelled."""
+    told_reach_s: Annotated[tuple[float, float], Unit("s")]
+    """... and this long before and this long after [s] where contacts may begin and end a frame late or early: where
+    they are told from the soles, and for the torque of a motion that contact forces explain also where they are
+    labelled."""
     told_speed: MetresPerSecondBySpeed
     """A corner that is faster bears no force there [m/s]: a + b times the speed over ground about that time [m/s]."""
     strict_excess: Plain

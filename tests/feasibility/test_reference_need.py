@@ -142,7 +142,7 @@ def test_where_an_ankle_is_at_its_limit_the_hip_is_asked_for_what_it_would_give_
     limit = robot.torque_limit.copy()
     limit[[ankle, hip]] = 5.0, 0.5 * _hip_need(robot)
     weak = dataclasses.replace(robot, torque_limit=limit)
-    contacts = Contacts(motion_of(clip, weak, limits), limits.torque, limits.torque.label_reach_s)
+    contacts = Contacts(motion_of(clip, weak, limits), limits.torque, (0.02, 0.02))
     weight = limits.torque.reference_excess
     first = contacts.solve(weight)
     alone = contacts.torque_alone(first, weight)

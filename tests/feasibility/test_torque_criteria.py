@@ -152,6 +152,24 @@ def test_without_labels_a_foot_that_passes_low_is_not_leant_on(
     assert _share(found) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("labelled", [False, True])
+def test_a_foot_may_bear_two_frames_before_it_comes_down_and_one_after_it_left(
+    robot: Robot, limits: FeasibilitySettings, labelled: bool
+):
+    """A low pass begins an impact before it comes; a foot that leaves lets go gently."""
+    clip = standing(robot, 2.0)
+    contacts = np.ones((clip.frame_count, 2), dtype=bool)
+    contacts[:, 1] = (np.arange(clip.frame_count) >= 50) & (np.arange(clip.frame_count) < 60)
+    motion = motion_of(dataclasses.replace(clip, contacts=contacts if labelled else None), robot, limits)
+    if not labelled:
+        pos = motion.sole.corner_pos_w.copy()
+        pos[~contacts, :, 2] = 0.05
+        motion = dataclasses.replace(motion, sole=dataclasses.replace(motion.sole, corner_pos_w=pos))
+    judged = dynamics(motion, dataclasses.replace(limits.torque, consistent_share=0.0)).judged
+    bears = np.linalg.norm(judged.force_w[:, 4:], axis=2).sum(axis=1) > 1.0
+    assert np.flatnonzero(bears).tolist() == list(range(48, 61))
+
+
 def test_without_labels_a_foot_that_rests_on_the_ground_helps(robot: Robot, limits: FeasibilitySettings):
     weak = _weak(robot, "Left_Hip_Roll", _hip_need(robot) / 1.3)
     clip = dataclasses.replace(_on_one_leg(robot), contacts=None)
