@@ -189,6 +189,16 @@ def _soles_bear(height: float, speed: float, ground_speed: float = 0.0) -> Calla
     return explained
 
 
+def _labelled_soles_bear(height: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def explained(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Upright on soles at that height [m] that are labelled as standing."""
+        motion = motion_of(standing(robot, 2.0), robot, limits)
+        soles = np.full((motion.clip.frame_count, 4), height)
+        return _consistent(_soles_replaced(motion, soles, np.zeros((*soles.shape, 3))), limits)
+
+    return explained
+
+
 def _labels_agree(speeds: np.ndarray) -> Callable[[Robot, FeasibilitySettings], bool]:
     def agree(robot: Robot, limits: FeasibilitySettings) -> bool:
         """Labelled as standing throughout, with soles of those speeds [m/s]."""
@@ -233,6 +243,8 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
         ("torque.told_reach_s", (0.02, 0.02), _holds_with_a_late_label),
         ("torque.told_reach_s", (0.0, 0.02), _is_explained_when_soles_are_off_for_three_frames),
         ("torque.told_reach_s", (0.04, 0.0), _is_explained_when_soles_are_off_for_three_frames),
+        ("torque.touch_height", 0.01, _labelled_soles_bear(0.015)),
+        ("torque.touch_height", 0.04, _labelled_soles_bear(0.03)),
         ("torque.told_speed", (0.1, 0.3), _soles_bear(0.0, 0.2)),
         ("torque.told_speed", (0.7, 0.3), _soles_bear(0.0, 0.5)),
         ("torque.told_speed", (0.3, 0.0), _soles_bear(0.0, 0.5, ground_speed=1.5)),
@@ -251,3 +263,21 @@ def test_another_value_gives_another_verdict(
     robot: Robot, name: str, value: Value, case: Callable[[Robot, FeasibilitySettings], bool]
 ):
     assert case(robot, LIMITS) != case(robot, _with(name, value))
+
+
+def test_another_stride_gives_another_verdict(robot: Robot, monkeypatch: pytest.MonkeyPatch):
+    """A limit that grows with speed grows with that of a stride, in which swaying to and fro cancels: half of one, and
+    who sways at .9 m/s may glide for .1 s."""
+    clip = standing(robot, 4.0)
+    frames = np.arange(clip.frame_count)
+    root = clip.root_pos_w + 0.15 * np.sin(2.0 * np.pi * frames / clip.fps)[:, None] * np.array([0.0, 1.0, 0.0])
+    glides = np.abs(frames - 97.5) <= 2.5
+
+    def holds() -> bool:
+        motion = motion_of(dataclasses.replace(clip, root_pos_w=root, contacts=None), robot, LIMITS)
+        told = np.repeat(~glides[:, None], 2, axis=1)
+        return all(verdict.holds for verdict in gliding(dataclasses.replace(motion, contacts=told), LIMITS.feet))
+
+    whole = holds()
+    monkeypatch.setattr("pipeline.quality.command_velocity.STRIDE_S", 0.5)
+    assert (whole, holds()) == (False, True)
