@@ -5,11 +5,13 @@
 Known good are rollouts of policies that are known to walk: a published one of the T1, which is not part of the project
 (by default `../shared/policies/t1_walk.npz` beside the checkout, where it is), and the shipped one. A POLICY is a file,
 or a folder that holds `t1_walk.npz` or `policy.npz`. Commands are those on the axes of the command ranges and, for each
-seed, others drawn from the whole box; each of these gets a table. Rollouts are judged with their true contacts, without
-contacts, with those that KP2 tells, and cut into windows of half a second. Into the same rollouts each fault is planted
-once and counted if some body moved 5 cm. Criteria that a rollout is not held to have tables of their own: tracking, and
-likeness to the person (of the clips of a checkout whose `expert_db` was made). Then torque by inverse dynamics is held
-against the simulation's motors. Weak motors in references are benchmarks/feasibility_references.py.
+seed, others drawn from the whole box; each of these gets a table, and one all of them together, which has the bars: a
+rate of 98 % is one over the command range, and of the 24 commands on the axes it would be none missed. Rollouts are
+judged with their true contacts, without contacts, with those that KP2 tells, and cut into windows of half a second.
+Into the same rollouts each fault is planted once and counted if some body moved 5 cm. Criteria that a rollout is not
+held to have tables of their own: tracking, and likeness to the person (of the clips of a checkout whose `expert_db` was
+made). Then torque by inverse dynamics is held against the simulation's motors. Weak motors in references are
+benchmarks/feasibility_references.py.
 """
 
 from __future__ import annotations
@@ -79,19 +81,18 @@ def main() -> int:
 
 
 def _tables(files: list[Path], arguments: argparse.Namespace, limits: FeasibilitySettings, codes: list[str]):
-    """Title and bars of each table, when it is done: axes, every draw, all draws; then torque."""
+    """Title and bars of each table, when it is done: axes, every draw, all of them, which has bounds; then torque."""
     for file in files:
         name = f"{file.parent.name}/{file.stem}"
-        drawn: list[Judged] = []
+        walked: list[Judged] = []
         for seed in (None, *arguments.seeds):
             commands = commands_on_axes() if seed is None else drawn_commands(arguments.drawn, seed)
             judged = _judge_all(file, commands, seed or 0, limits, arguments)
             title = "on the axes" if seed is None else f"seed {seed}"
-            yield f"{name}, {title}", [*known_good_bars(judged, codes), *fault_bars(judged, _planted(arguments))]
-            drawn += judged if seed is not None else []
-        if len(arguments.seeds) > 1:
-            title = f"{name}, seeds {' '.join(map(str, arguments.seeds))} together"
-            yield title, [*known_good_bars(drawn, codes), *fault_bars(drawn, _planted(arguments))]
+            yield f"{name}, {title}", _of_rollouts(judged, codes, arguments, None)
+            walked += judged
+        title = f"{name}, axes and seeds {' '.join(map(str, arguments.seeds))} together, which has the bars"
+        yield title, _of_rollouts(walked, codes, arguments, LEAST)
     for seed in arguments.seeds:
         yield f"motion that is tracked, seed {seed}", tracking_bars(limits, arguments.drawn // 2, seed, LEAST)
     try:
@@ -101,6 +102,12 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
     for file in files:
         if file.name == PUBLISHED:
             yield "torque", torque_bars(file.parent, load_robot("t1"))
+
+
+def _of_rollouts(
+    judged: list[Judged], codes: list[str], arguments: argparse.Namespace, least: float | None
+) -> list[Bar]:
+    return [*known_good_bars(judged, codes, least), *fault_bars(judged, _planted(arguments), least)]
 
 
 def _judge_all(

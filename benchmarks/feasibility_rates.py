@@ -25,24 +25,30 @@ def rate(name: str, values: Sequence[bool | float], least: float | None = None) 
     return Bar(name=told, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
 
 
+def _counted(name: str, values: Sequence[bool], least: float | None = None) -> Bar:
+    """A rate whose name bears how many of how many."""
+    return rate(f"{name} ({sum(values)} of {len(values)})", values, least)
+
+
 def criteria() -> list[str]:
     """Codes of the criteria that a rollout is held to, in their order; the others have tables of their own."""
     elsewhere = {*GROUPS["tracking stability"], *FIGURES, LENGTH}
     return [code for code in GROUP_OF if code not in elsewhere]
 
 
-def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
-    """Known-good motion: accepted, and how many hold each criterion; who fell did not walk, and is told."""
+def known_good_bars(judged: list[Judged], codes: list[str], least: float | None = LEAST) -> list[Bar]:
+    """Known-good motion: accepted, at `least` so much of it, and how many hold each criterion; who fell did not walk,
+    and is told."""
     fallen, judged = sum(one.fell for one in judged), [one for one in judged if not one.fell]
     windows = [held for one in judged for held in one.windows]
     bars = [
-        Bar(name="known-good rollouts", value=len(judged), sense=">=", bound=1),
+        Bar(name="known-good rollouts", value=len(judged), sense=">=", bound=None if least is None else 1),
         Bar(name="rollouts that fell, left out", value=fallen),
-        rate("known good: seconds accepted", [one.labelled[1] for one in judged], LEAST),
-        rate("known good: accepted whole", [one.labelled[0] for one in judged], LEAST),
-        rate("known good: accepted whole, contacts not labelled", [one.unlabelled for one in judged], LEAST),
-        rate("known good: accepted whole, contacts that KP2 tells", [one.told for one in judged], LEAST),
-        rate(f"known good: windows of {WINDOW_S:g} s accepted", windows, LEAST),
+        rate("known good: seconds accepted", [one.labelled[1] for one in judged], least),
+        _counted("known good: accepted whole", [one.labelled[0] for one in judged], least),
+        _counted("known good: accepted whole, contacts not labelled", [one.unlabelled for one in judged], least),
+        _counted("known good: accepted whole, contacts that KP2 tells", [one.told for one in judged], least),
+        _counted(f"known good: windows of {WINDOW_S:g} s accepted", windows, least),
     ]
     return bars + [
         rate(f"known good: hold {code}, labels of any kind or none", [code not in one.broken for one in judged])
@@ -50,8 +56,9 @@ def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
     ]
 
 
-def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
-    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion.
+def fault_bars(judged: list[Judged], asked: Collection[str] = (), least: float | None = LEAST) -> list[Bar]:
+    """Planted faults that matter: found at all, at `least` so many, by the criteria made for them, and by which
+    criterion.
 
     A fault that was `asked` for and is in no rollout, or matters in none, was not measured.
     """
@@ -65,7 +72,7 @@ def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
     for fault, each in sorted(found.items()):
         group = group_of(fault)
         by_group[group] += each
-        bars.append(rate(f"found: {fault} ({len(each)} planted)", [bool(codes) for codes in each], LEAST))
+        bars.append(_counted(f"found: {fault}", [bool(codes) for codes in each], least))
         bars.append(rate(f"    by {group}", [bool(codes & set(GROUPS[group])) for codes in each]))
         counts = Counter(code for codes in each for code in sorted(codes))
         bars += [rate(f"    by {code}", [code in codes for codes in each]) for code, _ in counts.most_common()]
