@@ -40,6 +40,7 @@ from benchmarks.feasibility_judge import (  # noqa: E402
 )
 from benchmarks.feasibility_likeness import likeness_bars  # noqa: E402
 from benchmarks.feasibility_rates import LEAST, criteria, fault_bars, known_good_bars  # noqa: E402
+from benchmarks.feasibility_reach import reach_bars  # noqa: E402
 from benchmarks.feasibility_torque import torque_bars  # noqa: E402
 from benchmarks.feasibility_tracked import tracking_bars  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
@@ -81,7 +82,8 @@ def main() -> int:
 
 
 def _tables(files: list[Path], arguments: argparse.Namespace, limits: FeasibilitySettings, codes: list[str]):
-    """Title and bars of each table, when it is done: axes, every draw, all of them, which has bounds; then torque."""
+    """Title and bars of each table, when it is done: axes, every draw, all of them, which has bounds, and what feet
+    in the air seem to bear; then torque."""
     for file in files:
         name = f"{file.parent.name}/{file.stem}"
         walked: list[Judged] = []
@@ -93,6 +95,7 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
             walked += judged
         title = f"{name}, axes and seeds {' '.join(map(str, arguments.seeds))} together, which has the bars"
         yield title, _of_rollouts(walked, codes, arguments, LEAST)
+        yield f"{name}, forces beyond contacts", reach_bars([one.beyond for one in walked if one.beyond is not None])
     for seed in arguments.seeds:
         yield f"motion that is tracked, seed {seed}", tracking_bars(limits, arguments.drawn // 2, seed, LEAST)
     try:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.feasibility_faults import FAULTS, LABELS, MATTERS_M, displacement, matters
+from benchmarks.feasibility_reach import Beyond, beyond_contact
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import FeasibilitySettings, assess, process
@@ -66,6 +67,8 @@ class Judged:
     """Fault -> criteria that say so and say nothing of the rollout itself; none if it was not found."""
     small: list[str] = field(default_factory=list)
     """Faults that moved no body far enough to matter."""
+    beyond: Beyond | None = None
+    """What feet in the air seem to bear; None where it fell."""
 
 
 def policy_file(path: Path) -> Path | None:
@@ -121,6 +124,7 @@ def judge(
         told=own[TOLD_LABELS][0],
         windows=[_judged(window, robot, limits)[0] for window in windows],
         broken=set().union(*(broken for _, _, broken in own.values())),
+        beyond=beyond_contact(rollout, START_S),
     )
     if np.abs(command).max() >= STILL:
         _faults(clip, command, robot, rng, limits, found, planted)

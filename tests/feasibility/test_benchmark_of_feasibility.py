@@ -21,6 +21,7 @@ from benchmarks.feasibility_judge import (
     stands,
 )
 from benchmarks.feasibility_rates import criteria, fault_bars, group_of, known_good_bars, rate
+from benchmarks.feasibility_reach import reach_bars
 from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings, assess
 from pipeline.feasibility.criteria import GROUPS
@@ -199,3 +200,19 @@ def test_the_bars_are_held_by_the_axes_and_all_draws_together(
         assert f"accepted whole ({184 - 3 * least} of 184)" in whole
         assert ("FAILS" in whole) == bool(status)
         assert not any("FAILS" in part or "holds" in part for part in parts)
+
+
+def test_the_impact_of_a_run_is_seen_two_frames_before_it_comes_and_none_sees_three(root: Path):
+    limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
+    file = policy_file(root / "robots" / "t1" / "policies" / "walk")
+    assert file is not None
+    beyond = judge(file, (1.6, 0.0, 0.0), (1, 1), limits, []).beyond
+    assert beyond is not None
+    assert len(beyond.before) == len(beyond.after) > 10
+    bars = {bar.name.partition(" %")[0]: bar.value for bar in reach_bars([beyond, beyond])}
+    early, late = (bars[f"seems to bear, frame 2 {said} a contact, 90"] for said in ("before", "after"))
+    assert early > 2.0 * max(late, 0.01)
+    for said in ("before", "after"):
+        assert bars[f"seems to bear, frame 1 {said} a contact, 90"] > 0.1
+        assert bars[f"seems to bear, frame 3 {said} a contact, 98"] < 0.05
+    assert reach_bars([]) == []
