@@ -23,6 +23,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline import time_series  # noqa: E402
+from pipeline.augment import AugmentSettings  # noqa: E402
 from pipeline.augment.perturb import Gait, gait_of, perturb  # noqa: E402
 from pipeline.batch import Store  # noqa: E402
 from pipeline.clips.outcome import Reason  # noqa: E402
@@ -63,6 +64,7 @@ def main() -> int:
     options = _options()
     robot = load_robot("t1")
     limits = settings.read(ROOT / "data/feasibility.yaml", FeasibilitySettings)
+    contact = settings.read(ROOT / "data/augment.yaml", AugmentSettings).contact
     store = Store(root=ROOT / "data/store")
     entries = store.load("retargeted_motions").entries
     found = {variant: Found() for variant in VARIANTS if not options.kinds or variant[0] in options.kinds}
@@ -70,16 +72,16 @@ def main() -> int:
     for entry in entries:
         clip = store.get_clip(entry.blob, entry.clip)
         assert isinstance(clip, RobotClip)
-        gait = gait_of(clip, robot)
+        gait = gait_of(clip, robot, contact)
         original_s = 0.0 if options.no_kp5 else _kept_s(clip, entry.numbers, limits, robot)
         for (kind, strength), one in found.items():
             start = time.process_time()
-            new = perturb(clip, robot, kind, strength, f"{clip.name}~new")
+            new = perturb(clip, robot, kind, strength, f"{clip.name}~new", contact)
             spent_s, worked_s = spent_s + time.process_time() - start, worked_s + clip.duration_s
             if isinstance(new, Reason):
                 one.refused[new.code] += 1
                 continue
-            _look(one, kind, strength, gait, gait_of(new, robot))
+            _look(one, kind, strength, gait, gait_of(new, robot, contact))
             if not options.no_kp5:
                 one.kept_s += min(_kept_s(new, entry.numbers, limits, robot), original_s)
                 one.original_s += original_s

@@ -68,15 +68,12 @@ class Course:
 
 
 def perturb(
-    clip: RobotClip, robot: Robot, kind: str, strength: float, name: str, contact: ContactSettings | None = None
+    clip: RobotClip, robot: Robot, kind: str, strength: float, name: str, contact: ContactSettings
 ) -> RobotClip | Reason:
     """The clip with a perturbation of `pipeline.augment.strengths.KINDS`, or why there is none.
 
-    `contact` is what contact is in a clip that does not say its own; without it such a clip has no perturbations.
+    `contact` is what contact is in a clip that does not say its own.
     """
-    if clip.contacts is None and contact is None:
-        text = "is not made: the clip does not say which foot stands."
-        return Reason(code="contacts_unknown", text=text, effect="noted")
     gait = gait_of(clip, robot, contact)
     course = _COURSES[kind](gait, strength)
     if _nothing_changed(gait, course):
@@ -124,20 +121,16 @@ def _lowering(gait: Gait, course: Course, poses: LinkPoses, legs: tuple[Leg, Leg
     return min(needed, MOST_LOWERED)
 
 
-def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings | None = None) -> Gait:
+def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
     """Contacts are the clip's, or by `contact` told from its soles where it has none."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     hips = [int(leg.links[0]) for leg in legs_of(robot)]
     sole = sole_motion(clip, robot)
-    contacts = clip.contacts
-    if contacts is None:
-        assert contact is not None, "a clip without contacts needs what contact is"
-        contacts = contact_from_sole(sole, contact)
     return Gait(
         clip=clip,
         poses=poses,
-        contacts=contacts,
+        contacts=contact_from_sole(sole, contact) if clip.contacts is None else clip.contacts,
         foot_pos_w=kinematics.site_pos_w(poses, robot.feet),
         clearance=sole.height,
         hips_w=poses.pos_w[:, hips].mean(axis=1),

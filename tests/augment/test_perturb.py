@@ -193,7 +193,7 @@ LEGS = ("Hip", "Knee", "Ankle")
 
 
 def test_what_a_leg_cannot_do_is_a_reason_with_the_frame():
-    found = perturb(walking(-0.8), ROBOT, "step_length", 1.3, "test~big")
+    found = perturb(walking(-0.8), ROBOT, "step_length", 1.3, "test~big", CONTACT)
     assert isinstance(found, Reason) and found.effect == "rejected"
     assert "is not made: frame" in found.text and found.start_s is not None
 
@@ -201,7 +201,7 @@ def test_what_a_leg_cannot_do_is_a_reason_with_the_frame():
 def test_a_stand_has_no_longer_steps_and_no_swings_but_may_stand_wider():
     clip = standing(ROBOT)
     for kind, strength in (("step_length", 0.9), ("foot_lift", 0.02)):
-        found = perturb(clip, ROBOT, kind, strength, "test~none")
+        found = perturb(clip, ROBOT, kind, strength, "test~none", CONTACT)
         assert isinstance(found, Reason) and (found.code, found.effect) == ("nothing_to_perturb", "noted")
     wider = (feet_w(made(clip, "step_width", 0.03)) - feet_w(clip)).mean(axis=2)
     np.testing.assert_allclose(wider[:, :, 1], [[0.015, -0.015]] * clip.frame_count, atol=1e-6)
@@ -214,11 +214,6 @@ def test_a_clip_that_says_nothing_of_its_contacts_is_looked_at():
     slip = np.linalg.norm(np.diff(feet_w(new).mean(axis=2)[..., :2], axis=0), axis=-1).min(axis=1)
     before = np.linalg.norm(np.diff(feet_w(clip).mean(axis=2)[..., :2], axis=0), axis=-1).min(axis=1)
     assert np.percentile(slip, 90) < np.percentile(before, 90) + 1e-3
-
-
-def test_where_nobody_says_what_contact_is_such_a_clip_has_no_perturbations():
-    found = perturb(dataclasses.replace(walking(1.1), contacts=None), ROBOT, "step_length", 0.9, "test~unknown")
-    assert isinstance(found, Reason) and (found.code, found.effect) == ("contacts_unknown", "noted")
 
 
 @pytest.mark.parametrize(("kind", "strength"), PLANNED)
