@@ -1,8 +1,9 @@
 """Forces and moments on the trunk: pushes, and a helping hand that holds robots up while they learn and then lets go.
 
 The hand is a spring and damper that keeps the trunk upright and a damper that pulls its velocity to the command; both
-fade over a run. Helped so, a robot learns the steps it is shown instead of the quick ones that fall less; the helped
-curriculum is that of Yu, Turk and Liu, "Learning Symmetric and Low-Energy Locomotion", ACM ToG 37(4), 2018.
+fade over a run. Held so, a robot stays near a clip by little more than the clip's joints, and learns to keep upright as
+the hand lets go; alone it does not make steps longer. A helped curriculum is that of Yu, Turk and Liu, "Learning
+Symmetric and Low-Energy Locomotion", ACM ToG 37(4), 2018.
 """
 
 from __future__ import annotations
