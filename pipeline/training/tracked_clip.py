@@ -21,8 +21,10 @@ AGAIN = 4
 """Control steps after which the nearest frame is looked for."""
 LEFT_S = 1.0
 """The clip's end is told to the critic from so long before it [s]."""
-END_STRAY_M = 0.2
-"""Who has a hand or a foot further than this from the clip's, seen from the trunk, has strayed …"""
+END_STRAY = (0.2, 0.07)
+"""Who has a hand or a foot further than this from the clip's, seen from the trunk, has strayed [m, m per m/s of the
+commanded speed]: a stride grows with its speed, and with .2 m for all the clips' own joints strayed from a run once a
+second …"""
 HEIGHT_STRAY_M = 0.12
 """… and whose trunk is this much higher or lower …"""
 TILT_STRAY = 0.5
@@ -97,7 +99,9 @@ class TrackedClip:
         off = ends_b - self._ends[self._at]
         self.near.copy_(torch.nan_to_num(nearness(joints - self._joints[self._at], off)) * self.tracks)
         furthest = torch.linalg.norm(off.unflatten(1, (4, 3)), dim=2).amax(dim=1)
-        near = (furthest < END_STRAY_M) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
+        still, by_speed = END_STRAY
+        bound = still + by_speed * torch.linalg.norm(self._command[self._at, :2], dim=1)
+        near = (furthest < bound) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
         near &= torch.linalg.norm(up_b - self._up_b[self._at], dim=1) < TILT_STRAY
         self.strayed.copy_(self.tracks & ~near)
 

@@ -14,13 +14,15 @@ from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.observations import critic_frame
 from pipeline.training.presets import preset
-from pipeline.training.tracked_clip import AGAIN, END_STRAY_M, TrackedClip, nearness
+from pipeline.training.tracked_clip import AGAIN, END_STRAY, TrackedClip, nearness
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21
 PERIOD = 60
 UP = torch.tensor([[0.0, 0.0, 1.0]])
 HEIGHT = torch.tensor([0.6])
+BOUND_M = END_STRAY[0] + 1.5 * END_STRAY[1]
+"""At the clips' speed here."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def expert() -> ExpertFrames:
     frames[:, 7 + JOINTS : 19 + JOINTS] = 0.1 * np.cos(angle[:, None] + np.arange(12))
     return ExpertFrames(
         frames=frames,
-        command=np.ones((240, 3), dtype=np.float32),
+        command=np.full((240, 3), [0.9, 1.2, 1.0], dtype=np.float32),
         clip_start=np.array([0, 120, 240]),
         clip_weight=np.ones(2),
     )
@@ -104,8 +106,8 @@ def test_it_is_over_with_the_clip(expert):
     ("end_m", "height_m", "tilt", "strays"),
     [
         (0.0, 0.0, 0.0, False),
-        (0.9 * END_STRAY_M, 0.1, 0.4, False),
-        (1.1 * END_STRAY_M, 0.0, 0.0, True),
+        (0.9 * BOUND_M, 0.1, 0.4, False),
+        (1.1 * BOUND_M, 0.0, 0.0, True),
         (0.0, 0.13, 0.0, True),
         (0.0, 0.0, 0.6, True),
     ],
