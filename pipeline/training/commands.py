@@ -99,9 +99,9 @@ class VelocityCommand(CommandTerm):
         """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew. Who tracks a
         clip is told the clip's."""
         self.time_left -= dt
-        self._draw(self.time_left <= 0.0)
+        clip, over = self._env.tracked_clip, self.time_left <= 0.0
+        self._draw(over if clip is None else over & ~clip.tracks)
         self.age += dt
-        clip = self._env.tracked_clip
         if clip is not None:
             replace(self._command, clip.tracks, clip.command)
 

@@ -2,10 +2,10 @@
 
 Columns: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step); d_expert,
 d_policy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty; episode_s (mean length
-of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands the commanded and the
-achieved value on its axis, two seconds after the command at the earliest; followed (mean over these bins of achieved
-by commanded), style_share (of the style reward in the blend); mid_steps_per_min (at
-commands of that bin); learning_rate, update_s (of the networks), action_std.
+of ended episodes), falls_per_min, stalls_per_min, strays_per_min (each environment); for each bin of commands the
+commanded and the achieved value on its axis, two seconds after the command at the earliest; followed (mean over these
+bins of achieved by commanded), style_share (of the style reward in the blend); mid_steps_per_min (at commands of that
+bin); learning_rate, update_s (of the networks), action_std.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Record:
 
     def __init__(self, device: str):
         self._velocity = torch.zeros(len(BINS), 3, device=device)
-        self._episodes = torch.zeros(5, device=device)
+        self._episodes = torch.zeros(6, device=device)
         self._steps = torch.zeros(2, device=device)
 
     def add(self, env) -> None:
@@ -47,9 +47,11 @@ class Record:
         stepped = (env.readings.step_s > 0.0) & walks
         self._steps += torch.stack([stepped.sum(), walks.sum()])
         done = env.reset_buf
-        stalled = done & ~env.fell & ~env.reset_time_outs
+        fell, stalled = done & env.fell, done & env.stalled & ~env.fell
+        strayed = torch.zeros_like(done) if env.tracked_clip is None else done & env.tracked_clip.strayed & ~env.fell
         lengths = (env.ended_steps * done).sum()
-        counts = [done.sum(), lengths, (done & env.fell).sum(), stalled.sum(), torch.ones_like(lengths) * len(done)]
+        ends = [each.sum() for each in (fell, stalled, strayed)]
+        counts = [done.sum(), lengths, *ends, torch.ones_like(lengths) * len(done)]
         self._episodes += torch.stack([count.float() for count in counts])
 
     def add_velocity(self, env) -> None:
@@ -66,12 +68,13 @@ class Record:
 
     def take(self, step_s: float) -> dict[str, float]:
         """The figures, and the sums start anew."""
-        ended, lengths, falls, stalls, steps = self._episodes.tolist()
+        ended, lengths, falls, stalls, strays, steps = self._episodes.tolist()
         minutes = max(steps * step_s / 60.0, 1e-9)
         figures = {
             "episode_s": lengths / ended * step_s if ended else float("nan"),
             "falls_per_min": falls / minutes,
             "stalls_per_min": stalls / minutes,
+            "strays_per_min": strays / minutes,
         }
         for name, (count, commanded, achieved) in zip(BINS, self._velocity.tolist(), strict=True):
             figures[f"{name}_commanded"] = commanded / count if count else float("nan")

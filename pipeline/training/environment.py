@@ -172,7 +172,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.episode_length_buf += 1
         self.reset_buf = self.termination_manager.compute()
         self.reset_terminated = self.termination_manager.terminated
-        self.reset_time_outs = self.termination_manager.time_outs
+        self.reset_time_outs = self.termination_manager.time_outs & ~self.reset_terminated
         self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
         if "step" in self.event_manager.available_modes:
             self.event_manager.apply(mode="step", dt=self.step_dt)

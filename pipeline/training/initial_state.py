@@ -25,8 +25,11 @@ def write_starts(env, mask: torch.Tensor) -> None:
     options, count, device = env.context.options, env.num_envs, env.device
     frames, command, at = env.context.references.draw(count)
     pos, quat, joints, lin_vel_w, ang_vel_w, joint_vel = _of_frames(env, frames)
-    tracks = (torch.rand(count, device=device) < env.ramps.tracked)[:, None]
-    home = ~tracks & (torch.rand(count, 1, device=device) >= options.reference_share)
+    home = (torch.rand(count, device=device) >= options.reference_share)[:, None]
+    tracks = torch.zeros_like(home)
+    if env.tracked_clip is not None:
+        tracks = torch.rand(count, 1, device=device) < env.ramps.tracked
+        home &= ~tracks
     height = env.context.bundle.robot.default_root_height + LIFT_M
     pos[:, 2:] = torch.where(home, height, pos[:, 2:])
     quat = torch.where(home, (torch.arange(4, device=device) == 0).float(), quat)

@@ -73,7 +73,7 @@ class ActorHistory:
 
 def critic_frame(env) -> torch.Tensor:
     """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5); where clips are tracked, how near the
-    clip is and how long it is still there (n, 2)."""
+    clip is and whether there is one (n, 2)."""
     clip = [] if env.tracked_clip is None else [env.tracked_clip.seen()]
     return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float(), *clip], dim=1)
 

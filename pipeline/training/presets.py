@@ -8,8 +8,8 @@ from pipeline.training.training_error import TrainingError
 REASONS = {
     "assist": "nobody stays near a clip at first: .7 s by the clip's own joints, seconds with a hand at the trunk",
     "assist_iterations": "as assist",
-    "tracked": "held, but not made to track, robots took 390 to 560 steps a minute: what is paid leads there",
-    "tracked_end": "gone altogether by iteration 600, steps were 190 to 250 a minute within 100 iterations",
+    "tracked": "held, but not made to track, robots took 303 to 560 steps a minute: what is paid leads there",
+    "tracked_end": "let go sooner and to a tenth, steps went from 120 to 245 a minute within 150 iterations",
     "tracked_iterations": "as tracked",
     "long_step_share": "steps of a third of the clips' time were paid a third: more than not to lift a foot",
     "init_std": "a deviation of .6 alone quickens steps, those of a policy that never saw it too",
@@ -189,7 +189,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         CALM_STEPS,
     ),
     "tracked_steps": (
-        "the same, begun by tracking clips while a hand holds the trunk: takes the clips' steps, slower so far",
+        "the same, begun by tracking clips while a hand holds the trunk: the longest steps, slower so far",
         TRACKED_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),

@@ -73,7 +73,6 @@ class PushForce:
         replace(self._left, begins, FORCE_S)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """No force at the start of an episode, and a new wait."""
+        """No push goes on from one episode to the next, and a new wait."""
         replace(self._left, mask, 0.0)
-        replace(self._force_w, mask, 0.0)
         self._waits.restart(mask)

@@ -19,6 +19,11 @@ def passed(between: tuple[int, int], iteration: float) -> float:
     return min(1.0, max(0.0, (iteration - first) / max(last - first, 1)))
 
 
+def grown_between(span: tuple[float, float], between: tuple[int, int], iteration: float) -> float:
+    """A value on its way from the first to the last of a span, between two iterations."""
+    return span[0] + (span[1] - span[0]) * passed(between, iteration)
+
+
 class Ramps:
     """Each a tensor of one number, at the value of the iteration that `at` was last called with."""
 
@@ -42,14 +47,14 @@ class Ramps:
     def at(self, iteration: float) -> None:
         """Go to an iteration; only what has changed is written."""
         options = self._options
+        tracked = (options.tracked, options.tracked_end if options.tracked else 0.0)
         values = {
             "penalty": grown((options.penalty_start, 1.0), iteration, options.penalty_iterations),
             "late": passed(options.late_iterations, iteration),
             "push_speed": grown(options.push_speed, iteration, options.push_iterations),
             "push_impulse": grown(options.push_impulse, iteration, options.push_iterations),
-            "tracked": options.tracked
-            + (options.tracked_end - options.tracked) * passed(options.tracked_iterations, iteration),
-            "assist": options.assist * (1.0 - passed(options.assist_iterations, iteration)),
+            "tracked": grown_between(tracked, options.tracked_iterations, iteration),
+            "assist": grown_between((options.assist, 0.0), options.assist_iterations, iteration),
         }
         for name, value in values.items():
             if self._known.get(name) != value:

@@ -130,6 +130,11 @@ class Readings:
         return self._qpos[:, :3]
 
     @property
+    def root_link_pos_w(self) -> torch.Tensor:
+        """The same at the instant of the other links' places: a physics step ago while rewards are worked out."""
+        return self._env.sim.data.xpos[:, self._root]
+
+    @property
     def height(self) -> torch.Tensor:
         """Of the root above the ground where the episode began [m]."""
         return self._qpos[:, 2] - self._env.scene.env_origins[:, 2]

@@ -40,6 +40,8 @@ NOMINAL = {
     "friction": (0.8, 0.8),
     "action_lag_steps": 0,
     "reference_share": 0.0,
+    "tracked": 0.0,
+    "assist": 0.0,
     "resample_s": (1000.0, 1000.0),
     "terrain": "plane",
 }

@@ -11,6 +11,7 @@ from mjlab.managers.reward_manager import RewardTermCfg
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.readings import CONTACT_FORCE
+from pipeline.training.training_error import TrainingError
 
 ENDS = ("termination", "stalled")
 """Rows that an episode ends with: at their full weight from the start."""
@@ -33,7 +34,12 @@ class Term:
 
 
 def table(options: Options) -> tuple[Term, ...]:
-    """The rows under these options; those of weight 0 are left out."""
+    """The rows under these options; those of weight 0 are left out. Raises TrainingError for a share that is none."""
+    if not 0.0 <= options.long_step_share < terms.STEP_SHARE:
+        raise TrainingError(
+            f"option 'long_step_share' is {options.long_step_share:g}; it must be at least 0 and below "
+            f"{terms.STEP_SHARE:g}, from where on a step is paid in full."
+        )
     rows = (*_tracking(options), *_motion(options), *_feet(options), *_added(options))
     return tuple(row for row in rows if row.weight != 0.0)
 

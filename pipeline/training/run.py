@@ -96,6 +96,8 @@ class TrainingRun:
         self._write_config()
         limit = self.request.minutes
         reason = "iterations"
+        if self.iteration:
+            self._begin_at(scheduled(self.request, self.iteration, self._agreed(before)))
         while self.iteration < self.request.iterations:
             begun = time.monotonic()
             passed = self._agreed(before + begun - started)
@@ -112,6 +114,12 @@ class TrainingRun:
                 self.save()
         self.save()
         self._finish(reason, before + time.monotonic() - started)
+
+    def _begin_at(self, schedule: float) -> None:
+        """Let all episodes begin anew, as they begin at that iteration: the environment was made for the first one."""
+        self.env.schedule = schedule
+        self.env.ramps.at(schedule)
+        self.env.reset()
 
     def _agreed(self, seconds: float) -> float:
         """The first process's seconds in all of them: they end, and are in their schedules, together."""
@@ -273,7 +281,8 @@ def _line(row: dict[str, float], iterations: int) -> str:
     ]
     style = f"task {row['task_reward']:.3f}, style {row['style_reward']:.3f}"
     d = f"D {row['d_expert']:.1f}/{row['d_policy']:.1f}"
-    ends = f"episodes {row['episode_s']:.1f} s, stalls {row['stalls_per_min']:.1f}/min"
+    lost = f"stalls {row['stalls_per_min']:.1f}/min, strays {row['strays_per_min']:.1f}/min"
+    ends = f"episodes {row['episode_s']:.1f} s, {lost}"
     steps = f"{row['mid_steps_per_min']:.0f} steps/min"
     head = f"iteration {row['iteration']} of {iterations}, {row['seconds']:.0f} s"
     gate = f"followed {row['followed']:.2f}, style share {row['style_share']:.2f}, deviation {row['action_std']:.2f}"

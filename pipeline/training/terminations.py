@@ -65,7 +65,7 @@ def _fell(env) -> torch.Tensor:
 
 
 def termination_cfg(options: Options) -> dict[str, TerminationTermCfg]:
-    """Falls, the stall rule where it is on, who strays from a clip where clips are tracked, and the end of the time."""
+    """Falls, the stall rule where it is on, the end of the time; where clips are tracked, straying and their end."""
     rules = {"fell": TerminationTermCfg(func=_fell), "time": TerminationTermCfg(func=time_out, time_out=True)}
     if options.stall:
         rules["stall"] = TerminationTermCfg(func=Stall)

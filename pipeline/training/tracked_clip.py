@@ -1,4 +1,4 @@
-"""Episodes that track the clip they begin in: paid for staying near it, ended where they stray from it.
+"""Episodes that track the clip they begin in: paid for staying near it, over where they stray from it, and with it.
 
 The tracking of DeepMimic (Peng et al., ACM ToG 37(4), 2018), for a network that is not told the clip: its command is
 the clip's at each frame, and what it saw last tells it where in a step it is. The clip's time goes with the robot's, at
@@ -12,15 +12,12 @@ import itertools
 import numpy as np
 import torch
 
-from pipeline.training.bundle import FPS
 from pipeline.training.masks import replace
 
 JOINTS, ENDS = 0.5, 0.05
 """Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2]."""
 AGAIN = 4
 """Control steps after which the nearest frame is looked for."""
-LEFT_S = 1.0
-"""The clip's end is told to the critic from so long before it [s]."""
 END_STRAY = (0.2, 0.07)
 """Who has a hand or a foot further than this from the clip's, seen from the trunk, has strayed [m, m per m/s of the
 commanded speed]: a stride grows with its speed, and with .2 m for all the clips' own joints strayed from a run once a
@@ -33,7 +30,7 @@ TILT_STRAY = 0.5
 
 def nearness(away_joints: torch.Tensor, away_ends: torch.Tensor) -> torch.Tensor:
     """1 / (1 + |dq|^2 / JOINTS + |dp|^2 / ENDS) of differences in joints (…, a) [rad] and in ends in the trunk's frame
-    (…, 12) [m]. It has a slope far off too: a run's frames are 10 from the default pose."""
+    (…, 12) [m]. It has a slope far off too: from the default pose a run's frames are 10 away in that sum."""
     return 1.0 / (1.0 + torch.square(away_joints).sum(dim=-1) / JOINTS + torch.square(away_ends).sum(dim=-1) / ENDS)
 
 
@@ -57,10 +54,9 @@ class TrackedClip:
         self.near = torch.zeros(count, device=device)
         """How near each is to its clip, 0..1; 0 where it has none."""
         self.strayed = torch.zeros(count, dtype=torch.bool, device=device)
-        """Who tracks a clip and is too far from it."""
-
+        """Who was too far from its clip when it was last looked at."""
         self.over = torch.zeros(count, dtype=torch.bool, device=device)
-        """Whose clip ends."""
+        """Whose clip ended then."""
 
     @property
     def command(self) -> torch.Tensor:
@@ -68,9 +64,9 @@ class TrackedClip:
         return self._command[self._at]
 
     def seen(self) -> torch.Tensor:
-        """What the critic is told (n, 2): how near the clip is, and how long it is still there [s], at most LEFT_S."""
-        left_s = ((self._last[self._at] - self._at) / FPS).clamp(max=LEFT_S)
-        return torch.stack([self.near, left_s * self.tracks], dim=1)
+        """What the critic is told (n, 2): how near the clip is, and whether there is one. Not its end, after which
+        the episode could have gone on."""
+        return torch.stack([self.near, self.tracks.float()], dim=1)
 
     def begin(self, mask: torch.Tensor, at: torch.Tensor, tracks: torch.Tensor) -> None:
         """Episodes of the mask begin at frames `at` of the expert, and some of them track its clip."""
@@ -78,12 +74,11 @@ class TrackedClip:
         replace(self._steps, mask, 0)
         replace(self.tracks, mask, tracks)
         replace(self.near, mask, tracks.float())
-        replace(self.strayed, mask, False)
 
     def advance(self) -> None:
         """A control step further, after the simulation's and before rewards and ends."""
         read, index = self._env.readings, self._env.controlled_index
-        away = read.ends_pos_w - read.root_pos_w[:, None]
+        away = read.ends_pos_w - read.root_link_pos_w[:, None]
         ends_b = torch.bmm(away, read.root_rotation_w).flatten(1)
         self._go_on(read.joint_pos[:, index], ends_b, read.height, -read.gravity_b)
 

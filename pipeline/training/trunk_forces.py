@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import torch
 
+from pipeline.training.masks import replace
+
 MOMENT = 200.0
 """Of the hand's spring, for each sine of the trunk's tilt [N m]: a robot that leans as a whole needs about as much."""
 MOMENT_DAMPING = 10.0
@@ -53,8 +55,9 @@ class TrunkForces:
         self.helps = env.context.options.assist > 0.0
         """Whether there is a hand, which has to follow at every physics step."""
         self.push_w = torch.zeros(env.num_envs, 3, device=env.device)
-        """Pushes (n, 3) [N]."""
+        """Pushes (n, 3) [N]; none at the start of an episode."""
         self._none = torch.zeros_like(self.push_w)
+        env.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
 
     def write(self) -> None:
         """Bring them into the simulation; also those that are none: to count them, a processor would have to wait."""

@@ -249,12 +249,16 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     pushes = [name for name in ("push_force", "push_velocity") if name in env.cfg.events]
     terms += [env.event_manager.get_term_cfg(name).func for name in pushes]
     terms += [term._waits for term in terms if hasattr(term, "_waits")]
-    named = ["_frames", "_raw", "_target", "_seconds", "_left", "_force_w"]
+    named = ["_frames", "_raw", "_target", "_seconds", "_left"]
     named += ["_lag"] if env.context.options.action_lag_steps else []
     found = {
         f"{type(term).__name__}.{name}": getattr(term, name) for term in terms for name in named if hasattr(term, name)
     }
+    if env.tracked_clip is not None:
+        clip = env.tracked_clip
+        found |= {"clip's steps": clip._steps, "nearness": clip.near}
     return found | {
+        "push": env.trunk_forces.push_w,
         "length": env.episode_length_buf,
         "ended steps": env.ended_steps,
         "action": env.action_manager.action,

@@ -13,7 +13,9 @@ import torch
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.observations import critic_frame
+from pipeline.training.options import Options
 from pipeline.training.presets import preset
+from pipeline.training.ramps import Ramps
 from pipeline.training.tracked_clip import AGAIN, END_STRAY, TrackedClip, nearness
 from tests.factories.training_bundle import small_bundle
 
@@ -96,10 +98,6 @@ def test_it_is_over_with_the_clip(expert):
         ends.append(bool(clip.over[0]))
     assert ends.index(True) == 18, "frame 119 is the clip's last"
     assert clip._at[0] == 119, "the next clip is another one"
-    clip = tracked(expert, 119 - 25)
-    assert clip.seen()[0].tolist() == pytest.approx([1.0, 0.5]), "the end is told from a second before it"
-    clip = tracked(expert, 10)
-    assert clip.seen()[0].tolist() == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -182,6 +180,34 @@ def test_the_critic_is_told_of_the_clip_and_the_reward_pays_nearness(env):
     assert (clip.near[going] > 0.7).float().mean() > 0.8
     paid = task.weights(env)[at] * clip.near
     assert task.paid[going, at].tolist() == pytest.approx(paid[going].tolist(), rel=1e-5)
+
+
+def test_an_episode_ends_in_time_with_its_clip(env):
+    env.reset()
+    clip = env.tracked_clip
+    assert clip is not None
+    ends = torch.arange(env.num_envs) < 5
+    clip._at[ends] = clip._last[clip._at[ends]] - 1
+    clip._at[~ends] = torch.minimum(clip._at[~ends], clip._last[clip._at[~ends]] - 10)
+    before = clip._at.clone()
+    *_, terminated, timed_out, _ = env.step(targets(env))
+    assert torch.equal(timed_out, ends & ~terminated)
+    assert timed_out.sum() > 2
+    assert (clip._at[ends] != before[ends] + 1).any(), "another one has begun"
+
+
+def test_who_tracks_keeps_the_clips_command_and_nobody_tracks_where_it_is_off(env):
+    env.reset()
+    clip = env.tracked_clip
+    assert clip is not None
+    env.velocity_command.time_left[:] = 0.01
+    env.step(targets(env))
+    going = ~env.reset_buf
+    assert (env.velocity_command.age[going] > 1.0).all(), "no command is drawn meanwhile"
+    off = Options(tracked=0.0, tracked_end=0.5)
+    ramps = Ramps(off, "cpu")
+    ramps.at(1e9)
+    assert ramps.tracked == 0.0
 
 
 def test_fewer_episodes_track_as_the_ramp_sinks(env):

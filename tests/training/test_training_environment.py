@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 import torch
+from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from pipeline.deployment import deployment_task, load_policy
@@ -206,14 +207,23 @@ def test_of_the_environments_without_noise_a_share_is_pushed(bundle_folder):
     assert (force[1:] >= 0.2 * 400.0 - 1e-3).all(), "at least a fifth of 40 N s in a tenth of a second"
 
 
-def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, capsys):
+def test_a_run_trains_resumes_and_ends_as_a_policy(bundle_folder, tmp_path, capsys, monkeypatch):
     out = tmp_path / "run"
+    learn, tracking = OnPolicyRunner.learn, []
+
+    def noted(runner: OnPolicyRunner, *given):
+        tracking.append(float(runner.env.unwrapped.tracked_clip.tracks.float().mean()))
+        learn(runner, *given)
+
+    monkeypatch.setattr(OnPolicyRunner, "learn", noted)
     given = ["--bundle", str(bundle_folder), "--out", str(out), "--device", "cpu", "--num-envs", "4", "--seed", "3"]
-    changed = ["std_end=0.5", "std_iterations=0,1", "init_posture=clips", "steps=6"]
+    changed = ["std_end=0.5", "std_iterations=0,1", "init_posture=clips", "steps=6", "mirror_standing=false"]
+    changed += ["tracked=1", "tracked_iterations=0,1", "assist=1"]
     given += [text for option in [*SMALL, *changed] for text in ("--set", option)]
     assert main([*given, "--iterations", "1"]) == 0
     assert main([*given, "--iterations", "2", "--resume"]) == 0
     assert "iteration 2 of 2" in capsys.readouterr().out
+    assert tracking == [1.0, 0.0], "a resumed run begins where its schedules are"
     rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
     assert [row["iteration"] for row in rows] == ["1", "2"]
     assert json.loads((out / "done.json").read_text())["iterations"] == 2

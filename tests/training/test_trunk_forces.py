@@ -22,7 +22,7 @@ HELPED = {"push_impulse": (0.0, 0.0), "reference_share": 0.0, "standing_share": 
 
 
 def wrench(roll: float, pitch: float, yaw: float, lin_vel_w, ang_vel_b, command):
-    """Of one trunk at rest in roll, pitch and yaw [rad]."""
+    """Of one trunk at roll, pitch and yaw [rad]; velocities [m/s, rad/s]."""
     angles = (torch.tensor([angle]) for angle in (roll, pitch, yaw))
     rotation = matrix_from_quat(quat_from_euler_xyz(*angles))
     lin_vel_w, ang_vel_b, command = (
@@ -73,6 +73,26 @@ def test_who_is_held_does_not_fall_and_who_is_let_go_does(tmp_path, root, robot)
     assert shaken(folder, 1.0, 0.0) == 0
     assert shaken(folder, 1.0, last) >= ENVS
     assert shaken(folder, 0.0, 0.0) >= ENVS
+
+
+def test_a_robot_that_is_held_is_pushed_too(tmp_path, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    acting = {}
+    for assist in (0.0, 0.5):
+        env = AmpEnvironment(bundle, preset("long_steps").changed(**HELPED, assist=assist), ENVS, "cpu", seed=3)
+        env.reset()
+        for push in (0.0, 40.0):
+            env.trunk_forces.push_w[:, 1] = push
+            env.trunk_forces.write()
+            acting[assist, push] = env.sim.data.xfrc_applied[:].sum(dim=1)
+        env._reset_idx(torch.tensor([1, 4]))
+        assert env.trunk_forces.push_w[:, 1].tolist() == pytest.approx([40.0, 0.0, 40.0, 40.0, 0.0, 40.0])
+    pushed = torch.zeros(ENVS, 6)
+    pushed[..., 1] = 40.0
+    assert torch.equal(acting[0.0, 0.0], torch.zeros(ENVS, 6))
+    assert torch.equal(acting[0.0, 40.0], pushed)
+    assert acting[0.5, 0.0].abs().max() > 1.0
+    assert torch.allclose(acting[0.5, 40.0] - acting[0.5, 0.0], pushed, atol=1e-3)
 
 
 def test_the_hand_lets_go_between_its_iterations():
