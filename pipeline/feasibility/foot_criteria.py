@@ -25,8 +25,7 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     and of bad, and the limit lower.
     """
     slip = slowest_point_speed(motion.sole, settings.level)
-    told = _told_to_stand(motion, slip)
-    standing = inner_contacts(motion.contacts) if motion.labelled else told
+    standing, told = held_to_stand(motion, settings)
     mean = _mean_slip("foot_slip_mean", "feet in contact", slip, standing, settings.slip_mean, motion)
     of_soles = _mean_slip("foot_told_slip_mean", "the slower feet", slip, told, settings.told_slip_mean, motion)
     found, speed = slip[standing], motion.ground_speed
@@ -41,6 +40,20 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
         bad=_sliding_stances(slip, standing, limit),
     )
     return (*((mean,) if motion.labelled else ()), of_soles, p95)
+
+
+def held_to_stand(motion: Motion, settings: FootSettings) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
+    """Feet of which slip is asked: those in contact by their labels, or as the soles tell it where nothing is labelled,
+    and those that the soles tell, whatever is labelled. Where there are none, slip says nothing.
+
+    A difference at either end of a contact sees the swing. Of two feet that the soles tell to be in contact it is the
+    slower one: a foot that comes down or leaves within a centimetre of the ground looks like one that slides, and may
+    be on its way.
+    """
+    slip, told = slowest_point_speed(motion.sole, settings.level), motion.told_contacts
+    slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
+    of_soles = inner_contacts(told) & (slower | ~told.all(axis=1, keepdims=True))
+    return (inner_contacts(motion.contacts) if motion.labelled else of_soles), of_soles
 
 
 def gliding(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
@@ -168,16 +181,6 @@ def _mean_slip(
         text=f"{feet} slide, at {speed:.2f} m/s over ground, at {value:.2f} m/s on average",
         bad=_sliding_stances(slip, standing, limit),
     )
-
-
-def _told_to_stand(motion: Motion, slip: Float[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
-    """Feet that the soles tell to be in contact, and of two such the slower one.
-
-    A foot that comes down or leaves within a centimetre of the ground looks like one that slides: it may be on its way.
-    """
-    told = motion.told_contacts
-    slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
-    return inner_contacts(told) & (slower | ~told.all(axis=1, keepdims=True))
 
 
 def _sliding_stances(

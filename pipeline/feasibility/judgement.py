@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from pipeline.clips.outcome import Numbers
 from pipeline.feasibility.assess import Assessment
 from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.foot_criteria import held_to_stand
 from pipeline.feasibility.likeness_criteria import FIGURES
 from pipeline.feasibility.reference import CONTENT
+from pipeline.feasibility.settings import FootSettings
 from pipeline.feasibility.verdict import Verdict
-from pipeline.quality.foot_slip import inner_contacts
 
 NUMBER = "judgements"
 """Name that the text has among the numbers of a clip that was judged, until the table is made of it."""
@@ -74,18 +75,22 @@ class Judgement:
     """Name of the clip that went on from it; empty where none did."""
 
 
-def judge(assessment: Assessment, beside: Sequence[Verdict], numbers: Numbers, start: int) -> Judgement:
+def judge(
+    assessment: Assessment, beside: Sequence[Verdict], numbers: Numbers, start: int, feet: FootSettings
+) -> Judgement:
     """The judgement on an assessed stretch.
 
     Args:
         beside: verdicts on the clip that need no motion: likeness, length
         numbers: what earlier stages said of the clip
         start: the stretch's first frame in it
+        feet: what the stretch was assessed with, which says what feet are held to stand
     """
     verdicts = {verdict.code: verdict for verdict in (*assessment.verdicts, *beside)}
+    nobody = _without_stance(assessment, feet)
     found = {}
     for code in GROUP_OF:
-        why = _not_applicable(code, code in verdicts, assessment, numbers)
+        why = _not_applicable(code, code in verdicts, assessment, numbers, nobody)
         found[code] = Found(not_applicable=why) if why else _found(verdicts[code])
     clip = assessment.motion.clip
     start_s, stop_s = start / clip.fps, (start + clip.frame_count) / clip.fps
@@ -112,14 +117,18 @@ def from_text(text: str) -> tuple[Judgement, ...]:
     return tuple(judgements)
 
 
-def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Numbers) -> str:
-    """Why a criterion says nothing of a stretch; empty where it does."""
+def _without_stance(assessment: Assessment, feet: FootSettings) -> frozenset[str]:
+    """Criteria of slip that hold no foot of a stretch to stand."""
+    standing, told = held_to_stand(assessment.motion, feet)
+    return frozenset((*(() if standing.any() else OF_STANCES), *(() if told.any() else (OF_SOLES,))))
+
+
+def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Numbers, nobody: frozenset[str]) -> str:
+    """Why a criterion says nothing of a stretch; empty where it does. Those of `nobody` found no foot to ask."""
     motion = assessment.motion
     if code in OF_LABELS and not motion.labelled:
         return NO_LABELS
-    if code in OF_STANCES and not inner_contacts(motion.contacts).any():
-        return NO_STANCE
-    if code == OF_SOLES and not inner_contacts(motion.told_contacts).any():
+    if code in nobody:
         return NO_STANCE
     if asked:
         return ""

@@ -88,7 +88,7 @@ def _judge(
     motion = found.motion
     count, fps = motion.clip.frame_count, motion.clip.fps
     own_length = length(count / fps, settings.cut.min_seconds)
-    said.judgements.append(judge(found, (*said.unlike, own_length), numbers, offset))
+    said.judgements.append(judge(found, (*said.unlike, own_length), numbers, offset, settings.feet))
     if not own_length.holds:
         said.reasons.append(own_length.reason(fps, offset / fps, (offset + count) / fps))
         return []

@@ -195,8 +195,23 @@ def test_where_no_sole_is_down_there_is_no_stance_either(robot: Robot):
         assert found[asked].not_applicable == ""
 
 
+def test_where_of_two_feet_each_slides_in_its_only_inner_frame_none_is_held_to_stand(robot: Robot):
+    """Each is down for three frames, and in the one of which slip may be asked the other is the slower one."""
+    motion = motion_of(dataclasses.replace(standing(robot), contacts=None), robot, LIMITS)
+    contacts = np.zeros((motion.clip.frame_count, 2), dtype=bool)
+    contacts[50:53, 0] = contacts[51:54, 1] = True
+    velocity = motion.sole.corner_vel_w.copy()
+    velocity[51, 0, :, 0] = velocity[52, 1, :, 0] = 0.5
+    soles = dataclasses.replace(motion.sole, corner_vel_w=velocity)
+    for fast, said in ((soles, "no foot is in contact"), (motion.sole, "")):
+        assessed = assess(dataclasses.replace(motion, sole=fast, contacts=contacts), LIMITS)
+        found = judge(assessed, (), {}, 0, LIMITS.feet).found
+        assert {found[code].not_applicable for code in ("foot_told_slip_mean", "foot_slip_p95")} == {said}
+        assert found["foot_slip_mean"].not_applicable == "no contact labels"
+
+
 def _judgement(clip: RobotClip, robot: Robot) -> Judgement:
-    return judge(assess(motion_of(clip, robot, LIMITS), LIMITS), (), {}, 0)
+    return judge(assess(motion_of(clip, robot, LIMITS), LIMITS), (), {}, 0, LIMITS.feet)
 
 
 def test_judgements_do_not_stay_in_the_manifest(manifest: Manifest):
