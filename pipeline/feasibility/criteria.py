@@ -84,4 +84,4 @@ GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 
 def threshold_of(code: str, explained: bool) -> str:
     """Name of a criterion's threshold in `data/feasibility.yaml`; `explained`: contact forces explain the motion."""
-    return EXPLAINED.get(code, "") if explained and code in EXPLAINED else GROUPS[GROUP_OF[code]][code]
+    return EXPLAINED[code] if explained and code in EXPLAINED else GROUPS[GROUP_OF[code]][code]

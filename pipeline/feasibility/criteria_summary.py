@@ -14,7 +14,7 @@ BY_CRITERION = (
     *("closest margin", "closest number", "threshold", "unit", "closest clip", "setting", "source", "why"),
 )
 """Columns of `by_criterion`. Threshold and where it comes from are the closest stretch's: some criteria have one limit
-for labelled motion and another for the rest."""
+where contact forces explain the motion and another where they do not."""
 
 ORIGIN = ("unit", "setting", "source", "why")
 """Columns that say where a threshold comes from."""

@@ -33,6 +33,11 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("friction: {value: 1.0", "friction: {value: 0", r"'torque.friction' is 0"),
         ("mean_s: {value: 0.25", "mean_s: {value: 0", r"'torque.lasting_need.mean_s' is 0"),
         ("told_speed: {value: [0.3, 0.3]", "told_speed: {value: [-0.3, 0.3]", r"'torque.told_speed\[0\]' is -0.3"),
+        (
+            "told_reach_s: {value: [0.04, 0.02]",
+            "told_reach_s: {value: [0.04, -0.02]",
+            r"'torque.told_reach_s\[1\]' is -0.02",
+        ),
         ("told_slip_mean: {value: [0.05", "told_slip_mean: {value: [-0.1", r"'feet.told_slip_mean\[0\]' is -0.1"),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (

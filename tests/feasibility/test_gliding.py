@@ -114,7 +114,9 @@ def test_feet_that_slide_are_found_whatever_is_labelled(robot: Robot, limits: Fe
         assert found["foot_slip_mean"].limit == pytest.approx(0.1, abs=0.005)
 
 
-def test_of_two_feet_that_the_soles_tell_to_be_down_the_slower_one_is_held_to_stand(robot, limits):
+def test_of_two_feet_that_the_soles_tell_to_be_down_the_slower_one_is_held_to_stand(
+    robot: Robot, limits: FeasibilitySettings
+):
     motion = motion_of(standing(robot), robot, limits)
     velocity = motion.sole.corner_vel_w.copy()
     velocity[:, 1, :, 0] = 0.3
