@@ -124,7 +124,7 @@ def judge(
         told=own[TOLD_LABELS][0],
         windows=[_judged(window, robot, limits)[0] for window in windows],
         broken=set().union(*(broken for _, _, broken in own.values())),
-        beyond=beyond_contact(rollout, START_S),
+        beyond=beyond_contact(rollout, START_S, limits.torque.cutoff_hz),
     )
     if np.abs(command).max() >= STILL:
         _faults(clip, command, robot, rng, limits, found, planted)

@@ -14,11 +14,10 @@ from jaxtyping import Float
 
 from benchmarks.report import Bar
 from pipeline import time_series
+from pipeline.feasibility.motion import FPS
 from pipeline.simulation.contact_wrench import GRAVITY
 from pipeline.simulation.rollout import Rollout
 
-JUDGED_HZ, CUTOFF_HZ = 50.0, 10.0
-"""Rate and low pass at which KP5 looks at a motion."""
 FRAMES = 3
 """So many before and after a contact, in swings of more than twice as many."""
 SHARES = (50.0, 90.0, 98.0)
@@ -35,13 +34,14 @@ class Beyond:
     """In the first frames after it left."""
 
 
-def beyond_contact(walk: Rollout, start_s: float) -> Beyond:
-    """That of each swing from `start_s` on."""
-    step = round(1.0 / walk.timestep_s / JUDGED_HZ)
+def beyond_contact(walk: Rollout, start_s: float, cutoff_hz: float) -> Beyond:
+    """That of each swing from `start_s` [s] on, at the rate at which motions are judged, after a low pass at
+    `cutoff_hz` as their torque is."""
+    step = round(1.0 / walk.timestep_s / FPS)
     over_three = np.convolve(np.ones(step), np.ones(step)) / step**2
     force = np.stack([np.convolve(one, over_three, mode="same") for one in walk.foot_wrench_w[:, :, 2].T], axis=1)
-    seen = time_series.smooth(force[::step], JUDGED_HZ, CUTOFF_HZ) / (walk.robot.total_mass * GRAVITY)
-    on, start = walk.contacts()[::step], round(start_s * JUDGED_HZ)
+    seen = time_series.smooth(force[::step], FPS, cutoff_hz) / (walk.robot.total_mass * GRAVITY)
+    on, start = walk.contacts()[::step], round(start_s * FPS)
     before, after = [], []
     for side in range(2):
         for first, stop in time_series.runs(~on[start:, side]):
