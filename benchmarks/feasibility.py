@@ -5,14 +5,12 @@
 Known good are rollouts of policies that are known to walk: a published one of the T1, which is not part of the project
 (by default `../shared/policies/t1_walk.npz` beside the checkout, where it is), and the shipped one. A POLICY is a file,
 or a folder that holds `t1_walk.npz` or `policy.npz`. Commands are those on the axes of the command ranges and, for each
-seed, others drawn from the whole box. Each of these gets a table, and the draws of several seeds one together. All
-draws are held to 98 % in each row, together: single seeds of several have no bars. The axes, which limits were set
-with, count for no seed: in each row of their table one may be missed, since 24 rollouts can't tell 98 % from that.
-Rollouts are judged with their true contacts, without contacts, with those that KP2 tells, and cut into windows of half
-a second. Into the same rollouts each fault is planted once and counted if some body moved
-5 cm. Criteria that a rollout is not held to have tables of their own: tracking, and likeness to the person (of the
-clips of a checkout whose `expert_db` was made). Then torque by inverse dynamics is held against the simulation's
-motors. Weak motors in references are benchmarks/feasibility_references.py.
+seed, others drawn from the whole box. Each of these gets a table, and the draws of several seeds one together, without
+the axes, which limits were set with; every table has the bars. Rollouts are judged with their true contacts, without
+contacts, with those that KP2 tells, and cut into windows of half a second. Into the same rollouts each fault is planted
+once and counted if some body moved 5 cm. Criteria that a rollout is not held to have tables of their own: tracking, and
+likeness to the person (of the clips of a checkout whose `expert_db` was made). Then torque by inverse dynamics is held
+against the simulation's motors. Weak motors in references are benchmarks/feasibility_references.py.
 """
 
 from __future__ import annotations
@@ -88,17 +86,15 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
     for file in files:
         name = f"{file.parent.name}/{file.stem}"
         on_axes = _judge_all(file, commands_on_axes(), 0, limits, arguments)
-        yield f"{name}, on the axes, of each row one may be missed", _of_rollouts(on_axes, codes, arguments, LEAST, 1)
-        several = len(arguments.seeds) > 1
+        yield f"{name}, on the axes", _of_rollouts(on_axes, codes, arguments)
         drawn: list[Judged] = []
         for seed in arguments.seeds:
             judged = _judge_all(file, drawn_commands(arguments.drawn, seed), seed, limits, arguments)
-            yield f"{name}, seed {seed}", _of_rollouts(judged, codes, arguments, None if several else LEAST)
+            yield f"{name}, seed {seed}", _of_rollouts(judged, codes, arguments)
             drawn += judged
-        if several:
-            seeds = " ".join(map(str, arguments.seeds))
-            title = f"{name}, seeds {seeds} together, which has the bars of the drawn rollouts' tables"
-            yield title, _of_rollouts(drawn, codes, arguments, LEAST)
+        if len(arguments.seeds) > 1:
+            title = f"{name}, seeds {' '.join(map(str, arguments.seeds))} together"
+            yield title, _of_rollouts(drawn, codes, arguments)
         beyond = [one.beyond for one in (*on_axes, *drawn) if one.beyond is not None]
         yield f"{name}, forces beyond contacts", reach_bars(beyond)
     for seed in arguments.seeds:
@@ -112,11 +108,8 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
             yield "torque", torque_bars(file.parent, load_robot("t1"))
 
 
-def _of_rollouts(
-    judged: list[Judged], codes: list[str], arguments: argparse.Namespace, least: float | None, missed: int = 0
-) -> list[Bar]:
-    good = known_good_bars(judged, codes, least, missed)
-    return [*good, *fault_bars(judged, _planted(arguments), least, missed)]
+def _of_rollouts(judged: list[Judged], codes: list[str], arguments: argparse.Namespace) -> list[Bar]:
+    return [*known_good_bars(judged, codes), *fault_bars(judged, _planted(arguments))]
 
 
 def _judge_all(

@@ -18,20 +18,16 @@ LEAST = 98.0
 """Per cent of either kind that have to be judged rightly."""
 
 
-def rate(name: str, values: Sequence[bool | float], least: float | None = None, missed: int = 0) -> Bar:
-    """The mean of values as per cent, which has to be `least` or more. So many as `missed` may be missed at any rate,
-    unless there are no more than that. Of none it is not measured, and holds no bar."""
+def rate(name: str, values: Sequence[bool | float], least: float | None = None) -> Bar:
+    """The mean of values as per cent, which has to be `least` or more. Of none it is not measured, and holds no bar."""
     value = 100.0 * float(np.mean(values)) if len(values) else math.nan
     told = name if len(values) else f"{name}: not measured"
-    bound = least
-    if least is not None and len(values) > missed:
-        bound = min(least, 100.0 * ((len(values) - missed) / len(values)))
-    return Bar(name=told, value=value, unit="%", sense=">=" if least is not None else "", bound=bound)
+    return Bar(name=told, value=value, unit="%", sense=">=" if least is not None else "", bound=least)
 
 
-def _counted(name: str, values: Sequence[bool], least: float | None = None, missed: int = 0) -> Bar:
-    """A rate whose name bears how many of how many."""
-    return rate(f"{name} ({sum(values)} of {len(values)})", values, least, missed)
+def _counted(name: str, values: Sequence[bool]) -> Bar:
+    """A rate that has to be LEAST, whose name bears how many of how many."""
+    return rate(f"{name} ({sum(values)} of {len(values)})", values, LEAST)
 
 
 def criteria() -> list[str]:
@@ -40,20 +36,19 @@ def criteria() -> list[str]:
     return [code for code in GROUP_OF if code not in elsewhere]
 
 
-def known_good_bars(judged: list[Judged], codes: list[str], least: float | None = LEAST, missed: int = 0) -> list[Bar]:
-    """Known-good motion: accepted, at `least` so much of it or all but `missed`, and how many hold each criterion; who
-    fell did not walk, and is told."""
+def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
+    """Known-good motion: accepted, and how many hold each criterion; who fell did not walk, and is told."""
     fallen, judged = sum(one.fell for one in judged), [one for one in judged if not one.fell]
     windows = [held for one in judged for held in one.windows]
     without, told = [one.unlabelled for one in judged], [one.told for one in judged]
     bars = [
-        Bar(name="known-good rollouts", value=len(judged), sense=">=", bound=None if least is None else 1),
+        Bar(name="known-good rollouts", value=len(judged), sense=">=", bound=1),
         Bar(name="rollouts that fell, left out", value=fallen),
-        rate("known good: seconds accepted", [one.labelled[1] for one in judged], least, missed),
-        _counted("known good: accepted whole", [one.labelled[0] for one in judged], least, missed),
-        _counted("known good: accepted whole, contacts not labelled", without, least, missed),
-        _counted("known good: accepted whole, contacts that KP2 tells", told, least, missed),
-        _counted(f"known good: windows of {WINDOW_S:g} s accepted", windows, least, missed),
+        rate("known good: seconds accepted", [one.labelled[1] for one in judged], LEAST),
+        _counted("known good: accepted whole", [one.labelled[0] for one in judged]),
+        _counted("known good: accepted whole, contacts not labelled", without),
+        _counted("known good: accepted whole, contacts that KP2 tells", told),
+        _counted(f"known good: windows of {WINDOW_S:g} s accepted", windows),
     ]
     return bars + [
         rate(f"known good: hold {code}, labels of any kind or none", [code not in one.broken for one in judged])
@@ -61,11 +56,8 @@ def known_good_bars(judged: list[Judged], codes: list[str], least: float | None 
     ]
 
 
-def fault_bars(
-    judged: list[Judged], asked: Collection[str] = (), least: float | None = LEAST, missed: int = 0
-) -> list[Bar]:
-    """Planted faults that matter: found at all, at `least` so many or all but `missed`, by the criteria made for them,
-    and by which criterion.
+def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
+    """Planted faults that matter: found at all, by the criteria made for them, and by which criterion.
 
     A fault that was `asked` for and is in no rollout, or matters in none, was not measured.
     """
@@ -79,7 +71,7 @@ def fault_bars(
     for fault, each in sorted(found.items()):
         group = group_of(fault)
         by_group[group] += each
-        bars.append(_counted(f"found: {fault}", [bool(codes) for codes in each], least, missed))
+        bars.append(_counted(f"found: {fault}", [bool(codes) for codes in each]))
         bars.append(rate(f"    by {group}", [bool(codes & set(GROUPS[group])) for codes in each]))
         counts = Counter(code for codes in each for code in sorted(codes))
         bars += [rate(f"    by {code}", [code in codes for codes in each]) for code, _ in counts.most_common()]
