@@ -6,7 +6,7 @@ from pipeline.training.options import Options
 from pipeline.training.training_error import TrainingError
 
 REASONS = {
-    "assist": "nobody stays near a clip at first: .7 s by the clip's own joints, seconds with a hand at the trunk",
+    "assist": "by the clip's own joints robots stay near it for .7 s; longer with a hand at the trunk",
     "assist_iterations": "as assist",
     "tracked": "held, but not made to track, robots took 303 to 560 steps a minute: what is paid leads there",
     "tracked_end": "let go sooner and to a tenth, steps went from 120 to 245 a minute within 150 iterations",
