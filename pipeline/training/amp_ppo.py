@@ -44,6 +44,8 @@ class AmpPpo(PPO):
         self._std = distribution.std_param
         self.update_s = 0.0
         """Duration of the last update of the networks [s]."""
+        self.explained = float("nan")
+        """Share of the variance of the last returns that the critic had foreseen."""
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
@@ -93,6 +95,7 @@ class AmpPpo(PPO):
         with _tf32():
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
+            self.explained = explained(self.storage.returns, self.storage.values)
             figures = super().update()
         self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - begun
@@ -151,6 +154,11 @@ class AmpPpo(PPO):
             if parameter.grad is not None:
                 torch.distributed.all_reduce(parameter.grad)
                 parameter.grad /= self.gpu_world_size
+
+
+def explained(returns: torch.Tensor, values: torch.Tensor) -> float:
+    """1 - var(returns - values) / var(returns)."""
+    return float(1.0 - (returns - values).var() / returns.var().clamp(min=1e-12))
 
 
 def _grown(value: float, span: tuple[float, float]) -> float:

@@ -82,6 +82,8 @@ class VelocityCommand(CommandTerm):
     def __init__(self, cfg: VelocityCommandCfg, env):
         super().__init__(cfg, env)
         self._command = torch.zeros(self.num_envs, 3, device=self.device)
+        self.coming = draw_commands(self.num_envs, env.context.options, self.device)
+        """The commands (n, 3) that come next."""
         self.age = torch.zeros(self.num_envs, device=self.device)
         """Time since the command was given [s]."""
         env.restarts.append(self.restart)
@@ -96,7 +98,7 @@ class VelocityCommand(CommandTerm):
         self.age[env_ids] = age
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
-        """The commands grow older by `dt` [s], a number or (n,); those whose time is up are drawn anew. Who tracks a
+        """The commands grow older by `dt` [s], a number or (n,); those whose time is up get the next one. Who tracks a
         clip is told the clip's."""
         self.time_left -= dt
         clip, over = self._env.tracked_clip, self.time_left <= 0.0
@@ -117,7 +119,8 @@ class VelocityCommand(CommandTerm):
     def _draw(self, mask: torch.Tensor) -> None:
         low, high = self.cfg.resampling_time_range
         replace(self.time_left, mask, low + (high - low) * torch.rand_like(self.time_left))
-        replace(self._command, mask, draw_commands(self.num_envs, self._env.context.options, self.device))
+        replace(self._command, mask, self.coming)
+        replace(self.coming, mask, draw_commands(self.num_envs, self._env.context.options, self.device))
         replace(self.age, mask, 0.0)
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:

@@ -22,6 +22,7 @@ from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST
 from pipeline.training.options import Options
+from pipeline.training.pushes import ComingPush
 from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
 from pipeline.training.reward_terms import motor_limit
@@ -74,6 +75,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.ramps = Ramps(options, device)
         self.restarts: list[Callable[[torch.Tensor], None]] = []
         """What terms do where (n,) an episode begins; each puts its own in."""
+        self.coming_pushes: list[ComingPush] = []
+        """Of each kind of push the next ones; each kind puts its own in."""
         if device == "cpu":
             wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)

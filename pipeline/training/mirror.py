@@ -16,9 +16,12 @@ COMMAND = slice(6, 9)
 
 
 class Mirror:
-    """Left and right swapped. Twice is the identity."""
+    """Left and right swapped. Twice is the identity.
 
-    def __init__(self, robot: RobotFacts, device: str):
+    `beyond` (k,): by what each number that the critic sees beyond the feet is multiplied.
+    """
+
+    def __init__(self, robot: RobotFacts, device: str, beyond: torch.Tensor | None = None):
         joints = robot.index(robot.policy_joints)
         partner = [robot.policy_joints.index(robot.joint_names[int(robot.mirror_index[joint])]) for joint in joints]
         count = len(joints)
@@ -35,9 +38,11 @@ class Mirror:
             frame_sign.repeat(HISTORY).float().to(device),
         )
         base, feet = torch.tensor([1.0, -1.0, 1.0]), torch.ones(2)
+        beyond = torch.zeros(0) if beyond is None else beyond.cpu()
+        further = size + 5 + torch.arange(len(beyond))
         self._critic = (
-            torch.cat([index, size + torch.arange(3), torch.tensor([size + 4, size + 3])]).to(device),
-            torch.cat([frame_sign.float(), base, feet]).to(device),
+            torch.cat([index, size + torch.arange(3), torch.tensor([size + 4, size + 3]), further]).to(device),
+            torch.cat([frame_sign.float(), base, feet, beyond]).to(device),
         )
 
     def actions(self, actions: torch.Tensor) -> torch.Tensor:
@@ -45,10 +50,9 @@ class Mirror:
         return _mirrored(actions, self._action)
 
     def observations(self, obs: TensorDict) -> TensorDict:
-        """Of the groups `actor` and `critic`; what the critic sees beyond the feet is the same on both sides."""
-        known = len(self._critic[0])
-        critic = torch.cat([_mirrored(obs["critic"], self._critic), obs["critic"][:, known:]], dim=1)
-        return TensorDict({"actor": _mirrored(obs["actor"], self._actor), "critic": critic}, batch_size=obs.batch_size)
+        """Of the groups `actor` and `critic`."""
+        both = {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)}
+        return TensorDict(cast(Any, both), batch_size=obs.batch_size)
 
 
 def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:

@@ -2,7 +2,8 @@
 
 The actor's 72 x 10 numbers are those of `pipeline/deployment/observation.py`, time-major, the oldest frame first, zeros
 where there is none yet; joints in the network's order. The critic sees the newest frame without noise, the base's
-velocity, which feet touch, and the clip that is tracked where clips are.
+velocity, which feet touch, the clip that is tracked where clips are, and what is going to happen where
+it has foresight.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import torch
 from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
 
+from pipeline.training.foresight import foreseen, signs
 from pipeline.training.masks import replace
 
 HISTORY = 10
@@ -73,9 +75,16 @@ class ActorHistory:
 
 def critic_frame(env) -> torch.Tensor:
     """The newest frame, the base's velocity and the feet's contacts (n, 72 + 5); where clips are tracked, how near the
-    clip is and whether there is one (n, 2)."""
-    clip = [] if env.tracked_clip is None else [env.tracked_clip.seen()]
-    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float(), *clip], dim=1)
+    clip is and whether there is one (n, 2); with `foresight` what it says (n, k)."""
+    beyond = [] if env.tracked_clip is None else [env.tracked_clip.seen()]
+    beyond += [foreseen(env)] if env.context.options.foresight else []
+    return torch.cat([newest_frame(env), env.readings.lin_vel_b, env.readings.contacts.float(), *beyond], dim=1)
+
+
+def beyond_signs(env) -> torch.Tensor:
+    """By what each number that the critic sees beyond the feet is multiplied in a mirror (k,)."""
+    clip = torch.ones(0 if env.tracked_clip is None else 2)
+    return torch.cat([clip, signs(env)]) if env.context.options.foresight else clip
 
 
 def observation_cfg() -> dict[str, ObservationGroupCfg]:

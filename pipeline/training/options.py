@@ -67,6 +67,8 @@ class Options:
     """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .97 of the range [rad]."""
     energy_factor: float = 1.0
     """Of the paper's energy weight."""
+    power: float = 0.0
+    """Weight of the motors' power, summed over the joints [1/W]."""
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
@@ -97,6 +99,8 @@ class Options:
     """Weight of the time walked in steps as long as the clips take at that command, shorter ones by their share."""
     long_step_share: float = 0.0
     """Of the clips' time: shorter steps are paid nothing."""
+    long_step_sigma2: float = 0.0
+    """Steps are paid as far as the averaged velocity is the command's, in a kernel of this width; 0: whatever it is."""
     saturation: float = 0.0
     """Weight of torque beyond .85 of a joint's limit."""
     saturation_of: str = "limit"
@@ -226,6 +230,10 @@ class Options:
     std_iterations: tuple[int, int] = (300, 900)
     """The bound sinks from `init_std` between these iterations."""
     hidden: tuple[int, ...] = (512, 256, 128)
+    value_clip: bool = True
+    """Whether an update moves the critic by at most .2 at a state, as rsl-rl does: one fall changes a return by 25."""
+    foresight: bool = False
+    """Whether the critic is told the next push and command (`foresight.py`)."""
     symmetry: bool = True
     """Mirrored samples beside each mini-batch's own …"""
     mirror_standing: bool = True

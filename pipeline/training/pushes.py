@@ -14,45 +14,56 @@ LEAST_SHARE = 0.2
 """A push is at least this share of the largest one."""
 
 
-def horizontal(count: int, largest: float | torch.Tensor, device: str | torch.device) -> torch.Tensor:
-    """Vectors (count, 3) in random horizontal directions, their lengths evenly up to the largest one."""
+def horizontal(count: int, device: str | torch.device) -> torch.Tensor:
+    """Vectors (count, 3) in random horizontal directions, as shares of the largest push."""
     angle = 2.0 * math.pi * torch.rand(count, device=device)
-    length = largest * (LEAST_SHARE + (1.0 - LEAST_SHARE) * torch.rand(count, device=device))
+    length = LEAST_SHARE + (1.0 - LEAST_SHARE) * torch.rand(count, device=device)
     return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
 
 
-class Waits:
-    """How long each environment is still left alone; drawn anew when a wait is over and when an episode begins."""
+class ComingPush:
+    """The next push of each environment: drawn when the one before begins and when an episode does, so that it is
+    known ahead (`foresight.py`)."""
 
-    def __init__(self, env):
+    def __init__(self, env, largest: torch.Tensor):
         self._span, self._step_s = env.context.options.push_interval_s, env.step_dt
-        self._left = torch.zeros(env.num_envs, device=env.device)
-        self.restart(torch.ones_like(self._left, dtype=torch.bool))
+        self._pushed, self._largest = env.pushed, largest
+        self.left_s = torch.zeros(env.num_envs, device=env.device)
+        """How long each is still left alone (n,) [s]."""
+        self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
+        self._drawn(torch.ones_like(self.left_s, dtype=torch.bool))
+        env.coming_pushes.append(self)
+        env.restarts.append(self._drawn)
 
-    def over(self) -> torch.Tensor:
-        """Whose wait ends with this step (n,)."""
-        self._left -= self._step_s
-        ends = self._left <= 0.0
-        self.restart(ends)
-        return ends
+    @property
+    def push_w(self) -> torch.Tensor:
+        """It (n, 3), in the world and in the unit of the ramp of the largest; 0 where nobody pushes."""
+        return self._share_w * self._largest * self._pushed[:, None]
 
-    def restart(self, mask: torch.Tensor) -> None:
-        """Draw the waits of some anew."""
+    def begins(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """A control step later: who (n,) is pushed with this step, and by what (n, 3), of those."""
+        self.left_s -= self._step_s
+        now, push_w = self.left_s <= 0.0, self.push_w
+        self._drawn(now)
+        return now, push_w
+
+    def _drawn(self, mask: torch.Tensor) -> None:
+        """Draw the next one of some anew."""
         low, high = self._span
-        replace(self._left, mask, low + (high - low) * torch.rand_like(self._left))
+        replace(self.left_s, mask, low + (high - low) * torch.rand_like(self.left_s))
+        replace(self._share_w, mask, horizontal(len(mask), mask.device))
 
 
 class PushVelocity:
     """Every few seconds the base's velocity is another at once."""
 
     def __init__(self, cfg, env):
-        self._waits = Waits(env)
-        env.restarts.append(self._waits.restart)
+        self._coming = ComingPush(env, env.ramps.push_speed)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
-        pushed = (self._waits.over() & env.pushed)[:, None]
+        now, change_w = self._coming.begins()
         velocity_w = env.sim.data.qvel[:, :3]
-        velocity_w += torch.where(pushed, horizontal(env.num_envs, env.ramps.push_speed, env.device), 0.0)
+        velocity_w += torch.where(now[:, None], change_w, 0.0)
 
 
 class PushForce:
@@ -60,19 +71,17 @@ class PushForce:
 
     def __init__(self, cfg, env):
         self._force_w = env.trunk_forces.push_w
-        self._waits = Waits(env)
+        self._coming = ComingPush(env, env.ramps.push_impulse)
         self._left = torch.zeros(env.num_envs, device=env.device)
         env.restarts.append(self.restart)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
         self._left -= env.step_dt
-        begins = self._waits.over()
-        drawn = horizontal(env.num_envs, env.ramps.push_impulse / FORCE_S, env.device) * env.pushed[:, None]
+        now, impulse_w = self._coming.begins()
         replace(self._force_w, self._left <= 1e-6, 0.0)
-        replace(self._force_w, begins, drawn)
-        replace(self._left, begins, FORCE_S)
+        replace(self._force_w, now, impulse_w / FORCE_S)
+        replace(self._left, now, FORCE_S)
 
     def restart(self, mask: torch.Tensor) -> None:
-        """No push goes on from one episode to the next, and a new wait."""
+        """No push goes on from one episode to the next."""
         replace(self._left, mask, 0.0)
-        self._waits.restart(mask)

@@ -248,13 +248,17 @@ def _added(options: Options) -> tuple[Term, ...]:
         Term(
             name="long_step",
             equation="1[c != 0] at the end of a step: T clip((T / T_clips - s) / (.75 - s), 0, 1) / dt, T at most "
-            "1.5 T_clips",
+            "1.5 T_clips, times exp(-|v_cmd - mean v|^2 / long_step_sigma2) unless that is 0",
             weight=options.long_step,
-            value=lambda env: (
-                terms.long_step(env.command, env.readings.step_s, env.step_times(env.command), options.long_step_share)
-                / env.step_dt
-            ),
+            value=lambda env: _long_step(env, options),
             added="steps of a third of the clips' time are paid as well as theirs",
+        ),
+        Term(
+            name="power",
+            equation="sum |tau dq|",
+            weight=-options.power,
+            value=lambda env: terms.power(env.readings.torque, env.readings.joint_vel),
+            added="power is a bar of the evaluation, in sum; the norm over joints hardly sees small ones",
         ),
         Term(
             name="saturation",
@@ -264,6 +268,14 @@ def _added(options: Options) -> tuple[Term, ...]:
             added="leaves the motors a reserve",
         ),
     )
+
+
+def _long_step(env, options: Options) -> torch.Tensor:
+    read, wanted_s = env.readings, env.step_times(env.command)
+    paid = terms.long_step(env.command, read.step_s, wanted_s, options.long_step_share) / env.step_dt
+    if options.long_step_sigma2:
+        paid = paid * terms.joint_tracking(env.command, read.mean_velocity, options.long_step_sigma2)
+    return paid
 
 
 def _lateral_gap(env) -> torch.Tensor:

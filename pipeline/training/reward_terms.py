@@ -54,6 +54,11 @@ def energy(torque: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
     return torch.linalg.norm(torque * joint_vel, dim=1)
 
 
+def power(torque: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
+    """sum |tau * dq| over joints [W]."""
+    return (torque * joint_vel).abs().sum(dim=1)
+
+
 def limit_indicator(joint_pos: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.Tensor:
     """How many joints are beyond their limits."""
     return ((joint_pos > upper) | (joint_pos < lower)).float().sum(dim=1)

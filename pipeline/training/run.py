@@ -26,6 +26,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.first_posture import begin_at, first_action
 from pipeline.training.mirror import Mirror
+from pipeline.training.observations import beyond_signs
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import preset
@@ -70,7 +71,7 @@ class TrainingRun:
         env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
         self.env = env
         wrapped = TrainedOn(env)
-        wrapped.mirror = Mirror(bundle.robot, request.device)  # symmetry of mirror.py reads it
+        wrapped.mirror = Mirror(bundle.robot, request.device, beyond_signs(env))  # symmetry of mirror.py reads it
         windows = expert_windows(bundle.expert, options, request.seed)
         torch.manual_seed(seed)
         self.runner = OnPolicyRunner(
@@ -172,6 +173,7 @@ class TrainingRun:
             "style_share": self.algorithm.style_share(),
             "learning_rate": self.algorithm.learning_rate,
             "update_s": self.algorithm.update_s,
+            "explained": self.algorithm.explained,
             "action_std": std,
         }
         if self.rank:
@@ -256,6 +258,7 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
             "learning_rate": options.learning_rate,
             "entropy_coef": options.entropy,
             "desired_kl": options.desired_kl,
+            "use_clipped_value_loss": options.value_clip,
             "schedule": "adaptive",
             "rnd_cfg": None,
             "symmetry_cfg": {"data_augmentation_func": mirror, "use_data_augmentation": True}

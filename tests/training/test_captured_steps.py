@@ -106,6 +106,7 @@ CHANGES: dict[str, dict[str, Any]] = {
     "long_steps": {"push_interval_s": (0.02, 0.04)},
     "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0), "assist": 1.0, "tracked": 0.5},
     "paper": {},
+    "foreseen_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -64,6 +65,25 @@ def test_squares_are_summed_over_joints():
 def test_energy_is_the_norm_of_the_joints_powers():
     torque, speed = torch.tensor([[2.0, -5.0]]), torch.tensor([[1.5, 0.8]])
     assert terms.energy(torque, speed).item() == pytest.approx(5.0)
+
+
+def test_power_is_summed_over_joints_whatever_its_sign():
+    torque, speed = torch.tensor([[3.0, 4.0]]), torch.tensor([[1.0, -1.0]])
+    assert terms.power(torque, speed).item() == 7.0
+
+
+@pytest.mark.parametrize("sigma2", [0.0, 0.25])
+def test_steps_are_paid_as_far_as_the_command_is_followed_where_that_is_asked(sigma2: float):
+    options = PRESETS["paper_flat"][1].changed(long_step=2.0, long_step_sigma2=sigma2)
+    (row,) = (row for row in table(options) if row.name == "long_step")
+    mean = torch.tensor([[1.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    env = SimpleNamespace(
+        command=torch.tensor([[1.0, 0.0, 0.0]] * 2),
+        readings=SimpleNamespace(step_s=torch.tensor([0.4, 0.4]), mean_velocity=mean),
+        step_times=lambda command: torch.full((2,), 0.4),
+        step_dt=0.02,
+    )
+    assert row.value(env).tolist() == pytest.approx([20.0, 20.0 * (math.exp(-1.0) if sigma2 else 1.0)])
 
 
 def test_joints_beyond_their_limits_count_one_each():

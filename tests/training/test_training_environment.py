@@ -144,14 +144,16 @@ def test_windows_are_valid_once_they_are_full_and_never_cross_a_reset(env):
 
 
 def test_the_mirror_is_its_own_inverse_and_agrees_with_the_robots(env, robot):
-    mirror, task = Mirror(env.context.bundle.robot, "cpu"), deployment_task(robot)
-    for further in (0, 2):
+    task = deployment_task(robot)
+    for signs in ([], [1.0, 1.0], [1.0, -1.0, 1.0]):
+        beyond, further = torch.tensor(signs), len(signs)
+        mirror = Mirror(env.context.bundle.robot, "cpu", beyond)
         obs = TensorDict({"actor": torch.randn(3, 720), "critic": torch.randn(3, 77 + further)}, batch_size=[3])
         once_obs = mirror.observations(obs)
         twice = mirror.observations(once_obs)
         assert torch.equal(twice["actor"], obs["actor"])
         assert torch.equal(twice["critic"], obs["critic"])
-        assert torch.equal(once_obs["critic"][:, 77:], obs["critic"][:, 77:]), "of the clip both sides see the same"
+        assert torch.equal(once_obs["critic"][:, 77:], obs["critic"][:, 77:] * beyond)
     joints = np.random.default_rng(0).normal(size=len(robot.joint_names))
     joints[~np.isin(robot.joint_names, robot.controlled)] = 0.0
     mirrored = robot.mirror_sign * joints[robot.mirror_index]

@@ -115,7 +115,7 @@ def test_tilted_low_or_not_a_number_is_fallen():
 
 def test_pushes_are_horizontal_in_all_directions_and_grow():
     torch.manual_seed(0)
-    push = horizontal(5000, 60.0, "cpu")
+    push = 60.0 * horizontal(5000, "cpu")
     length = push.norm(dim=1)
     assert (push[:, 2] == 0.0).all()
     assert length.max() <= 60.0 + 1e-3
