@@ -40,7 +40,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
     data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
-    from pipeline.feasibility import FeasibilitySettings
+    from pipeline.feasibility import CommandSettings
     from pipeline.feedback.approved import entries_of, write_entries
     from pipeline.feedback.change import proposal_digest
     from pipeline.feedback.propose import propose
@@ -48,7 +48,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     from pipeline.selection import Curation
 
     rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
-    commands = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings).balance.commands
+    commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
     bounds = settings.read(PROJECT.settings("curation.yaml"), Curation).windows.bounds
     proposal = propose(reports_of(failure_modes), rules, commands, bounds)
     found = proposal_digest(proposal.changes)

@@ -1,7 +1,6 @@
 """What each asset's answer depends on besides its inputs: code, settings, robot. No heavy imports here."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import dagster as dg
 
@@ -29,7 +28,7 @@ class Plan:
     packages: tuple[str, ...]
     """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
-    """Files of `data/` that parametrise it, or a part of a file: "feasibility.yaml#balance.commands"."""
+    """Files of `data/` that parametrise it."""
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
     as_they_are: tuple[str, ...] = ()
@@ -47,7 +46,7 @@ class Plan:
 
     def fingerprint(self, project: Project) -> str:
         """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
-        values = [_values(project, name) for name in self.settings_files]
+        values = [settings.read_yaml(project.settings(name)) for name in self.settings_files]
         robot = digest_of_robot(project, self.robot) if self.robot else None
         parts = [self.name, self.code_version(), values, robot]
         if self.shipped_policies:
@@ -57,15 +56,6 @@ class Plan:
     def takes_as_it_is(self, parent: dg.AssetKey) -> bool:
         """Whether an input is taken as it is."""
         return parent.path[-1] in self.as_they_are
-
-
-def _values(project: Project, name: str) -> Any:
-    """What a settings file, or its part after a "#", says now."""
-    file, _, part = name.partition("#")
-    values = settings.read_yaml(project.settings(file))
-    for section in filter(None, part.split(".")):
-        values = values.get(section) if isinstance(values, dict) else None
-    return values
 
 
 def digest_of_robot(project: Project, robot: str) -> str:
@@ -116,7 +106,7 @@ FIELD = (
     Plan(
         name="curation_feedback",
         packages=("feedback", "failures", "feasibility", "selection"),
-        settings_files=("feedback_rules.yaml", "feasibility.yaml#balance.commands", "curation.yaml"),
+        settings_files=("feedback_rules.yaml", "commands.yaml", "curation.yaml"),
     ),
     Plan(name="sim_to_real_report", packages=("feedback",)),
 )
@@ -133,7 +123,12 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
             name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
         ),
         Plan(name="augmented_motions", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
-        Plan(name="feasible_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
+        Plan(
+            name="feasible_motions",
+            packages=("feasibility",),
+            settings_files=("feasibility.yaml", "commands.yaml"),
+            robot=robot,
+        ),
         Plan(name="expert_db", packages=("expert",), robot=robot),
     )
 

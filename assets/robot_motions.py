@@ -1,5 +1,6 @@
 """The stages of one robot, from one factory: a robot is a folder in `robots/`, no stage knows which."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -21,13 +22,16 @@ from assets.resources import ClipPoolResource
 from assets.stage import materialized, stage_of
 from assets.variants import all_variants
 from pipeline.batch import Entry, Manifest, run_stage
-from pipeline.files import settings
+from pipeline.files import digest, settings
 
 EFFECTIVE_SECONDS = (
     *("axis", "low", "high", "low_2", "high_2", "seconds", "clips", "families"),
     *("effective_seconds_before", "effective_seconds"),
 )
 """Columns of the table of command cells: what their seconds count for before weighting and after."""
+
+COMMANDS = "commands that weights are spread over"
+"""Stage name under which a manifest says the command cells."""
 
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
@@ -184,7 +188,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
-        from pipeline.feasibility import FeasibilitySettings, balance, coverage, process
+        from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage, process
         from pipeline.feasibility.command_seconds import by_command
         from pipeline.feasibility.criteria_table import split
         from pipeline.feasibility.recheck import recheck
@@ -194,6 +198,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
+        commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
         judged_by = {"settings": values, "robot": robot, "references": references(augmented_motions)}
         stage = stage_of(plan, partial(process, **judged_by), values, robot_files=robot.digest)
         manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
@@ -202,18 +207,16 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
         judged = run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged
         broken = [row.clip for row in judged if row.reasons]
-        balanced = balance(manifest.entry_table(), values)
-        made = balanced[["clip", "weight", "family"]].itertuples(index=False)
-        manifest = manifest.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
+        manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
-        manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values)
+        manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
         metadata |= told(feedback) | reweighted | write_table(plan, criteria, manifest)
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
-            cells = coverage(manifest.entry_table(), values).cells
+            cells = coverage(manifest.entry_table(), values, commands).cells
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
@@ -229,14 +232,26 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
     return feasible_motions
 
 
-def _reweighed(manifest: Manifest, feedback: Sequence[Any], values: Any) -> tuple[Manifest, dict[str, Any]]:
+def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
+    """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
+    from pipeline.feasibility import balance
+
+    made = balance(manifest.entry_table(), values, commands)[["clip", "weight", "family"]].itertuples(index=False)
+    said = {"stage": COMMANDS, **settings.plain(commands)}
+    named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(said): said})
+    return named.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
+
+
+def _reweighed(
+    manifest: Manifest, feedback: Sequence[Any], values: Any, commands: Any
+) -> tuple[Manifest, dict[str, Any]]:
     """KP5's result with approved factors on command cells, and what became of each cell; as it is without any."""
     if not feedback or not manifest.entries:
         return manifest, {}
     from pipeline.feedback.cell_weights import reweigh
 
     factors = {change.what: change.value for change in feedback}
-    found = reweigh(manifest.entry_table(), factors, values.balance)
+    found = reweigh(manifest.entry_table(), factors, values.balance, commands)
     before = {entry.clip: entry.numbers["weight"] for entry in manifest.entries}
     numbers = {
         clip: {"weight": weight, "weight_before_feedback": before[clip]} for clip, weight in found.weight.items()

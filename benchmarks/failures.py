@@ -28,7 +28,7 @@ from pipeline.feedback.propose import propose  # noqa: E402
 from pipeline.feedback.sim_to_real import simulated  # noqa: E402
 from pipeline.simulation.record import Rollout  # noqa: E402
 from tests.factories.log_trials import FAILURES, nominal_actuators, trial_of  # noqa: E402
-from tests.factories.trial_reports import CURATION, FEASIBILITY, RULES  # noqa: E402
+from tests.factories.trial_reports import COMMANDS, CURATION, RULES  # noqa: E402
 from tests.factories.virtual_trials import Planted, fallen_knee, planted_trials, walk, walker  # noqa: E402
 
 FOUND, FALSE = 95.0, 2.0
@@ -121,7 +121,7 @@ def model_bars(one, actuators) -> list[Bar]:
     plants = [fallen_knee(forward) for forward in (1.5, 1.9)]
     trials = [trial_of(walk(one, each)[1], one.robot, f"knee_{each.seed}") for each in plants]
     reports = [find_failures(trial, one.robot, actuators, FAILURES) for trial in trials]
-    changes = propose(reports, RULES, FEASIBILITY.balance.commands, CURATION.windows.bounds).changes
+    changes = propose(reports, RULES, COMMANDS, CURATION.windows.bounds).changes
     motors = [change for change in changes if change.section == "motors"]
     planted = plants[0].value * one.robot.torque_limit[one.robot.joint(plants[0].joint)]
     proposed = [change.value for change in motors if change.what == plants[0].joint]

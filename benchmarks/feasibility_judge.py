@@ -13,9 +13,10 @@ from benchmarks.feasibility_faults import FAULTS, LABELS, MATTERS_M, displacemen
 from benchmarks.feasibility_reach import Beyond, beyond_contact
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
-from pipeline.feasibility import FeasibilitySettings, assess, process
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, assess, process
 from pipeline.feasibility.criteria import GROUPS
 from pipeline.feasibility.motion import motion_of
+from pipeline.files import settings
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.repair.robot_contacts import label_robot_contacts
 from pipeline.robot import Robot, load_robot
@@ -29,7 +30,9 @@ from tests.factories.robot_faults import weakened_robot
 
 Command = tuple[float, float, float]
 
-ROBOT = Path(__file__).resolve().parent.parent / "robots" / "t1"
+ROOT = Path(__file__).resolve().parent.parent
+ROBOT = ROOT / "robots" / "t1"
+COMMANDS = settings.read(ROOT / "data" / "commands.yaml", CommandSettings)
 PUBLISHED = "t1_walk.npz"
 """Name of the published policy's file; it is deployed with its own gains."""
 NAMES = (PUBLISHED, "policy.npz")
@@ -143,11 +146,11 @@ def by_labels(clip: RobotClip, robot: Robot) -> dict[str, RobotClip]:
     return {"": clip, NO_LABELS: bare, TOLD_LABELS: told}
 
 
-def stands(clip: RobotClip, limits: FeasibilitySettings) -> bool:
+def stands(clip: RobotClip) -> bool:
     """Whether a robot stands, as the balance of the database has it."""
-    velocity, bounds = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps), limits.balance.commands
+    velocity = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)
     speed = np.hypot(velocity.forward_m_s, velocity.lateral_m_s)
-    return bool(speed < bounds.standing_m_s and abs(velocity.yaw_rate_rad_s) < bounds.standing_rad_s)
+    return bool(speed < COMMANDS.standing_m_s and abs(velocity.yaw_rate_rad_s) < COMMANDS.standing_rad_s)
 
 
 def _judged(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> tuple[bool, float, set[str]]:
@@ -170,7 +173,7 @@ def _faults(
     """Each fault once, judged with labels of every kind."""
     for name, fault in ((name, fault) for name, fault in FAULTS.items() if name in names):
         slow = name == "double speed" and command[0] < RUN_SPEED
-        if slow or (name in (SWAPPED, LABELS) and stands(clip, limits)):
+        if slow or (name in (SWAPPED, LABELS) and stands(clip)):
             continue
         planted = fault.plant(clip, robot, rng)
         if not matters(name, clip, planted, robot):

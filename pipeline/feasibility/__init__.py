@@ -2,6 +2,7 @@
 
 from pipeline.feasibility.assess import Assessment, assess
 from pipeline.feasibility.balance import balance
+from pipeline.feasibility.command_settings import CommandSettings
 from pipeline.feasibility.coverage import Coverage, coverage
 from pipeline.feasibility.process import process
 from pipeline.feasibility.settings import FeasibilitySettings
@@ -9,6 +10,7 @@ from pipeline.feasibility.verdict import Verdict
 
 __all__ = [
     "Assessment",
+    "CommandSettings",
     "Coverage",
     "FeasibilitySettings",
     "Verdict",

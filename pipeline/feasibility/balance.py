@@ -25,6 +25,7 @@ from pipeline.errors import PipelineError
 from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.command_settings import CommandSettings
 from pipeline.feasibility.gait_signature import families
 from pipeline.feasibility.settings import FeasibilitySettings
 
@@ -43,7 +44,7 @@ class BalanceError(PipelineError):
     """A table that weights can't be made of."""
 
 
-def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
+def balance(rows: pd.DataFrame, settings: FeasibilitySettings, commands: CommandSettings) -> pd.DataFrame:
     """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips), `cell`, the one it is in for
     longest, and `family`, the name of the first motion of those it shares its part of a cell with.
 
@@ -56,7 +57,7 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings) -> pd.DataFrame:
     ordered = rows.sort_values("clip", kind="stable").reset_index(names="place")
     ordered = ordered.assign(family=families(ordered, parents(ordered), settings.balance.same_gait))
     spent = by_command(ordered)
-    spent = spent.assign(cell=cell_of(spent, settings.balance.commands))
+    spent = spent.assign(cell=cell_of(spent, commands))
     worth = _second_weight(spent, settings.balance) * spent["seconds"].to_numpy(dtype=float)
     seconds = ordered["seconds"].to_numpy(dtype=float)
     mean_second = np.bincount(spent["row"], weights=worth, minlength=len(ordered)) / seconds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from pipeline.feasibility.balance_settings import CommandSettings
+from pipeline.feasibility.command_settings import CommandSettings
 
 STANDING = "standing"
 

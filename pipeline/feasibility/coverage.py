@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.feasibility.balance import effective_seconds, parents
-from pipeline.feasibility.balance_settings import BalanceSettings, CommandSettings
+from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import STANDING, Axis, standing
 from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
+from pipeline.feasibility.command_settings import CommandSettings
 from pipeline.feasibility.gait_signature import families
 from pipeline.feasibility.missing_turns import missing_turns
 from pipeline.feasibility.settings import FeasibilitySettings
@@ -37,13 +38,12 @@ class Coverage:
     then for each stretch of the plane."""
 
 
-def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
+def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: CommandSettings) -> Coverage:
     """Coverage of the command ranges by the seconds that clips spend at each velocity.
 
     An axis has the seconds whose other velocities lie in the middle of the range: within one cell's width of 0.
     Seconds outside the ranges count for no cell.
     """
-    commands = settings.balance.commands
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
     if len(rows):
@@ -57,7 +57,7 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings) -> Coverage:
         tables += _axis_rows(axis, _only(spent, _on_axis(spent, axis, commands) & ~still), _limits(axis, commands))
     tables += _plane_rows(_only(spent, _near(spent, "lateral", commands) & ~still), commands)
     cells = pd.DataFrame(tables)
-    missing = (*_missing(spent, settings.balance), *missing_turns(cells, settings.balance))
+    missing = (*_missing(spent, settings.balance, commands), *missing_turns(cells, settings.balance))
     return Coverage(cells=cells, missing=missing)
 
 
@@ -136,9 +136,8 @@ _WORDS = {
 """What a positive and a negative velocity on an axis is, and its unit."""
 
 
-def _missing(spent: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
+def _missing(spent: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> tuple[str, ...]:
     """Sentences for all directions. A box beside 0 is covered by standing too."""
-    commands = settings.commands
     still_s = float(spent.loc[standing(spent, commands), "seconds"].sum())
     sentences = [f"No clip stands for {settings.missing_seconds:g} s."] if still_s < settings.missing_seconds else []
     for column, axis in enumerate(AXES):

@@ -22,6 +22,7 @@ from pipeline.feasibility.units import (
     OfFrames,
     OfMotorLimit,
     Radians,
+    RadiansPerSecond,
     Seconds,
     SecondsBySpeed,
 )
@@ -136,7 +137,7 @@ class RootSettings:
     """Largest angle from upright [deg]."""
     speed: MetresPerSecond
     """Largest speed of the root [m/s]."""
-    turn_speed: Annotated[float, Unit("rad/s")]
+    turn_speed: RadiansPerSecond
     """Largest angular speed of the root [rad/s]."""
     acceleration: Annotated[float, Unit("m/s^2")]
     """Largest acceleration of the root [m/s^2]."""

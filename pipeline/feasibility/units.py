@@ -1,4 +1,4 @@
-"""Numbers of `data/feasibility.yaml` by what they are measured in; the file has to say the same unit."""
+"""Numbers of `data/feasibility.yaml` and `commands.yaml` by what they are measured in; the file has to say it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ Seconds = Annotated[float, Unit("s")]
 Hertz = Annotated[float, Unit("Hz")]
 Metres = Annotated[float, Unit("m")]
 MetresPerSecond = Annotated[float, Unit("m/s")]
+RadiansPerSecond = Annotated[float, Unit("rad/s")]
 Radians = Annotated[float, Unit("rad")]
 Degrees = Annotated[float, Unit("deg")]
 Plain = Annotated[float, Unit("-")]

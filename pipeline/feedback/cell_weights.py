@@ -23,6 +23,7 @@ import pandas as pd
 from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import cell_of
 from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.command_settings import CommandSettings
 
 ROUNDS = 500
 CLOSE = 1e-9
@@ -53,7 +54,9 @@ class Reweighted:
     cells: tuple[CellShare, ...]
 
 
-def reweigh(rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceSettings) -> Reweighted:
+def reweigh(
+    rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceSettings, commands: CommandSettings
+) -> Reweighted:
     """Weights of clips with factors on cells.
 
     Args:
@@ -61,7 +64,7 @@ def reweigh(rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceS
         factors: cell -> how much more often it is drawn
     """
     names = sorted(factors)
-    inside = cell_parts(rows, names, settings)
+    inside = cell_parts(rows, names, commands)
     weight = rows["weight"].to_numpy(dtype=float)
     seconds = rows["seconds"].to_numpy(dtype=float)
     before = weight @ inside / weight.sum()
@@ -85,10 +88,10 @@ def reweigh(rows: pd.DataFrame, factors: Mapping[str, float], settings: BalanceS
     return Reweighted(weight=dict(zip(rows["clip"], raised.tolist(), strict=True)), cells=cells)
 
 
-def cell_parts(rows: pd.DataFrame, cells: list[str], settings: BalanceSettings) -> np.ndarray:
+def cell_parts(rows: pd.DataFrame, cells: list[str], commands: CommandSettings) -> np.ndarray:
     """Part of each clip's seconds that lies in each cell (n, k)."""
     spent = by_command(rows.reset_index(drop=True))
-    named = cell_of(spent, settings.commands).to_numpy()
+    named = cell_of(spent, commands).to_numpy()
     parts = np.zeros((len(rows), len(cells)))
     for k, cell in enumerate(cells):
         within = named == cell

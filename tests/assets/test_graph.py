@@ -155,8 +155,15 @@ def _numbers(values: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
     return [at for name, below in values.items() for at in _numbers(below, (*path, name))]
 
 
-def test_each_number_of_feasibility_makes_that_stage_stale_and_nothing_above_it(tmp_path, root):
-    """But for the grid of commands, which feedback is told in."""
+@pytest.mark.parametrize(
+    ("file", "least", "stale"),
+    [
+        ("feasibility.yaml", 60, {"feasible_motions"}),
+        ("commands.yaml", 5, {"feasible_motions", "curation_feedback"}),
+    ],
+)
+def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(file, least, stale, tmp_path, root):
+    """Of the limits KP5 alone; of the commands also the feedback that is told in their cells."""
     import copy
     import dataclasses
     import shutil
@@ -171,11 +178,11 @@ def test_each_number_of_feasibility_makes_that_stage_stale_and_nothing_above_it(
     project = Project(tmp_path)
     asked = {key: plan for key, plan in plans(project).items() if plan.settings_files}
     named = {key: dataclasses.replace(plan, robot=None) for key, plan in asked.items()}  # its digest takes its time
-    path = project.settings("feasibility.yaml")
+    path = project.settings(file)
     values = read_yaml(path)
     before = {key: plan.fingerprint(project) for key, plan in named.items()}
     numbers = _numbers(values)
-    assert len(numbers) > 60
+    assert len(numbers) >= least
     for *sections, last in numbers:
         changed = copy.deepcopy(values)
         at = changed
@@ -183,7 +190,15 @@ def test_each_number_of_feasibility_makes_that_stage_stale_and_nothing_above_it(
             at = at[name]
         at[last] = "another"
         path.write_text(yaml.safe_dump(changed))
-        stale = {plan.name for key, plan in named.items() if plan.fingerprint(project) != before[key]}
-        told = {"curation_feedback"} if sections == ["balance", "commands"] else set()
-        assert stale == {"feasible_motions"} | told, (*sections, last)
-    assert ("balance", "commands", "forward") in numbers
+        found = {plan.name for key, plan in named.items() if plan.fingerprint(project) != before[key]}
+        assert found == stale, (*sections, last)
+
+
+def test_below_kp5_lie_the_database_and_what_is_made_of_it_alone():
+    below, todo = set(), ["feasible_motions"]
+    while todo:
+        above = todo.pop()
+        new = {name for name, parents in LINEAGE.items() if above in parents} - below
+        below |= new
+        todo += new
+    assert below == {"expert_db", *POLICY}

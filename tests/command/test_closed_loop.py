@@ -17,7 +17,7 @@ import pytest
 from assets.approval import approve_proposal
 from assets.project import Project
 from pipeline.actuators import read_actuators
-from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility import CommandSettings
 from pipeline.feedback.cell_weights import cell_parts
 from pipeline.files import digest, settings
 from pipeline.hardware_logs.log_folder import QUIET_S
@@ -180,9 +180,9 @@ def _index(checkout: Checkout) -> pd.DataFrame:
 
 def _share(checkout: Checkout, index: pd.DataFrame) -> float:
     """Share of draws that land in the cell: a clip by its weight, then a time within it."""
-    balance = settings.read(checkout.root / "data/feasibility.yaml", FeasibilitySettings).balance
+    commands = settings.read(checkout.root / "data/commands.yaml", CommandSettings)
     weight = index["weight"].to_numpy()
-    return float(np.sum(weight * cell_parts(index, [CELL], balance)[:, 0]) / np.sum(weight))
+    return float(np.sum(weight * cell_parts(index, [CELL], commands)[:, 0]) / np.sum(weight))
 
 
 def _effects(checkout: Checkout) -> dict[str, list[dict[str, Any]]]:

@@ -1,6 +1,7 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
 import dataclasses
+import json
 import os
 import re
 import shutil
@@ -99,6 +100,24 @@ def test_a_threshold_changed_recomputes_from_its_stage_on(materialized):
     path.write_text(text)
     materialized.materialize()
     assert materialized.recomputed()["feasible_motions"] == 0
+
+
+def test_a_command_cell_changed_weighs_the_clips_anew_and_judges_none(materialized):
+    before, database = materialized.counts(), materialized.database()
+    path = materialized.root / "data/commands.yaml"
+    text = path.read_text()
+    path.write_text(text.replace("yaw_rate: {value: [-1.5, 1.5, 0.5]", "yaw_rate: {value: [-1.5, 1.5, 1.5]"))
+    assert path.read_text() != text
+    printed = materialized.materialize()
+    made = {name for name, count in materialized.counts().items() if count > before[name]}
+    assert made == {"feasible_motions", "expert_db"}
+    assert materialized.recomputed()["feasible_motions"] == 0
+    assert re.search(r"recheck: \d+ clips, \d+ known, 0 to work on", printed)
+    stages = json.loads((materialized.root / "data/expert_db/t1/manifest.json").read_text())["stages"].values()
+    assert [each["yaw_rate"] for each in stages if "yaw_rate" in each] == [[-1.5, 1.5, 1.5]]
+    path.write_text(text)
+    materialized.materialize()
+    assert materialized.database() == database
 
 
 def test_a_limits_sentence_changed_or_the_table_of_verdicts_lost_makes_the_table_alone(materialized):

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.failures.failure import Failure
 from pipeline.failures.trial_report import TrialReport
-from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility import CommandSettings
 from pipeline.feedback.propose import Proposal, propose
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import settings
@@ -15,7 +15,7 @@ from pipeline.selection import Curation
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 RULES = settings.read(DATA / "feedback_rules.yaml", FeedbackRules)
-FEASIBILITY = settings.read(DATA / "feasibility.yaml", FeasibilitySettings)
+COMMANDS = settings.read(DATA / "commands.yaml", CommandSettings)
 CURATION = settings.read(DATA / "curation.yaml", Curation)
 
 LEFT = (0.0, 0.4, 0.0)
@@ -57,7 +57,7 @@ def report(number: int, *failures: Failure, **more: Any) -> TrialReport:
 
 def proposal(*reports: TrialReport, rules: FeedbackRules = RULES) -> Proposal:
     """What the shipped rules, or others, make of reports."""
-    return propose(reports, rules, FEASIBILITY.balance.commands, CURATION.windows.bounds)
+    return propose(reports, rules, COMMANDS, CURATION.windows.bounds)
 
 
 def values(found: Proposal) -> dict[tuple[str, str], float]:

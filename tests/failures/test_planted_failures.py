@@ -8,7 +8,7 @@ from pipeline.feedback.motor_limits import lowered
 from pipeline.feedback.propose import propose
 from pipeline.feedback.sim_to_real import simulated, twin_of
 from tests.factories.log_trials import FAILURES, trial_of
-from tests.factories.trial_reports import CURATION, FEASIBILITY, RULES
+from tests.factories.trial_reports import COMMANDS, CURATION, RULES
 from tests.factories.virtual_trials import KINDS, fallen_knee, planted_trials, walk, walker
 
 pytestmark = pytest.mark.shared
@@ -37,7 +37,7 @@ def test_a_weak_knee_is_proposed_and_the_adapted_model_falls_where_the_nominal_o
     trials = [trial_of(walk(one, fallen_knee(forward))[1], one.robot, f"at_{forward}") for forward in (1.5, 1.9)]
     reports = [find_failures(trial, one.robot, actuators, FAILURES) for trial in trials]
     assert all(any(each.kind == "fall" and each.of_policy for each in report.failures) for report in reports)
-    changes = propose(reports, RULES, FEASIBILITY.balance.commands, CURATION.windows.bounds).changes
+    changes = propose(reports, RULES, COMMANDS, CURATION.windows.bounds).changes
     (motor,) = [change for change in changes if change.section == "motors"]
     assert motor.what == "Left_Knee_Pitch"
     assert motor.value == pytest.approx(0.32 * 60.0, rel=0.05)

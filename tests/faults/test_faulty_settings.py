@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.catalog import CatalogSettings
 from pipeline.errors import FileError, SettingsError
-from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility import CommandSettings, FeasibilitySettings
 from pipeline.files import settings
 from pipeline.readers import Source, list_motion_files, read_sources, refuse_outside_link
 from pipeline.repair import RepairSettings
@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FEASIBILITY = (ROOT / "data" / "feasibility.yaml").read_text()
 KINDS = {
     "catalog": CatalogSettings,
+    "commands": CommandSettings,
     "curation": Curation,
     "feasibility": FeasibilitySettings,
     "repair": RepairSettings,

@@ -51,12 +51,6 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             r"'root.height\[1\]' is 0.7, allowed is more than the first",
         ),
         ("tilt_deg: {value: 45.0", "tilt_deg: {value: 450", r"'root.tilt_deg' is 450"),
-        (
-            "forward: [-0.6, 2.0, 0.2]",
-            "forward: [-0.6, 2.0, 0]",
-            r"'balance.commands.forward' is -0.6 to 2 in cells of 0",
-        ),
-        ("forward: [-0.6, 2.0, 0.2]", "forward: [-0.6, 2.0, 0.3]", r"in cells of 0.3, allowed are 1 to 1000 whole"),
         ("max_ratio: 10.0", "max_ratio: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
         (
             "force: {value: 0.15",

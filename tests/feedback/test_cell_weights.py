@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.feasibility import balance
+from pipeline.feasibility import FeasibilitySettings, balance
 from pipeline.feedback.cell_weights import cell_parts, reweigh
-from tests.factories.trial_reports import FEASIBILITY
+from pipeline.files import settings
+from tests.factories.trial_reports import COMMANDS, DATA
 
 LEFT, AHEAD = "0.0 m/s, 0.4 m/s, 0.0 rad/s", "0.6 m/s, 0.0 m/s, 0.0 rad/s"
+FEASIBILITY = settings.read(DATA / "feasibility.yaml", FeasibilitySettings)
 FREE = dataclasses.replace(FEASIBILITY.balance, max_ratio=1e6)
 
 
@@ -42,17 +44,17 @@ def _ahead(seconds: float) -> tuple[float, float, float, float]:
 
 def _share(rows: pd.DataFrame, weights: dict[str, float], cell: str) -> float:
     weight = np.array([weights[clip] for clip in rows["clip"]])
-    return float(weight @ cell_parts(rows, [cell], FREE)[:, 0] / weight.sum())
+    return float(weight @ cell_parts(rows, [cell], COMMANDS)[:, 0] / weight.sum())
 
 
 def _balanced(*clips: dict) -> pd.DataFrame:
-    return balance(pd.DataFrame(clips), FEASIBILITY)
+    return balance(pd.DataFrame(clips), FEASIBILITY, COMMANDS)
 
 
 def test_clips_of_one_cell_weigh_the_factor_as_much_against_the_rest():
     rows = _balanced(_clip("left", 4.0, [_left(4.0)]), _clip("ahead", 6.0, [_ahead(6.0)]))
     old = dict(zip(rows["clip"], rows["weight"], strict=True))
-    new = reweigh(rows, {LEFT: 1.5}, FREE).weight
+    new = reweigh(rows, {LEFT: 1.5}, FREE, COMMANDS).weight
     assert new["left"] / new["ahead"] == pytest.approx(1.5 * old["left"] / old["ahead"])
     assert np.mean(list(new.values())) == pytest.approx(1.0)
 
@@ -60,7 +62,7 @@ def test_clips_of_one_cell_weigh_the_factor_as_much_against_the_rest():
 def test_a_mixed_clip_is_raised_until_the_cell_has_its_share():
     clips = [_clip("mixed", 8.0, [_left(2.0), _ahead(6.0)]), _clip("left", 2.0, [_left(2.0)])]
     rows = _balanced(*clips, _clip("ahead", 6.0, [_ahead(6.0)]))
-    found = reweigh(rows, {LEFT: 1.8}, FREE)
+    found = reweigh(rows, {LEFT: 1.8}, FREE, COMMANDS)
     (cell,) = found.cells
     assert cell.wanted == pytest.approx(1.8 * cell.before / (1.0 + 0.8 * cell.before))
     assert cell.reached == pytest.approx(cell.wanted, rel=1e-6)
@@ -69,13 +71,13 @@ def test_a_mixed_clip_is_raised_until_the_cell_has_its_share():
 
 def test_where_the_clips_do_not_allow_it_the_share_that_was_reached_is_told():
     rows = _balanced(_clip("mixed", 8.0, [_left(2.0), _ahead(6.0)]))
-    (cell,) = reweigh(rows, {LEFT: 2.0}, FREE).cells
+    (cell,) = reweigh(rows, {LEFT: 2.0}, FREE, COMMANDS).cells
     assert cell.reached == pytest.approx(cell.before) and cell.wanted > cell.before
 
 
 def test_a_cell_without_clips_changes_nothing():
     rows = _balanced(_clip("ahead", 6.0, [_ahead(6.0)]), _clip("left", 4.0, [_left(4.0)]))
-    found = reweigh(rows, {"2.0 m/s, 0.0 m/s, 0.0 rad/s": 2.0}, FREE)
+    found = reweigh(rows, {"2.0 m/s, 0.0 m/s, 0.0 rad/s": 2.0}, FREE, COMMANDS)
     assert found.cells[0].clips == 0
     assert list(found.weight.values()) == pytest.approx(rows["weight"].tolist())
 
@@ -86,7 +88,7 @@ def test_no_second_passes_the_bound_of_the_balance():
     bound = dataclasses.replace(FEASIBILITY.balance, max_ratio=limit)
     second = rows["weight"] / rows["seconds"]
     before = float(second.max() * rows["seconds"].sum() / rows["weight"].sum())
-    new = reweigh(rows, {LEFT: 2.0}, bound).weight
+    new = reweigh(rows, {LEFT: 2.0}, bound, COMMANDS).weight
     raised = np.array([new[clip] for clip in rows["clip"]])
     ratio = (raised / rows["seconds"]).max() * rows["seconds"].sum() / raised.sum()
     assert ratio <= max(limit, before) * 1.001
@@ -95,7 +97,7 @@ def test_no_second_passes_the_bound_of_the_balance():
 def test_a_raise_that_cannot_be_had_lowers_no_other_cell():
     same = [_left(1e-3), _ahead(1.0)]
     rows = _balanced(_clip("a", 1.0, same), _clip("b", 1.0, same), _clip("rest", 5.0, [(0.0, 0.0, 1.0, 5.0)]))
-    for cell in reweigh(rows, {LEFT: 2.0, AHEAD: 1.0}, FREE).cells:
+    for cell in reweigh(rows, {LEFT: 2.0, AHEAD: 1.0}, FREE, COMMANDS).cells:
         assert cell.reached >= cell.before * (1.0 - 1e-9)
 
 
@@ -113,6 +115,6 @@ def test_weights_stay_positive_and_no_cell_falls_against_the_rest(clips, left, a
         ),
         _clip("rest", 5.0, [(0.0, 0.0, 1.0, 5.0)]),
     )
-    found = reweigh(rows, {LEFT: left, AHEAD: ahead}, FREE)
+    found = reweigh(rows, {LEFT: left, AHEAD: ahead}, FREE, COMMANDS)
     assert min(found.weight.values()) > 0.0
     assert sum(cell.reached for cell in found.cells) >= sum(cell.before for cell in found.cells) - 1e-6
