@@ -26,6 +26,7 @@ from pipeline.training.pushes import ComingPush
 from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
 from pipeline.training.reward_terms import motor_limit
+from pipeline.training.slopes import Slopes
 from pipeline.training.step_times import StepTimes
 from pipeline.training.tracked_clip import TrackedClip
 from pipeline.training.trunk_forces import TrunkForces
@@ -94,6 +95,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
     def load_managers(self) -> None:
         """mjlab's managers; the readings must be there before, the windows' size is known after."""
         robot, options = self.context.bundle.robot, self.context.options
+        self.slopes = Slopes(self) if options.slope_share else None
         self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
         size = 18 + 2 * len(self.controlled_index) + (3 if options.discriminator_command else 0)
@@ -140,6 +142,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """
         self.extras["log"] = {}
         self.ramps.at(self.iteration())
+        if self.slopes is not None:
+            self.slopes.at(self.iteration())
         self._given.copy_(action)
         for aim in self._aims:
             self._sim_step_counter += 1

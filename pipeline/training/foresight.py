@@ -1,4 +1,4 @@
-"""What happens to each environment whatever its robot does: the next push, and the next command.
+"""What happens to each environment whatever its robot does: the next push, the next command, and how the ground slopes.
 
 Only the critic may be told. Returns differ most by who is pushed over; a critic that knows the push ahead takes that
 from the advantages, and as no action changes it, their mean stays what it was: an input-dependent baseline (Mao et al.,
@@ -16,16 +16,19 @@ AHEAD_S = 3.0
 def foreseen(env) -> torch.Tensor:
     """Of each kind of push (n, 4): nearness in time 1..0, its vector in the frame of the heading times that, and
     whether there is one at all; the force that acts now (n, 2) [N]; of the next command (n, 4): its nearness in time,
-    and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked."""
+    and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked. Where
+    there are slopes, which way the ground falls (n, 2), as its sine."""
     pushes = [part for coming in env.coming_pushes for part in _of_push(coming, env.readings.heading_w)]
     acting = _from_heading(env.trunk_forces.push_w, env.readings.heading_w)
-    return torch.cat([*pushes, acting, *_of_command(env)], dim=1)
+    slope = [] if env.slopes is None else [_from_heading(env.slopes.down_w, env.readings.heading_w)]
+    return torch.cat([*pushes, acting, *_of_command(env), *slope], dim=1)
 
 
 def signs(env) -> torch.Tensor:
     """By what each of these numbers is multiplied in a mirror (k,)."""
     push, acting, command = [1.0, 1.0, -1.0, 1.0], [1.0, -1.0], [1.0, 1.0, -1.0, -1.0]
-    return torch.tensor([*push * len(env.coming_pushes), *acting, *command])
+    slope = [] if env.slopes is None else [1.0, -1.0]
+    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope])
 
 
 def _near(left_s: torch.Tensor) -> torch.Tensor:

@@ -37,6 +37,12 @@ class Options:
     """`plane`, or `rough`: a heightfield of random roughness."""
     roughness_m: float = 0.03
     """Height range of the rough terrain [m]."""
+    slope_share: float = 0.0
+    """Of the environments, whose ground slopes (`slopes.py`), each by up to …"""
+    slope_deg: float = 0.0
+    """… this angle."""
+    slope_iterations: tuple[int, int] = (0, 0)
+    """Slopes grow from level ground to that between these iterations."""
     motors: str = "line"
     """`line`: torque falls above the knee speed as the torque-speed curve does; `box`: a constant limit."""
     action_lag_steps: int = 0
@@ -98,7 +104,9 @@ class Options:
     long_step: float = 0.0
     """Weight of the time walked in steps as long as the clips take at that command, shorter ones by their share."""
     long_step_share: float = 0.0
-    """Of the clips' time: shorter steps are paid nothing."""
+    """Of the clips' time: shorter steps are paid nothing …"""
+    long_step_full: float = 0.75
+    """… and those that take as long are paid in full."""
     long_step_sigma2: float = 0.0
     """Steps are paid as far as the averaged velocity is the command's, in a kernel of this width; 0: whatever it is."""
     saturation: float = 0.0

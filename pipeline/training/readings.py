@@ -163,7 +163,10 @@ class Readings:
     @_kept
     def gravity_b(self) -> torch.Tensor:
         """Direction of gravity in the root's frame, unit."""
-        return -self.root_rotation_w[:, 2]
+        slopes = self._env.slopes
+        if slopes is None:
+            return -self.root_rotation_w[:, 2]
+        return torch.bmm(slopes.down_w[:, None], self.root_rotation_w)[:, 0]
 
     @_kept
     def _planar(self) -> tuple[torch.Tensor, torch.Tensor]:

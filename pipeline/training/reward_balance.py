@@ -44,6 +44,7 @@ NOMINAL = {
     "assist": 0.0,
     "resample_s": (1000.0, 1000.0),
     "terrain": "plane",
+    "slope_share": 0.0,
 }
 """Options without which nothing is random but the start."""
 

@@ -35,10 +35,11 @@ class Term:
 
 def table(options: Options) -> tuple[Term, ...]:
     """The rows under these options; those of weight 0 are left out. Raises TrainingError for a share that is none."""
-    if not 0.0 <= options.long_step_share < terms.STEP_SHARE:
+    if not 0.0 <= options.long_step_share < options.long_step_full <= terms.LONGEST_SHARE:
         raise TrainingError(
-            f"option 'long_step_share' is {options.long_step_share:g}; it must be at least 0 and below "
-            f"{terms.STEP_SHARE:g}, from where on a step is paid in full."
+            f"options 'long_step_share' and 'long_step_full' are {options.long_step_share:g} and "
+            f"{options.long_step_full:g}; they must be at least 0, the first below the second, and at most "
+            f"{terms.LONGEST_SHARE:g}, beyond which no step is paid."
         )
     rows = (*_tracking(options), *_motion(options), *_feet(options), *_added(options))
     return tuple(row for row in rows if row.weight != 0.0)
@@ -247,7 +248,7 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="long_step",
-            equation="1[c != 0] at the end of a step: T clip((T / T_clips - s) / (.75 - s), 0, 1) / dt, T at most "
+            equation="1[c != 0] at the end of a step: T clip((T / T_clips - s) / (f - s), 0, 1) / dt, T at most "
             "1.5 T_clips, times exp(-|v_cmd - mean v|^2 / long_step_sigma2) unless that is 0",
             weight=options.long_step,
             value=lambda env: _long_step(env, options),
@@ -272,7 +273,8 @@ def _added(options: Options) -> tuple[Term, ...]:
 
 def _long_step(env, options: Options) -> torch.Tensor:
     read, wanted_s = env.readings, env.step_times(env.command)
-    paid = terms.long_step(env.command, read.step_s, wanted_s, options.long_step_share) / env.step_dt
+    share = options.long_step_share, options.long_step_full
+    paid = terms.long_step(env.command, read.step_s, wanted_s, *share) / env.step_dt
     if options.long_step_sigma2:
         paid = paid * terms.joint_tracking(env.command, read.mean_velocity, options.long_step_sigma2)
     return paid

@@ -18,8 +18,6 @@ ASKED = 0.1
 """Speed [m/s] and yaw rate [rad/s] from which on a command asks for them."""
 STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
-STEP_SHARE = 0.75
-"""Of the clips' time of a step: one that takes as long is long enough."""
 LONGEST_SHARE = 1.5
 """Of the clips' time of a step: the time beyond is not walked."""
 
@@ -120,12 +118,12 @@ def single_stance(
 
 
 def long_step(
-    command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor, least_share: float = 0.0
+    command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor, least: float, full: float
 ) -> torch.Tensor:
-    """The time (n,) [s] of steps that end now, while told to move, times how far they got from `least_share` to
-    STEP_SHARE of the wanted time (n,); 0 where none ends. No step is paid for more than LONGEST_SHARE of that."""
+    """The time (n,) [s] of steps that end now, while told to move, times how far they got from the share `least` to
+    the share `full` of the wanted time (n,); 0 where none ends. No step is paid for more than LONGEST_SHARE of that."""
     share = step_s / wanted_s.clamp(min=1e-6)
-    got = ((share - least_share) / (STEP_SHARE - least_share)).clamp(0.0, 1.0)
+    got = ((share - least) / (full - least)).clamp(0.0, 1.0)
     return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * got * (command.abs() > 1e-6).any(dim=1)
 
 

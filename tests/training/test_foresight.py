@@ -102,14 +102,16 @@ def test_the_command_that_was_told_is_given(env: AmpEnvironment):
     assert given > 5
 
 
-def _state(side: float, tracks: bool = False) -> SimpleNamespace:
+def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleNamespace:
     """What is read, or seen in a mirror: left and right are the world's second axis, as the robot faces along x."""
     flip, flip2 = torch.tensor([1.0, side, 1.0]), torch.tensor([1.0, side])
     command = torch.tensor([[0.5, 0.3, -1.0], [0.0, 0.2, 0.4]]) * torch.tensor([1.0, side, side])
     coming = torch.tensor([[-0.5, 0.1, 1.0], [1.0, -0.2, 0.1]]) * torch.tensor([1.0, side, side])
     push = SimpleNamespace(left_s=torch.tensor([1.0, 9.0]), push_w=torch.tensor([[10.0, 20.0, 0], [0, 0, 0]]) * flip)
     term = SimpleNamespace(time_left=torch.tensor([0.5, 2.0]), coming=coming, command=command)
+    down_w = torch.tensor([[0.1, 0.05, -0.99], [0.0, 0.0, -1.0]]) * flip
     return SimpleNamespace(
+        slopes=SimpleNamespace(down_w=down_w) if slopes else None,
         coming_pushes=[push],
         readings=SimpleNamespace(heading_w=torch.tensor([[0.8, 0.6], [1.0, 0.0]]) * flip2),
         trunk_forces=SimpleNamespace(push_w=torch.tensor([[5.0, -6.0, 0.0], [1.0, 2.0, 0.0]]) * flip),
@@ -118,8 +120,10 @@ def _state(side: float, tracks: bool = False) -> SimpleNamespace:
     )
 
 
-def test_in_a_mirror_it_is_seen_with_its_signs():
-    there, mirrored = _state(1.0), _state(-1.0)
+@pytest.mark.parametrize("slopes", [True, False])
+def test_in_a_mirror_it_is_seen_with_its_signs(slopes: bool):
+    there, mirrored = _state(1.0, slopes=slopes), _state(-1.0, slopes=slopes)
+    assert foreseen(there).shape == (2, 12 if slopes else 10)
     assert foreseen(mirrored) == pytest.approx(foreseen(there) * signs(there), abs=1e-6)
     assert (foreseen(mirrored) != foreseen(there)).any()
     assert (foreseen(there)[1, PUSH_B] == 0.0).all(), "further ahead than is told"
@@ -127,8 +131,8 @@ def test_in_a_mirror_it_is_seen_with_its_signs():
 
 def test_who_tracks_a_clip_is_told_nothing_of_a_command_that_does_not_come():
     told = foreseen(_state(1.0, tracks=True))
-    assert (told[0, 6:] == 0.0).all()
-    assert (told[1, 6:] != 0.0).all()
+    assert (told[0, 6:10] == 0.0).all()
+    assert (told[1, 6:10] != 0.0).all()
 
 
 def test_the_critic_sees_it_the_actor_does_not_and_the_mirror_knows(env: AmpEnvironment):

@@ -12,6 +12,7 @@ from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.presets import PRESETS
 from pipeline.training.reward_table import _ramp, table
+from pipeline.training.training_error import TrainingError
 
 WEIGHTS = {
     "tracking_x": 3.0,
@@ -184,12 +185,25 @@ def test_ends_of_episodes_are_not_softened_at_the_start():
 def test_steps_are_paid_for_their_time_the_more_the_longer_up_to_the_clips():
     command = torch.tensor([[1.0, 0.0, 0.0]] * 5 + [[0.0, 0.0, 0.0]])
     time = torch.tensor([0.15, 0.3, 0.6, 5.0, 0.0, 0.3])
-    paid = terms.long_step(command, time, torch.full((6,), 0.4))
+    paid = terms.long_step(command, time, torch.full((6,), 0.4), 0.0, 0.75)
     assert paid.tolist() == pytest.approx([0.15 * 0.5, 0.3, 0.6, 0.6, 0.0, 0.0])
     halves, whole = paid[0] / 0.15, paid[1] / 0.3
     assert halves.item() == pytest.approx(0.5 * whole.item()), (
         "a second of short steps is paid half of one of long ones"
     )
-    assert terms.long_step(command, time, torch.zeros(6)).tolist() == pytest.approx([0.0] * 6), "no clip steps"
-    above_half = terms.long_step(command, torch.tensor([0.15, 0.2, 0.25, 0.3, 0.6, 0.3]), torch.full((6,), 0.4), 0.5)
+    assert terms.long_step(command, time, torch.zeros(6), 0.0, 0.75).tolist() == pytest.approx([0.0] * 6), (
+        "no clip steps"
+    )
+    times, clips = torch.tensor([0.15, 0.2, 0.25, 0.3, 0.6, 0.3]), torch.full((6,), 0.4)
+    above_half = terms.long_step(command, times, clips, 0.5, 0.75)
     assert above_half.tolist() == pytest.approx([0.0, 0.0, 0.25 / 2.0, 0.3, 0.6, 0.0]), "shorter ones are paid nothing"
+    whole = terms.long_step(command, times, clips, 0.5, 1.0)
+    assert whole.tolist() == pytest.approx([0.0, 0.0, 0.25 / 4.0, 0.15, 0.6, 0.0]), (
+        "in full only where they take as long"
+    )
+
+
+@pytest.mark.parametrize(("least", "full"), [(-0.1, 0.75), (0.75, 0.75), (0.5, 1.6)])
+def test_shares_of_a_step_that_make_no_slope_are_refused(least: float, full: float):
+    with pytest.raises(TrainingError, match="'long_step_share' and 'long_step_full'"):
+        table(PRESETS["paper"][1].changed(long_step_share=least, long_step_full=full))
