@@ -23,6 +23,8 @@ ALONE = ("straight", "side", "turn")
 """Which of them is on the forward, the lateral and the yaw axis."""
 SLOW = (0.2, 0.4)
 """Speed of slow commands [m/s]."""
+SLEW = 1.0
+"""How fast a command changes where it is slewed [m/s^2, rad/s^2]."""
 OLD_S = 10.0
 """Age of the command of an episode that begins at the velocity it commands [s]: it may stall at once."""
 
@@ -82,6 +84,10 @@ class VelocityCommand(CommandTerm):
     def __init__(self, cfg: VelocityCommandCfg, env):
         super().__init__(cfg, env)
         self._command = torch.zeros(self.num_envs, 3, device=self.device)
+        self.goal = torch.zeros(self.num_envs, 3, device=self.device)
+        """What the command (n, 3) is, or comes to where it is slewed."""
+        slewed = torch.rand(self.num_envs, device=self.device) < env.context.options.slew_share
+        self._fastest = torch.where(slewed, SLEW, torch.inf)[:, None]
         self.coming = draw_commands(self.num_envs, env.context.options, self.device)
         """The commands (n, 3) that come next."""
         self.age = torch.zeros(self.num_envs, device=self.device)
@@ -95,6 +101,7 @@ class VelocityCommand(CommandTerm):
     def give(self, env_ids: torch.Tensor, command: torch.Tensor, age: float = 0.0) -> None:
         """Set the command of some environments, as if it were `age` [s] old."""
         self._command[env_ids] = command
+        self.goal[env_ids] = command
         self.age[env_ids] = age
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
@@ -104,22 +111,32 @@ class VelocityCommand(CommandTerm):
         clip, over = self._env.tracked_clip, self.time_left <= 0.0
         self._draw(over if clip is None else over & ~clip.tracks)
         self.age += dt
+        self._command.copy_(self._slewed(dt))
         if clip is not None:
-            replace(self._command, clip.tracks, clip.command)
+            for told in (self.goal, self._command):
+                replace(told, clip.tracks, clip.command)
+
+    def _slewed(self, dt: float | torch.Tensor) -> torch.Tensor:
+        """The command (n, 3) after another `dt` [s] on its way to the goal, or there at once."""
+        most = self._fastest * torch.as_tensor(dt, device=self.device).reshape(-1, 1).clamp(min=1e-9)
+        way = self.goal - self._command
+        return torch.where(way.abs() <= most, self.goal, self._command + torch.sign(way) * most.nan_to_num(posinf=0.0))
 
     def restart(self, mask: torch.Tensor) -> None:
         """Another command for environments that begin an episode, or the one that goes with what they begin at, as if
-        it were OLD_S old."""
+        it were OLD_S old. A command that is slewed begins at what the robot does then."""
         self._draw(mask)
         own = self._env.own_command
         kept = mask & ~own.isnan().any(dim=1)
-        replace(self._command, kept, own)
+        replace(self._command, mask, torch.where(self._fastest.isinf(), self.goal, self._env.begun_command))
+        for told in (self.goal, self._command):
+            replace(told, kept, own)
         replace(self.age, kept, OLD_S)
 
     def _draw(self, mask: torch.Tensor) -> None:
         low, high = self.cfg.resampling_time_range
         replace(self.time_left, mask, low + (high - low) * torch.rand_like(self.time_left))
-        replace(self._command, mask, self.coming)
+        replace(self.goal, mask, self.coming)
         replace(self.coming, mask, draw_commands(self.num_envs, self._env.context.options, self.device))
         replace(self.age, mask, 0.0)
 

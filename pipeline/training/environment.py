@@ -73,6 +73,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.step_times = StepTimes(bundle.expert, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         """The command that goes with what an episode began at; NaN where none does."""
+        self.begun_command = torch.zeros(num_envs, 3, device=device)
+        """The command that the robot obeyed as its episode began (n, 3)."""
+        self.rotor_link_share = torch.zeros(num_envs, device=device)
+        """Share of the rotors' inertia that is on the links (n,)."""
         self.ramps = Ramps(options, device)
         self.restarts: list[Callable[[torch.Tensor], None]] = []
         """What terms do where (n,) an episode begins; each puts its own in."""

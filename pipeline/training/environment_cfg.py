@@ -18,6 +18,7 @@ from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, PushVelocity
 from pipeline.training.reward_table import reward_cfg
 from pipeline.training.robot_entity import robot_entity
+from pipeline.training.rotor_links import draw_rotors_on_links
 from pipeline.training.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
 
@@ -92,6 +93,8 @@ def _events(robot: RobotFacts, options: Options) -> dict[str, EventTermCfg]:
             params={"asset_cfg": SceneEntityCfg("robot", body_names=trunk), "alpha_range": options.trunk_density},
         ),
     }
+    if options.rotor_link_share:
+        events["rotors"] = EventTermCfg(mode="startup", func=draw_rotors_on_links)
     if options.push_speed[1] > 0.0:
         events["push_velocity"] = EventTermCfg(mode="step", func=PushVelocity)
     if options.push_impulse[1] > 0.0:

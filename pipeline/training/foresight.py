@@ -17,18 +17,21 @@ def foreseen(env) -> torch.Tensor:
     """Of each kind of push (n, 4): nearness in time 1..0, its vector in the frame of the heading times that, and
     whether there is one at all; the force that acts now (n, 2) [N]; of the next command (n, 4): its nearness in time,
     and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked. Where
-    there are slopes, which way the ground falls (n, 2), as its sine."""
+    there are slopes, which way the ground falls (n, 2), as its sine; where commands are slewed, how far they still
+    have to go (n, 3)."""
     pushes = [part for coming in env.coming_pushes for part in _of_push(coming, env.readings.heading_w)]
     acting = _from_heading(env.trunk_forces.push_w, env.readings.heading_w)
     slope = [] if env.slopes is None else [_from_heading(env.slopes.down_w, env.readings.heading_w)]
-    return torch.cat([*pushes, acting, *_of_command(env), *slope], dim=1)
+    slewed = [env.velocity_command.goal - env.command] if env.context.options.slew_share else []
+    return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed], dim=1)
 
 
 def signs(env) -> torch.Tensor:
     """By what each of these numbers is multiplied in a mirror (k,)."""
     push, acting, command = [1.0, 1.0, -1.0, 1.0], [1.0, -1.0], [1.0, 1.0, -1.0, -1.0]
     slope = [] if env.slopes is None else [1.0, -1.0]
-    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope])
+    slewed = [1.0, -1.0, -1.0] if env.context.options.slew_share else []
+    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope, *slewed])
 
 
 def _near(left_s: torch.Tensor) -> torch.Tensor:
@@ -47,6 +50,7 @@ def _from_heading(vector_w: torch.Tensor, heading_w: torch.Tensor) -> torch.Tens
 
 
 def _of_command(env) -> tuple[torch.Tensor, torch.Tensor]:
+    """Nearness in time (n, 1) of the next command, and its difference from that of now times it (n, 3)."""
     term, near = env.velocity_command, _near(env.velocity_command.time_left)
     if env.tracked_clip is not None:
         near = near * ~env.tracked_clip.tracks[:, None]

@@ -52,6 +52,7 @@ def write_starts(env, mask: torch.Tensor) -> None:
     env.readings.restart(mask)
     keeps = tracks | (~home & (torch.rand(count, 1, device=device) < options.reference_command_share))
     replace(env.own_command, mask, torch.where(keeps, command, torch.nan))
+    replace(env.begun_command, mask, torch.where(home, 0.0, command))
     if env.tracked_clip is not None:
         env.tracked_clip.begin(mask, at, tracks[:, 0])
 

@@ -59,6 +59,8 @@ class Options:
     """Of the commands."""
     slow_share: float = 0.0
     """Of the commands, in the balanced mixture: .2 to .4 m/s forward, back or sideways, nothing else."""
+    slew_share: float = 0.0
+    """Of the environments, in which a command comes at 1 m/s (rad/s) a second, as robots are told it; else at once."""
     resample_s: tuple[float, float] = (8.0, 12.0)
     """Time between commands [s]."""
 
@@ -153,6 +155,8 @@ class Options:
     friction: tuple[float, float] = (0.4, 1.2)
     gain_range: tuple[float, float] = (0.9, 1.1)
     """Factor of stiffness and damping, each joint."""
+    rotor_link_share: float = 0.0
+    """Of the environments, which have some of the rotors' inertia on the links (`rotors.py`), a fourth to all."""
     trunk_density: tuple[float, float] = (-0.05, 0.1)
     """Half the logarithm of the factor of the trunk's mass and inertia."""
     noise: tuple[float, float, float, float] = (0.2, 0.05, 0.01, 0.5)

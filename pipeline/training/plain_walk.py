@@ -16,6 +16,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from pipeline.training.rotors import put_rotors_on_links
+
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
 """The last so many seconds are measured."""
@@ -40,6 +42,8 @@ class Walk:
     command: tuple[float, float, float]
     seconds: float = 10.0
     friction: float = 1.0
+    rotors: float = 0.0
+    """Share of the rotors' inertia that is on the links (`rotors.py`)."""
     jump: bool = False
     """The command comes at once, else at 1 m/s (rad/s) a second."""
     push: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -64,8 +68,8 @@ def robot_of(bundle: Path) -> dict[str, Any]:
 
 
 @functools.lru_cache(maxsize=4)
-def model_of(bundle: Path, friction: float) -> mujoco.MjModel:
-    """The robot on a plane; the soles' friction is the ground's."""
+def model_of(bundle: Path, friction: float, rotors: float = 0.0) -> mujoco.MjModel:
+    """The robot on a plane; the soles' friction is the ground's, a share of the rotors' inertia is on the links."""
     spec = mujoco.MjSpec.from_string((bundle / "robot.xml").read_text())
     spec.option.timestep = STEP_S
     ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
@@ -73,6 +77,8 @@ def model_of(bundle: Path, friction: float) -> mujoco.MjModel:
     model = spec.compile()
     for name in robot_of(bundle)["shapes"]["feet"]:
         model.geom(name).friction[0] = friction
+    if rotors:
+        put_rotors_on_links(model, rotors)
     return model
 
 
@@ -110,7 +116,7 @@ class World:
 
     def __init__(self, bundle: Path, network: Network, walk: Walk):
         self.facts, self.network, self.walk = robot_of(bundle), network, walk
-        self.model = model_of(bundle, walk.friction)
+        self.model = model_of(bundle, walk.friction, walk.rotors)
         self.data = mujoco.MjData(self.model)
         self.rest = self.facts["default_joint_pos"]
         self.kp, self.kd = network.gains or (self.facts["kp"], self.facts["kd"])

@@ -45,6 +45,8 @@ NOMINAL = {
     "resample_s": (1000.0, 1000.0),
     "terrain": "plane",
     "slope_share": 0.0,
+    "slew_share": 0.0,
+    "rotor_link_share": 0.0,
 }
 """Options without which nothing is random but the start."""
 

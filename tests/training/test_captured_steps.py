@@ -106,7 +106,15 @@ CHANGES: dict[str, dict[str, Any]] = {
     "long_steps": {"push_interval_s": (0.02, 0.04)},
     "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0), "assist": 1.0, "tracked": 0.5},
     "paper": {},
-    "foreseen_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
+    "foreseen_steps": {
+        "slope_share": 0.5,
+        "slope_deg": 5.0,
+        "slew_share": 0.5,
+        "rotor_link_share": 0.5,
+        "push_speed": (0.0, 1.0),
+        "push_interval_s": (0.02, 0.04),
+        "resample_s": (0.02, 0.06),
+    },
 }
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from pipeline.training.bundle import read_bundle
-from pipeline.training.commands import FAST, SLOW, draw_commands
+from pipeline.training.commands import FAST, SLEW, SLOW, draw_commands
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.presets import preset
 from pipeline.training.pushes import FORCE_S
@@ -67,3 +67,34 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str):
         shares["turns alone"] = ((forward == 0.0) & (lateral == 0.0) & (yaw != 0.0), 0.10)
     for told, (found, share) in shares.items():
         assert found.float().mean() == pytest.approx(share, abs=0.005), told
+
+
+def test_slewed_commands_come_as_robots_are_told_them(tmp_path_factory, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("slewed"), root, robot))
+    options = preset("long_steps").changed(
+        slew_share=0.5, resample_s=(0.3, 0.5), reference_share=0.5, reference_command_share=0.0
+    )
+    env = AmpEnvironment(bundle, options, 20, "cpu", seed=1)
+    env.reset()
+    term, largest = env.velocity_command, SLEW * env.step_dt
+    slewed = torch.isfinite(term._fastest[:, 0])
+    assert 0 < int(slewed.sum()) < len(slewed)
+    env.own_command[:], env.begun_command[:] = torch.nan, torch.tensor([0.7, 0.0, -0.2])
+    term.restart(torch.ones(20, dtype=torch.bool))
+    assert env.command[slewed] == pytest.approx(env.begun_command[slewed])
+    assert torch.equal(env.command[~slewed], term.goal[~slewed])
+    env.own_command[:] = torch.tensor([1.5, 0.0, 0.0])
+    term.restart(torch.ones(20, dtype=torch.bool))
+    assert env.command == pytest.approx(env.own_command), "that of the frame it begins at is obeyed already"
+    ways = []
+    for _ in range(30):
+        before = env.command.clone()
+        env.step(torch.zeros(20, 21))
+        same = env.episode_length_buf > 0
+        assert torch.equal(env.command[same & ~slewed], term.goal[same & ~slewed])
+        way = (env.command - before)[same & slewed]
+        assert (way.abs() <= largest + 1e-6).all()
+        left = (term.goal - env.command)[same & slewed]
+        assert ((way.abs() > largest - 1e-5) | (left.abs() < 1e-6)).all(), "as fast as it may until it is there"
+        ways.append(way.abs().max())
+    assert max(ways) == pytest.approx(largest, abs=1e-6)

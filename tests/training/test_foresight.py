@@ -108,9 +108,13 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
     command = torch.tensor([[0.5, 0.3, -1.0], [0.0, 0.2, 0.4]]) * torch.tensor([1.0, side, side])
     coming = torch.tensor([[-0.5, 0.1, 1.0], [1.0, -0.2, 0.1]]) * torch.tensor([1.0, side, side])
     push = SimpleNamespace(left_s=torch.tensor([1.0, 9.0]), push_w=torch.tensor([[10.0, 20.0, 0], [0, 0, 0]]) * flip)
-    term = SimpleNamespace(time_left=torch.tensor([0.5, 2.0]), coming=coming, command=command)
+    goal = torch.tensor([[1.0, -0.1, -0.2], [0.0, 0.6, 0.8]]) * torch.tensor([1.0, side, side])
+    term = SimpleNamespace(time_left=torch.tensor([0.5, 2.0]), coming=coming, command=command, goal=goal)
     down_w = torch.tensor([[0.1, 0.05, -0.99], [0.0, 0.0, -1.0]]) * flip
+    context = SimpleNamespace(options=SimpleNamespace(slew_share=0.5 if slopes else 0.0))
     return SimpleNamespace(
+        context=context,
+        command=command,
         slopes=SimpleNamespace(down_w=down_w) if slopes else None,
         coming_pushes=[push],
         readings=SimpleNamespace(heading_w=torch.tensor([[0.8, 0.6], [1.0, 0.0]]) * flip2),
@@ -123,7 +127,7 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
 @pytest.mark.parametrize("slopes", [True, False])
 def test_in_a_mirror_it_is_seen_with_its_signs(slopes: bool):
     there, mirrored = _state(1.0, slopes=slopes), _state(-1.0, slopes=slopes)
-    assert foreseen(there).shape == (2, 12 if slopes else 10)
+    assert foreseen(there).shape == (2, 15 if slopes else 10)
     assert foreseen(mirrored) == pytest.approx(foreseen(there) * signs(there), abs=1e-6)
     assert (foreseen(mirrored) != foreseen(there)).any()
     assert (foreseen(there)[1, PUSH_B] == 0.0).all(), "further ahead than is told"

@@ -1,0 +1,35 @@
+"""Rotors' inertia on the links that they move, wholly or in part: what engines without an armature do.
+
+An armature acts on a joint's speed alone; on the link the same inertia also counts how the parent turns, and what a leg
+swings with it the trunk has to hold. Robots lie between the two, and a walk that only one of them bears is no walk.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+
+def rotors_on_links(model: mujoco.MjModel, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`body_inertia`, `body_iquat` and `dof_armature` of a compiled model in which this share (0..1) of each hinge's
+    armature is the inertia of its link about the joint's axis."""
+    inertia, iquat, armature = model.body_inertia.copy(), model.body_iquat.copy(), model.dof_armature.copy()
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE):
+        body, dof, axis = model.jnt_bodyid[joint], model.jnt_dofadr[joint], model.jnt_axis[joint]
+        turn, quat = np.zeros(9), np.zeros(4)
+        mujoco.mju_quat2Mat(turn, iquat[body])
+        turn = turn.reshape(3, 3)
+        moment = turn @ np.diag(inertia[body]) @ turn.T + share * armature[dof] * np.outer(axis, axis)
+        principal, axes = np.linalg.eigh(moment)
+        axes[:, 2] *= np.linalg.det(axes)
+        mujoco.mju_mat2Quat(quat, axes.flatten())
+        inertia[body], iquat[body] = principal, quat
+        armature[dof] *= 1.0 - share
+    return inertia, iquat, armature
+
+
+def put_rotors_on_links(model: mujoco.MjModel, share: float) -> None:
+    """Change a compiled model accordingly."""
+    model.body_inertia[:], model.body_iquat[:], model.dof_armature[:] = rotors_on_links(model, share)
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # else MuJoCo passes over axes that were the link's
+    mujoco.mj_setConst(model, mujoco.MjData(model))
