@@ -7,7 +7,8 @@ Both begin with the same seed and get the same actions, without noise and pushes
 replayed, rewards and motion features of robots whose episode goes on are compared: on average, as rounding has grown by
 then in some. After more steps, in which episodes have ended, every robot whose episode begins at the last of them must
 have seen but one frame, be within its joints' limits and at a height to stand at. The processor's waits for the GPU are
-counted by PyTorch, over as many steps as everything comes round in.
+counted by PyTorch, over as many steps as everything comes round in. Last, robots in the air must fall along their own
+gravity, which leans where the preset has slopes.
 """
 
 from __future__ import annotations
@@ -30,12 +31,15 @@ from pipeline.training.captured import WARM_UP  # noqa: E402
 from pipeline.training.environment import VELOCITY_STEPS, AmpEnvironment  # noqa: E402
 from pipeline.training.observations import HISTORY  # noqa: E402
 from pipeline.training.presets import DEFAULT, preset  # noqa: E402
+from pipeline.training.slopes import GRAVITY  # noqa: E402
 
 COMPARED = WARM_UP + 8
 """Steps until what both give is compared."""
 CALM = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "push_speed": (0.0, 0.0)}
 DIFFERENCE = 1e-3
 """Most that the mean difference may be of the largest value."""
+ASTRAY_M = 1e-4
+"""Most that may be; slopes of 8 degrees move it by .0012."""
 HEIGHT_M = (0.5, 0.9)
 """Of a root at the start of an episode."""
 
@@ -52,6 +56,8 @@ class Run:
     """How many robots have just begun an episode at the last step that is looked at …"""
     sound: int
     """… and how many of these as they should."""
+    astray_m: float
+    """Most that a robot in the air fell elsewhere than its gravity lets it [m]."""
     seconds: float
     """A control step."""
     waits: int
@@ -79,6 +85,7 @@ def main() -> int:
         bars += [
             Bar(name=f"{name}: episodes that begin", value=run.begun, sense=">=", bound=1),
             Bar(name=f"{name}: of these not as they should", value=run.begun - run.sound, sense="<=", bound=0),
+            Bar(name=f"{name}: fell astray", value=run.astray_m, unit="m", sense="<=", bound=ASTRAY_M),
             Bar(name=f"{name}: a control step", value=1e3 * run.seconds, unit="ms"),
             Bar(name=f"{name}: waits in {VELOCITY_STEPS} steps", value=run.waits, sense="<=", bound=0),
         ]
@@ -115,7 +122,9 @@ def _run(given: argparse.Namespace, captured: bool) -> Run:
         _finish(given.device)
         seconds = (time.perf_counter() - started) / given.steps
         waits = _waits(step) if given.device != "cpu" else 0
+        astray_m = _astray_m(env)
     return Run(
+        astray_m=astray_m,
         reward=reward,
         features=features,
         lived=lived,
@@ -134,6 +143,29 @@ def _sound(env: AmpEnvironment, seen: torch.Tensor) -> torch.Tensor:
     low, high = env.joint_limits
     inside = ((joints >= low) & (joints <= high)).all(dim=1)
     return first & inside & (height > HEIGHT_M[0]) & (height < HEIGHT_M[1]) & (env.episode_length_buf == 0)
+
+
+def _astray_m(env: AmpEnvironment) -> float:
+    """Most that the centre of mass of a robot which is held in its default pose, high up, falls elsewhere in two steps
+    than by gravity as it leans when slopes are grown [m]."""
+    env.schedule = 1e9
+    env.step(torch.zeros(env.num_envs, 21, device=env.device))
+    if env.tracked_clip is not None:
+        env.tracked_clip.tracks[:] = False  # else who is lifted has strayed
+    data, root = env.sim.data, env.scene["robot"].indexing.root_body_id
+    data.qpos[:, 2] += 5.0
+    data.qpos[:, 7:] = env.default_joint_pos
+    data.qvel[:] = 0.0
+    env.sim.forward()
+    begun = data.subtree_com[:, root].clone()
+    for _ in range(2):
+        env.step(torch.zeros(env.num_envs, 21, device=env.device))
+    steps = round(2 * env.step_dt / env.physics_dt)
+    fall_m = 0.5 * steps * (steps + 1) * env.physics_dt**2 * GRAVITY
+    level = torch.tensor([0.0, 0.0, -1.0], device=env.device).expand(env.num_envs, 3)
+    down_w = level if env.slopes is None else env.slopes.down_w
+    off = (data.subtree_com[:, root] - begun - fall_m * down_w).norm(dim=1)
+    return float(off[env.episode_length_buf >= 2].max())
 
 
 def _waits(step) -> int:

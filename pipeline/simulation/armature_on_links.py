@@ -39,7 +39,6 @@ def put_armature_on_links(model: mujoco.MjModel, robot: Robot) -> None:
         principal, axes = np.linalg.eigh(turn @ np.diag(body.inertia) @ turn.T + moment)
         axes[:, 2] *= np.linalg.det(axes)
         body.inertia[:], body.iquat[:] = principal, rotation.from_matrix(axes)
-        model.body_sameframe[body.id] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # else the axes would be the link's
     model.dof_armature[6 : 6 + len(robot.joint_names)] = 0.0
     mujoco.mj_setConst(model, mujoco.MjData(model))
 

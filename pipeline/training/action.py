@@ -11,6 +11,7 @@ import torch
 from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
 
 from pipeline.training.masks import replace
+from pipeline.training.training_error import TrainingError
 
 SCALE = 0.25
 """[rad]"""
@@ -32,8 +33,13 @@ class PolicyAction(ActionTerm):
         self._index = env.policy_index
         self._raw = torch.zeros(self.num_envs, len(self._index), device=self.device)
         self._target = env.default_joint_pos.repeat(self.num_envs, 1)
-        self._before = self._target.clone()
-        self._largest_lag = env.context.options.action_lag_steps
+        self._before, self._earlier = self._target.clone(), self._target.clone()
+        self._largest_lag, self._period = env.context.options.action_lag_steps, env.cfg.decimation
+        if not 0 <= self._largest_lag <= 2 * self._period:
+            raise TrainingError(
+                f"option 'action_lag_steps' is {self._largest_lag}; it must be 0 to {2 * self._period}, which is two "
+                "control steps."
+            )
         self._lag = torch.zeros(self.num_envs, 1, dtype=torch.long, device=self.device)
         self._substep = 0
         env.restarts.append(self.restart)
@@ -48,20 +54,24 @@ class PolicyAction(ActionTerm):
 
     def process_actions(self, actions: torch.Tensor) -> None:
         self._raw[:] = actions
+        self._earlier.copy_(self._before)
         self._before.copy_(self._target)
         self._substep = 0
         self._target[:, self._index] = self._env.default_joint_pos[self._index] + SCALE * actions
 
     def apply_actions(self) -> None:
-        """At each physics step: the new target, or the one before where it is still on its way."""
-        late = self._substep < self._largest_lag
-        target = torch.where(self._lag > self._substep, self._before, self._target) if late else self._target
+        """At each physics step: the new target, or the newest that has arrived where it is still on its way."""
+        target = self._target
+        for on_way, older in ((self._substep, self._before), (self._substep + self._period, self._earlier)):
+            if on_way < self._largest_lag:
+                target = torch.where(self._lag > on_way, older, target)
         self._entity.set_joint_position_target(target)
         self._substep += 1
 
     def restart(self, mask: torch.Tensor) -> None:
         """Environments that begin an episode do so at the default pose's target, with another delay."""
         replace(self._raw, mask, 0.0)
-        replace(self._target, mask, self._env.default_joint_pos)
+        for target in (self._target, self._before):
+            replace(target, mask, self._env.default_joint_pos)
         if self._largest_lag:
             replace(self._lag, mask, torch.randint(self._largest_lag + 1, self._lag.shape, device=self.device))

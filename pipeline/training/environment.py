@@ -124,6 +124,13 @@ class AmpEnvironment(ManagerBasedRlEnv):
         lived = self.common_step_counter / self.context.options.steps
         return lived if self.schedule is None else self.schedule
 
+    def go_on(self) -> None:
+        """Ramps and slopes go to the iteration that it is."""
+        iteration = self.iteration()
+        self.ramps.at(iteration)
+        if self.slopes is not None:
+            self.slopes.at(iteration)
+
     def motor_limit(self, of: str) -> torch.Tensor:
         """The motors' constant `limit`, or what the `line` leaves of it at their speed [N m]."""
         read = self.readings
@@ -145,9 +152,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         a physics step ago. Observations are the caller's; all else that is returned is written over by the next step.
         """
         self.extras["log"] = {}
-        self.ramps.at(self.iteration())
-        if self.slopes is not None:
-            self.slopes.at(self.iteration())
+        self.go_on()
         self._given.copy_(action)
         for aim in self._aims:
             self._sim_step_counter += 1

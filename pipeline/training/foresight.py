@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 
 AHEAD_S = 3.0
-"""How far ahead [s]; rewards count by 1/e less for every 2 s."""
+"""How far ahead [s]; rewards count 1/e as much for every 2 s."""
 
 
 def foreseen(env) -> torch.Tensor:

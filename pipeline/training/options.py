@@ -46,7 +46,7 @@ class Options:
     motors: str = "line"
     """`line`: torque falls above the knee speed as the torque-speed curve does; `box`: a constant limit."""
     action_lag_steps: int = 0
-    """A joint target arrives up to this many physics steps of .005 s late."""
+    """A joint target arrives up to this many physics steps of .005 s late, at most two control steps."""
     episode_s: float = 20.0
     """Length of an episode [s]."""
 
@@ -245,7 +245,7 @@ class Options:
     value_clip: bool = True
     """Whether an update moves the critic by at most .2 at a state, as rsl-rl does: one fall changes a return by 25."""
     foresight: bool = False
-    """Whether the critic is told the next push and command (`foresight.py`)."""
+    """Whether the critic is told what happens whatever the robot does, the next push first (`foresight.py`)."""
     symmetry: bool = True
     """Mirrored samples beside each mini-batch's own …"""
     mirror_standing: bool = True

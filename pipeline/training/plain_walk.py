@@ -67,7 +67,7 @@ def robot_of(bundle: Path) -> dict[str, Any]:
     return facts
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=8)
 def model_of(bundle: Path, friction: float, rotors: float = 0.0) -> mujoco.MjModel:
     """The robot on a plane; the soles' friction is the ground's, a share of the rotors' inertia is on the links."""
     spec = mujoco.MjSpec.from_string((bundle / "robot.xml").read_text())

@@ -119,7 +119,7 @@ class TrainingRun:
     def _begin_at(self, schedule: float) -> None:
         """Let all episodes begin anew, as they begin at that iteration: the environment was made for the first one."""
         self.env.schedule = schedule
-        self.env.ramps.at(schedule)
+        self.env.go_on()
         self.env.reset()
 
     def _agreed(self, seconds: float) -> float:

@@ -257,8 +257,8 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
         terms.append(env.termination_manager.get_term_cfg("stall").func)
     pushes = [name for name in ("push_force", "push_velocity") if name in env.cfg.events]
     terms += [env.event_manager.get_term_cfg(name).func for name in pushes]
-    terms += [term._waits for term in terms if hasattr(term, "_waits")]
-    named = ["_frames", "_raw", "_target", "_seconds", "_left"]
+    terms += [term._coming for term in terms[-len(pushes) :]] if pushes else []
+    named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left", "left_s", "_share_w"]
     named += ["_lag"] if env.context.options.action_lag_steps else []
     found = {
         f"{type(term).__name__}.{name}": getattr(term, name) for term in terms for name in named if hasattr(term, name)
@@ -273,6 +273,8 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
         "action": env.action_manager.action,
         "action before": env.action_manager.prev_action,
         "command": env.command,
+        "goal of the command": env.velocity_command.goal,
+        "command begun with": env.begun_command,
         "age of the command": env.velocity_command.age,
         "own command": env.own_command,
         "stance": env.readings.stance_time,

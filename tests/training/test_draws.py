@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 import torch
 
+from pipeline.training.action import SCALE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.commands import FAST, SLEW, SLOW, draw_commands
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.presets import preset
 from pipeline.training.pushes import FORCE_S
+from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
-ENVS = 6
+ENVS, LATE_ENVS = 6, 100
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +101,45 @@ def test_slewed_commands_come_as_robots_are_told_them(tmp_path_factory, root, ro
         assert ((way.abs() > largest - 1e-5) | (left.abs() < 1e-6)).all(), "as fast as it may until it is there"
         ways.append(way.abs().max())
     assert max(ways) == pytest.approx(largest, abs=1e-6)
+
+
+@pytest.mark.parametrize(("share", "begun"), [(0.0, [0.0, 0.0, 0.0]), (1.0, [0.9, 0.1, 0.0])])
+def test_a_slewed_command_begins_at_what_the_robot_does(tmp_path_factory, root, robot, share: float, begun: list):
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("begun"), root, robot))
+    bundle.expert.command[:] = [0.9, 0.1, 0.0]
+    options = preset("long_steps").changed(slew_share=1.0, reference_share=share, reference_command_share=0.0)
+    env = AmpEnvironment(bundle, options, 20, "cpu", seed=1)
+    env.begun_command[:] = 7.0
+    env.reset()
+    assert env.begun_command == pytest.approx(torch.tensor(begun).expand(20, 3))
+    assert (env.command - env.begun_command).abs().max() <= SLEW * env.step_dt + 1e-6
+    assert (env.velocity_command.goal - env.begun_command).abs().max() > 0.1
+
+
+@pytest.mark.parametrize("largest", [0, 2, 4, 6, 8])
+def test_targets_arrive_as_late_as_is_drawn(tmp_path_factory, root, robot, largest: int):
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("late"), root, robot))
+    options = preset("paper_flat").changed(action_lag_steps=largest, push_speed=(0.0, 0.0))
+    env = AmpEnvironment(bundle, options, LATE_ENVS, "cpu", seed=1)
+    env.reset()
+    term, given = env.action_manager.get_term("joints"), []
+    term._entity = SimpleNamespace(set_joint_position_target=lambda target: given.append(target.clone()))
+    joint = int(env.policy_index[0])
+    for step in range(1, 4):
+        term.process_actions(torch.full((LATE_ENVS, 21), float(step)))
+        for _ in range(env.cfg.decimation):
+            term.apply_actions()
+    told = (torch.stack(given)[:, :, joint] - env.default_joint_pos[joint]) / SCALE
+    lags = set()
+    for at in range(LATE_ENVS):
+        lag = int(term._lag[at, 0])
+        late = [max(0, (substep - lag) // env.cfg.decimation + 1) for substep in range(len(given))]
+        assert told[:, at].tolist() == pytest.approx([float(step) for step in late], abs=1e-5)
+        lags.add(lag)
+    assert lags == set(range(largest + 1))
+
+
+def test_a_delay_that_no_target_is_kept_for_is_refused(tmp_path_factory, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("later"), root, robot))
+    with pytest.raises(TrainingError, match="'action_lag_steps' is 9"):
+        AmpEnvironment(bundle, preset("paper_flat").changed(action_lag_steps=9), 2, "cpu", seed=1)
