@@ -1,6 +1,6 @@
 """What happens to each environment whatever its robot does: the next push, the next command, and how the ground slopes.
 
-Only the critic may be told. Returns differ most by who is pushed over; a critic that knows the push ahead takes that
+Only the critic may be told. Returns differ by who is pushed over; a critic that knows the push ahead takes that
 from the advantages, and as no action changes it, their mean stays what it was: an input-dependent baseline (Mao et al.,
 "Variance Reduction for Reinforcement Learning in Input-Driven Environments", ICLR 2019).
 """
