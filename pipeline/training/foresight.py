@@ -1,4 +1,5 @@
-"""What happens to each environment whatever its robot does: the next push, the next command, and how the ground slopes.
+"""What happens to each environment whatever its robot does: the next push and command, how the ground slopes, where
+its rotors are.
 
 Only the critic may be told. Returns differ by who is pushed over; a critic that knows the push ahead takes that
 from the advantages, and as no action changes it, their mean stays what it was: an input-dependent baseline (Mao et al.,
@@ -18,12 +19,13 @@ def foreseen(env) -> torch.Tensor:
     whether there is one at all; the force that acts now (n, 2) [N]; of the next command (n, 4): its nearness in time,
     and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked. Where
     there are slopes, which way the ground falls (n, 2), as its sine; where commands are slewed, how far they still
-    have to go (n, 3)."""
+    have to go (n, 3); where rotors are on links, their share (n, 1)."""
     pushes = [part for coming in env.coming_pushes for part in _of_push(coming, env.readings.heading_w)]
     acting = _from_heading(env.trunk_forces.push_w, env.readings.heading_w)
     slope = [] if env.slopes is None else [_from_heading(env.slopes.down_w, env.readings.heading_w)]
     slewed = [env.velocity_command.goal - env.command] if env.context.options.slew_share else []
-    return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed], dim=1)
+    rotors = [env.rotor_link_share[:, None]] if env.context.options.rotor_link_share else []
+    return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed, *rotors], dim=1)
 
 
 def signs(env) -> torch.Tensor:
@@ -31,7 +33,8 @@ def signs(env) -> torch.Tensor:
     push, acting, command = [1.0, 1.0, -1.0, 1.0], [1.0, -1.0], [1.0, 1.0, -1.0, -1.0]
     slope = [] if env.slopes is None else [1.0, -1.0]
     slewed = [1.0, -1.0, -1.0] if env.context.options.slew_share else []
-    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope, *slewed])
+    rotors = [1.0] if env.context.options.rotor_link_share else []
+    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope, *slewed, *rotors])
 
 
 def _near(left_s: torch.Tensor) -> torch.Tensor:

@@ -31,4 +31,4 @@ def draw_rotors_on_links(env, env_ids: torch.Tensor | None) -> None:
         getattr(env.sim.model, name)[rows, bodies] = table[level][rows, bodies]
     table = torch.from_numpy(np.stack([armature for _, _, armature in moved])).float().to(env.device)
     replace(env.sim.model.dof_armature[:], torch.ones_like(level, dtype=torch.bool), table[level])
-    env.rotor_link_share = level / (LEVELS - 1)
+    env.rotor_link_share.copy_(level / (LEVELS - 1))

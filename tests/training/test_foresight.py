@@ -111,9 +111,11 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
     goal = torch.tensor([[1.0, -0.1, -0.2], [0.0, 0.6, 0.8]]) * torch.tensor([1.0, side, side])
     term = SimpleNamespace(time_left=torch.tensor([0.5, 2.0]), coming=coming, command=command, goal=goal)
     down_w = torch.tensor([[0.1, 0.05, -0.99], [0.0, 0.0, -1.0]]) * flip
-    context = SimpleNamespace(options=SimpleNamespace(slew_share=0.5 if slopes else 0.0))
+    share = 0.5 if slopes else 0.0
+    context = SimpleNamespace(options=SimpleNamespace(slew_share=share, rotor_link_share=share))
     return SimpleNamespace(
         context=context,
+        rotor_link_share=torch.tensor([0.0, 0.75]),
         command=command,
         slopes=SimpleNamespace(down_w=down_w) if slopes else None,
         coming_pushes=[push],
@@ -127,9 +129,10 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
 @pytest.mark.parametrize("slopes", [True, False])
 def test_in_a_mirror_it_is_seen_with_its_signs(slopes: bool):
     there, mirrored = _state(1.0, slopes=slopes), _state(-1.0, slopes=slopes)
-    assert foreseen(there).shape == (2, 15 if slopes else 10)
+    assert foreseen(there).shape == (2, 16 if slopes else 10)
     assert foreseen(mirrored) == pytest.approx(foreseen(there) * signs(there), abs=1e-6)
     assert (foreseen(mirrored) != foreseen(there)).any()
+    assert not slopes or foreseen(there)[:, -1].tolist() == [0.0, 0.75]
     assert (foreseen(there)[1, PUSH_B] == 0.0).all(), "further ahead than is told"
 
 
