@@ -150,6 +150,8 @@ class Options:
     """… between these iterations."""
     track_clip: float = 10.0
     """Weight of being near the clip that is tracked."""
+    tracked_pushed: bool = True
+    """Whether who tracks a clip is pushed as others are: a foot that catches a push leaves the clip."""
 
     # Randomization
     friction: tuple[float, float] = (0.4, 1.2)

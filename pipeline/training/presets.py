@@ -21,6 +21,7 @@ REASONS = {
     "tracked": "held, but not made to track, robots took 303 to 560 steps a minute: what is paid leads there",
     "tracked_end": "let go sooner and to a tenth, steps went from 120 to 245 a minute within 150 iterations",
     "tracked_iterations": "as tracked",
+    "tracked_pushed": "pushed, a robot steps where no clip does",
     "long_step_share": "steps of a third of the clips' time were paid a third: more than not to lift a foot",
     "init_std": "a deviation of .6 alone quickens steps, those of a policy that never saw it too",
     "mirror_standing": "who is alike on both sides can't choose a leg to step with",
@@ -205,6 +206,17 @@ STEADY_STEPS = FORESEEN_STEPS.changed(
     slope_iterations=(400, 800),
 )
 
+KEPT_STEPS = FORESEEN_STEPS.changed(
+    tracked_end=0.4,
+    tracked_pushed=False,
+    long_step_full=0.9,
+    power=0.01,
+    saturation=10.0,
+    action_lag_steps=4,
+    slew_share=0.5,
+    rotor_link_share=0.4,
+)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -244,6 +256,10 @@ PRESETS: dict[str, tuple[str, Options]] = {
     "steady_steps": (
         "the same on slopes, with rotors on links, later targets, kicks and slewed commands; not trained out yet",
         STEADY_STEPS,
+    ),
+    "kept_steps": (
+        "as foreseen_steps, two fifths of the episodes tracking clips to the end, rotors on links; not trained yet",
+        KEPT_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

@@ -28,6 +28,7 @@ class ComingPush:
     def __init__(self, env, largest: torch.Tensor):
         self._span, self._step_s = env.context.options.push_interval_s, env.step_dt
         self._pushed, self._largest = env.pushed, largest
+        self._spared = None if env.context.options.tracked_pushed else env.tracked_clip
         self.left_s = torch.zeros(env.num_envs, device=env.device)
         """How long each is still left alone (n,) [s]."""
         self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
@@ -38,7 +39,8 @@ class ComingPush:
     @property
     def push_w(self) -> torch.Tensor:
         """It (n, 3), in the world and in the unit of the ramp of the largest; 0 where nobody pushes."""
-        return self._share_w * self._largest * self._pushed[:, None]
+        pushed = self._pushed if self._spared is None else self._pushed & ~self._spared.tracks
+        return self._share_w * self._largest * pushed[:, None]
 
     def begins(self) -> tuple[torch.Tensor, torch.Tensor]:
         """A control step later: who (n,) is pushed with this step, and by what (n, 3), of those."""

@@ -164,3 +164,20 @@ def test_what_a_critic_explains_of_returns():
 def test_the_clip_of_the_values_is_switched(clips: bool):
     cfg = runner_cfg(preset("paper").changed(value_clip=clips), torch.zeros(1, 4, 60), 21)
     assert cfg["algorithm"]["use_clipped_value_loss"] is clips
+
+
+def test_who_tracks_a_clip_is_left_alone_where_asked(tmp_path_factory, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("left_alone"), root, robot))
+    asked = {"push_interval_s": (0.04, 0.06), "push_iterations": 0, "tracked": 0.5, "tracked_end": 0.5}
+    for pushed in (True, False):
+        env = AmpEnvironment(bundle, preset("long_steps").changed(**asked, tracked_pushed=pushed), ENVS, "cpu", seed=1)
+        env.reset()
+        env.tracked_clip.tracks[:] = torch.arange(ENVS) % 2 == 0
+        told = (env.coming_pushes[0].push_w != 0.0).any(dim=1)
+        assert torch.equal(told, env.pushed & (pushed | ~env.tracked_clip.tracks)), pushed
+        acted = torch.zeros(ENVS, dtype=torch.bool)
+        for _ in range(3):
+            env.tracked_clip.tracks[:] = torch.arange(ENVS) % 2 == 0
+            _step(env)
+            acted |= (env.trunk_forces.push_w != 0.0).any(dim=1)
+        assert torch.equal(acted, told), pushed
