@@ -30,6 +30,7 @@ from pipeline.training.slopes import Slopes
 from pipeline.training.step_times import StepTimes
 from pipeline.training.tracked_clip import TrackedClip
 from pipeline.training.trunk_forces import TrunkForces
+from pipeline.training.trunk_lean import TrunkLean
 
 VELOCITY_STEPS = 8
 """Velocities are recorded at every so many steps."""
@@ -71,6 +72,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
         self.step_times = StepTimes(bundle.expert, device)
+        self.trunk_lean = TrunkLean(bundle.expert, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         """The command that goes with what an episode began at; NaN where none does."""
         self.begun_command = torch.zeros(num_envs, 3, device=device)

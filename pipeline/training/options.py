@@ -75,6 +75,10 @@ class Options:
     """`indicator`: joints beyond their limit count 1; `excess`: by how much they are beyond .97 of the range [rad]."""
     energy_factor: float = 1.0
     """Of the paper's energy weight."""
+    ang_vel_factor: float = 1.0
+    """Of the paper's ang_vel_xy weight."""
+    lean: float = 0.0
+    """Weight of the trunk leaning otherwise than the clips do at that command (`trunk_lean.py`)."""
     power: float = 0.0
     """Weight of the motors' power, summed over the joints [1/W]."""
     slide_factor: float = 1.0
@@ -115,6 +119,10 @@ class Options:
     """Weight of torque beyond .85 of a joint's limit."""
     saturation_of: str = "limit"
     """`limit`: of the constant one; `line`: of what the motor can give at its speed."""
+    cost_start: float = 1.0
+    """Factor of `power` and `saturation` at the start …"""
+    cost_iterations: tuple[int, int] = (0, 0)
+    """… grows to 1 between these iterations: what they cost less is free to be learnt first."""
 
     # Terminations
     max_tilt_deg: float = 60.0
@@ -152,6 +160,10 @@ class Options:
     """Weight of being near the clip that is tracked."""
     tracked_pushed: bool = True
     """Whether who tracks a clip is pushed as others are: a foot that catches a push leaves the clip."""
+    tracked_by_clip: bool = False
+    """Whether nearness is measured by how far joints and ends move in the clip, else alike in all."""
+    tracked_trunk: bool = False
+    """Whether it counts for nearness how the trunk leans; joints, hands and feet are seen from the trunk."""
 
     # Randomization
     friction: tuple[float, float] = (0.4, 1.2)

@@ -223,10 +223,12 @@ class Notes:
         self._feet_before = feet
         joints = [data.qpos[7 + world.facts["joint_names"].index(f"Left_{name}_Pitch")] for name in ("Hip", "Knee")]
         heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
-        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints])
+        lean = np.degrees(np.arcsin(np.clip(rotation[2, :2], -1.0, 1.0)))
+        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints, *lean])
 
     def figures(self) -> Figures:
-        """Means over what was written down."""
+        """Means over what was written down; `lean` is how far the trunk leans ahead, `rock` the deviation of how far
+        it leans to a side [deg]."""
         table = np.array(self._rows, dtype=float)
         x, y, heading, vx, vy = table[:, :5].T
         touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
@@ -247,6 +249,8 @@ class Notes:
             "steps_per_min": 60.0 * sum(_set_down(touch[:, foot], control_s) for foot in (0, 1)) / MEASURE_S,
             "hip_range": float(np.ptp(table[:, 9])),
             "knee_range": float(np.ptp(table[:, 10])),
+            "lean": float(-table[:, 11].mean()),
+            "rock": float(table[:, 12].std()),
         }
 
 

@@ -31,6 +31,8 @@ class Ramps:
         self._options = options
         self.penalty = torch.zeros((), device=device)
         """What penalties are multiplied by."""
+        self.cost = torch.zeros((), device=device)
+        """What the cost of power and saturation is multiplied by besides."""
         self.late = torch.zeros((), device=device)
         """What late rewards are multiplied by."""
         self.push_speed = torch.zeros((), device=device)
@@ -50,6 +52,7 @@ class Ramps:
         tracked = (options.tracked, options.tracked_end if options.tracked else 0.0)
         values = {
             "penalty": grown((options.penalty_start, 1.0), iteration, options.penalty_iterations),
+            "cost": grown_between((options.cost_start, 1.0), options.cost_iterations, iteration),
             "late": passed(options.late_iterations, iteration),
             "push_speed": grown(options.push_speed, iteration, options.push_iterations),
             "push_impulse": grown(options.push_impulse, iteration, options.push_iterations),

@@ -15,8 +15,9 @@ from pipeline.training.training_error import TrainingError
 
 ENDS = ("termination", "stalled")
 """Rows that an episode ends with: at their full weight from the start."""
-PENALTY, LATE = "penalty", "late"
-"""Ramps: penalties grow in over the first iterations; rewards for the last few per cent come when it walks."""
+PENALTY, COST, LATE = "penalty", "cost", "late"
+"""Ramps: penalties grow in over the first iterations, what effort costs further on; rewards for the last few per cent
+come when it walks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +58,7 @@ class TaskReward:
         self.rows = table(env.context.options)
         self._weights = {
             ramp: torch.tensor([row.weight if _ramp(row) == ramp else 0.0 for row in self.rows], device=env.device)
-            for ramp in ("", PENALTY, LATE)
+            for ramp in ("", PENALTY, COST, LATE)
         }
 
     def values(self, env) -> torch.Tensor:
@@ -66,7 +67,8 @@ class TaskReward:
 
     def weights(self, env) -> torch.Tensor:
         """Every row's weight at this iteration (rows,)."""
-        grown = self._weights[""] + env.ramps.penalty * self._weights[PENALTY]
+        penalties = self._weights[PENALTY] + env.ramps.cost * self._weights[COST]
+        grown = self._weights[""] + env.ramps.penalty * penalties
         return grown + env.ramps.late * self._weights[LATE]
 
     def __call__(self, env) -> torch.Tensor:
@@ -76,7 +78,7 @@ class TaskReward:
 
 
 def _ramp(row: Term) -> str:
-    return PENALTY if row.weight < 0.0 and row.name not in ENDS else row.ramp
+    return row.ramp or (PENALTY if row.weight < 0.0 and row.name not in ENDS else "")
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
@@ -116,7 +118,7 @@ def _motion(options: Options) -> tuple[Term, ...]:
         Term(
             name="ang_vel_xy",
             equation="|w_xy|^2",
-            weight=-0.05,
+            weight=-0.05 * options.ang_vel_factor,
             value=lambda env: terms.square(env.readings.ang_vel_b[:, :2]),
         ),
         Term(
@@ -231,6 +233,13 @@ def _added(options: Options) -> tuple[Term, ...]:
             added="whatever is paid for long steps, the gait that is found first has quick ones, and stays",
         ),
         Term(
+            name="lean",
+            equation="|g_xy - clips' g_xy|^2, theirs the mean at that command",
+            weight=-options.lean,
+            value=lambda env: terms.square(env.readings.gravity_b[:, :2] - env.trunk_lean(env.command)),
+            added="orientation takes .06 a second for 10 degrees, and nothing else sees the body lean as a whole",
+        ),
+        Term(
             name="standing_still",
             equation="1[c = 0] (feet in the air + .05 |dq|)",
             weight=-options.standing_still,
@@ -260,6 +269,7 @@ def _added(options: Options) -> tuple[Term, ...]:
             weight=-options.power,
             value=lambda env: terms.power(env.readings.torque, env.readings.joint_vel),
             added="power is a bar of the evaluation, in sum; the norm over joints hardly sees small ones",
+            ramp=COST,
         ),
         Term(
             name="saturation",
@@ -267,6 +277,7 @@ def _added(options: Options) -> tuple[Term, ...]:
             weight=-options.saturation,
             value=lambda env: terms.saturation(env.readings.torque, env.motor_limit(options.saturation_of)),
             added="leaves the motors a reserve",
+            ramp=COST,
         ),
     )
 

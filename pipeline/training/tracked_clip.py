@@ -12,10 +12,15 @@ import itertools
 import numpy as np
 import torch
 
+from pipeline.training.bundle import ExpertFrames
 from pipeline.training.masks import replace
+from pipeline.training.trunk_lean import up_b
 
-JOINTS, ENDS = 0.5, 0.05
-"""Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2]."""
+JOINTS, ENDS, UP = 0.5, 0.05, 0.02
+"""Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2], of
+the vertical as the trunk sees it (unit vectors: 8 degrees)."""
+SPREADS = (1.33, 0.91)
+"""These widths of a walk at .6 m/s in sums of the variances of its joints, hands and feet."""
 AGAIN = 4
 """Control steps after which the nearest frame is looked for."""
 END_STRAY = (0.2, 0.07)
@@ -27,11 +32,34 @@ HEIGHT_STRAY_M = 0.12
 TILT_STRAY = 0.5
 """… or whose vertical, seen from the trunk, differs by so much from the clip's (of unit vectors)."""
 
+Width = float | torch.Tensor
 
-def nearness(away_joints: torch.Tensor, away_ends: torch.Tensor) -> torch.Tensor:
-    """1 / (1 + |dq|^2 / JOINTS + |dp|^2 / ENDS) of differences in joints (…, a) [rad] and in ends in the trunk's frame
-    (…, 12) [m]. It has a slope far off too: from the default pose a run's frames are 10 away in that sum."""
-    return 1.0 / (1.0 + torch.square(away_joints).sum(dim=-1) / JOINTS + torch.square(away_ends).sum(dim=-1) / ENDS)
+
+def nearness(
+    away_joints: torch.Tensor,
+    away_ends: torch.Tensor,
+    away_up: torch.Tensor | None = None,
+    widths: tuple[Width, Width] = (JOINTS, ENDS),
+) -> torch.Tensor:
+    """1 / (1 + |dq|^2 / JOINTS + |dp|^2 / ENDS + |du|^2 / UP) of differences in joints (…, a) [rad], in ends in the
+    trunk's frame (…, 12) [m] and, where it counts, in the vertical there (…, 3). It has a slope far off too: from the
+    default pose a run's frames are 10 away in that sum. `widths`: others than the first two (…)."""
+    away = torch.square(away_joints).sum(dim=-1) / widths[0] + torch.square(away_ends).sum(dim=-1) / widths[1]
+    return 1.0 / (1.0 + (away if away_up is None else away + torch.square(away_up).sum(dim=-1) / UP))
+
+
+def widths_of(expert: ExpertFrames) -> tuple[np.ndarray, np.ndarray]:
+    """Of each frame (t,) what to take for JOINTS and ENDS so that who keeps to the mean of its clip's poses is paid
+    about a third, as in a walk at .6 m/s: by JOINTS and ENDS it is .7 in steps to the side and turns on the spot, where
+    feet move by centimetres. Never more than these, and at least a twentieth."""
+    ends = 7 + expert.controlled
+    parts = ((7, ends, JOINTS, SPREADS[0]), (ends, ends + 12, ENDS, SPREADS[1]))
+    found = (np.empty(len(expert.frames), np.float32), np.empty(len(expert.frames), np.float32))
+    for first, last in itertools.pairwise(expert.clip_start):
+        for width, (begin, end, most, spreads) in zip(found, parts, strict=True):
+            spread = float(expert.frames[first:last, begin:end].var(axis=0).sum())
+            width[first:last] = np.clip(spreads * spread, 0.05 * most, most)
+    return found
 
 
 class TrackedClip:
@@ -42,7 +70,11 @@ class TrackedClip:
         joints, device = expert.controlled, env.device
         frames = torch.from_numpy(expert.frames).to(device)
         self._joints, self._ends = frames[:, 7 : 7 + joints], frames[:, 7 + joints : 19 + joints]
-        self._height, self._up_b = frames[:, 2], _up_b(frames[:, 3:7])
+        self._height, self._up_b = frames[:, 2], up_b(frames[:, 3:7])
+        self._lean_counts = env.context.options.tracked_trunk
+        alike = [np.full(len(frames), width, np.float32) for width in (JOINTS, ENDS)]
+        widths = widths_of(expert) if env.context.options.tracked_by_clip else alike
+        self._joints_width, self._ends_width = (torch.from_numpy(width).to(device) for width in widths)
         self._command = torch.from_numpy(expert.command).to(device)
         last = np.concatenate([np.full(b - a, b - 1) for a, b in itertools.pairwise(expert.clip_start)])
         self._last = torch.from_numpy(last).to(device)
@@ -82,26 +114,24 @@ class TrackedClip:
         ends_b = torch.bmm(away, read.root_rotation_w).flatten(1)
         self._go_on(read.joint_pos[:, index], ends_b, read.height, -read.gravity_b)
 
-    def _go_on(self, joints: torch.Tensor, ends_b: torch.Tensor, height: torch.Tensor, up_b: torch.Tensor) -> None:
+    def _go_on(self, joints: torch.Tensor, ends_b: torch.Tensor, height: torch.Tensor, up: torch.Tensor) -> None:
         last = self._last[self._at]
         self.over.copy_(self.tracks & (self._at + 1 >= last))
         self._steps += 1
         at = torch.minimum(self._at + 1, last)
         around = torch.stack([at - 1, at, torch.minimum(at + 1, last)], dim=1)
-        each = nearness(joints[:, None] - self._joints[around], ends_b[:, None] - self._ends[around])
+        widths = self._joints_width[at], self._ends_width[at]
+        beside = widths[0][:, None], widths[1][:, None]
+        each = nearness(joints[:, None] - self._joints[around], ends_b[:, None] - self._ends[around], widths=beside)
         nearest = around.gather(1, each.argmax(dim=1, keepdim=True))[:, 0]
         self._at.copy_(torch.where(self._steps % AGAIN == 0, nearest, at))
         off = ends_b - self._ends[self._at]
-        self.near.copy_(torch.nan_to_num(nearness(joints - self._joints[self._at], off)) * self.tracks)
+        lean = up - self._up_b[self._at]
+        near = nearness(joints - self._joints[self._at], off, lean if self._lean_counts else None, widths)
+        self.near.copy_(torch.nan_to_num(near) * self.tracks)
         furthest = torch.linalg.norm(off.unflatten(1, (4, 3)), dim=2).amax(dim=1)
         still, by_speed = END_STRAY
         bound = still + by_speed * torch.linalg.norm(self._command[self._at, :2], dim=1)
-        near = (furthest < bound) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
-        near &= torch.linalg.norm(up_b - self._up_b[self._at], dim=1) < TILT_STRAY
-        self.strayed.copy_(self.tracks & ~near)
-
-
-def _up_b(quat: torch.Tensor) -> torch.Tensor:
-    """The vertical (t, 3) in the frames of unit quaternions (t, 4), w first."""
-    w, x, y, z = quat.unbind(dim=1)
-    return torch.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], dim=1)
+        stays = (furthest < bound) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
+        stays &= torch.linalg.norm(lean, dim=1) < TILT_STRAY
+        self.strayed.copy_(self.tracks & ~stays)

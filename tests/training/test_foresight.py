@@ -172,12 +172,14 @@ def test_who_tracks_a_clip_is_left_alone_where_asked(tmp_path_factory, root, rob
     for pushed in (True, False):
         env = AmpEnvironment(bundle, preset("long_steps").changed(**asked, tracked_pushed=pushed), ENVS, "cpu", seed=1)
         env.reset()
-        env.tracked_clip.tracks[:] = torch.arange(ENVS) % 2 == 0
+        clip = env.tracked_clip
+        assert clip is not None
+        clip.tracks[:] = torch.arange(ENVS) % 2 == 0
         told = (env.coming_pushes[0].push_w != 0.0).any(dim=1)
-        assert torch.equal(told, env.pushed & (pushed | ~env.tracked_clip.tracks)), pushed
+        assert torch.equal(told, env.pushed & (pushed | ~clip.tracks)), pushed
         acted = torch.zeros(ENVS, dtype=torch.bool)
         for _ in range(3):
-            env.tracked_clip.tracks[:] = torch.arange(ENVS) % 2 == 0
+            clip.tracks[:] = torch.arange(ENVS) % 2 == 0
             _step(env)
             acted |= (env.trunk_forces.push_w != 0.0).any(dim=1)
         assert torch.equal(acted, told), pushed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any, cast
@@ -43,10 +44,10 @@ def expert() -> ExpertFrames:
     )
 
 
-def tracked(expert: ExpertFrames, begin: int) -> TrackedClip:
+def tracked(expert: ExpertFrames, begin: int, **asked: Any) -> TrackedClip:
     """One robot that begins at a frame and tracks its clip."""
     env = SimpleNamespace(
-        context=SimpleNamespace(bundle=SimpleNamespace(expert=expert)),
+        context=SimpleNamespace(bundle=SimpleNamespace(expert=expert), options=Options(**asked)),
         device="cpu",
         num_envs=1,
     )
@@ -73,9 +74,44 @@ def gone(expert: ExpertFrames, rate: float, count: int, begin: int = 10) -> list
 
 
 def test_nearness_halves_at_its_widths():
-    away = torch.zeros(3, JOINTS), torch.zeros(3, 12)
+    away = torch.zeros(4, JOINTS), torch.zeros(4, 12)
     away[0][1, 2], away[1][2, 5] = 0.5**0.5, 0.05**0.5
-    assert nearness(*away).tolist() == pytest.approx([1.0, 0.5, 0.5])
+    assert nearness(*away).tolist() == pytest.approx([1.0, 0.5, 0.5, 1.0])
+    up = torch.zeros(4, 3)
+    up[3, 0] = 0.02**0.5
+    assert nearness(*away, up).tolist() == pytest.approx([1.0, 0.5, 0.5, 0.5])
+
+
+@pytest.mark.parametrize(("trunk", "near"), [(False, 1.0), (True, 0.5)])
+def test_how_the_trunk_leans_counts_where_asked(expert: ExpertFrames, trunk: bool, near: float):
+    clip, angle = tracked(expert, 10, tracked_trunk=trunk), 2.0 * np.arcsin(0.5 * 0.02**0.5)
+    leant = torch.tensor([[-np.sin(angle), 0.0, np.cos(angle)]], dtype=torch.float32)
+    clip._go_on(*state(expert, 11), HEIGHT, leant)
+    assert float(clip.near[0]) == pytest.approx(near, abs=1e-5)
+    assert not clip.strayed[0]
+
+
+def mean_pose_paid(expert: ExpertFrames, size: float, by_clip: bool) -> float:
+    """What is paid to who keeps to the mean pose of a clip that moves `size` times as far, on average over a period."""
+    frames = expert.frames.copy()
+    frames[:, 7 : 19 + JOINTS] *= size
+    clip = tracked(dataclasses.replace(expert, frames=frames), 10, tracked_by_clip=by_clip)
+    mean, near = torch.from_numpy(frames[:120].mean(axis=0))[None], []
+    for _ in range(PERIOD):
+        clip._go_on(mean[:, 7 : 7 + JOINTS], mean[:, 7 + JOINTS : 19 + JOINTS], HEIGHT, UP)
+        near.append(float(clip.near[0]))
+    return float(np.mean(near))
+
+
+@pytest.mark.parametrize("size", [0.2, 0.35])
+def test_who_keeps_to_the_mean_pose_is_paid_a_third_however_little_the_clip_moves(expert: ExpertFrames, size: float):
+    assert 0.3 < mean_pose_paid(expert, size, by_clip=True) < 0.4
+    assert mean_pose_paid(expert, size, by_clip=False) > 0.5
+
+
+def test_clips_that_move_far_or_hardly_at_all_are_not_measured_by_that(expert: ExpertFrames):
+    assert mean_pose_paid(expert, 1.0, by_clip=True) == pytest.approx(mean_pose_paid(expert, 1.0, by_clip=False))
+    assert mean_pose_paid(expert, 0.02, by_clip=True) > 0.9
 
 
 def test_who_does_what_the_clip_does_is_near_it(expert):
