@@ -85,6 +85,8 @@ class Options:
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
     """What slides: the `centre` of the sole, or its `lowest` corner."""
+    feet_apart_factor: float = 1.0
+    """Of the paper's feet_lateral_distance weight."""
     action_rate_factor: float = 1.0
     """Of the paper's action-rate weight."""
     tracking_product: float = 0.0

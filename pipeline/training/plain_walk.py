@@ -224,11 +224,13 @@ class Notes:
         joints = [data.qpos[7 + world.facts["joint_names"].index(f"Left_{name}_Pitch")] for name in ("Hip", "Knee")]
         heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
         lean = np.degrees(np.arcsin(np.clip(rotation[2, :2], -1.0, 1.0)))
-        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints, *lean])
+        between = feet[0] - feet[1]
+        apart = between[1] * np.cos(heading) - between[0] * np.sin(heading)
+        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints, *lean, apart])
 
     def figures(self) -> Figures:
         """Means over what was written down; `lean` is how far the trunk leans ahead, `rock` the deviation of how far
-        it leans to a side [deg]."""
+        it leans to a side [deg], `feet_apart` how far the left foot is to the left of the right one [m]."""
         table = np.array(self._rows, dtype=float)
         x, y, heading, vx, vy = table[:, :5].T
         touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
@@ -251,6 +253,7 @@ class Notes:
             "knee_range": float(np.ptp(table[:, 10])),
             "lean": float(-table[:, 11].mean()),
             "rock": float(table[:, 12].std()),
+            "feet_apart": float(table[:, 13].mean()),
         }
 
 

@@ -189,7 +189,7 @@ def _feet(options: Options) -> tuple[Term, ...]:
         Term(
             name="feet_lateral_distance",
             equation="1[|v_y_cmd| < .1] ||p_lf,y - p_rf,y| - .2|",
-            weight=-2.0,
+            weight=-2.0 * options.feet_apart_factor,
             value=lambda env: terms.feet_lateral_distance(env.command, _lateral_gap(env)),
         ),
     )

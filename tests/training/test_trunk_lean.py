@@ -104,3 +104,5 @@ def test_a_sweep_tells_how_the_trunk_leans(tmp_path, root, robot):
     figures = notes.figures()
     assert figures["lean"] == pytest.approx(6.0, abs=0.05)
     assert figures["rock"] == pytest.approx(3.0, abs=0.05)
+    apart = world.data.site_xpos[world.feet[0]] - world.data.site_xpos[world.feet[1]]
+    assert figures["feet_apart"] == pytest.approx(np.linalg.norm(apart[:2]), abs=0.005)
