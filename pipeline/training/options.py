@@ -81,6 +81,8 @@ class Options:
     """Weight of the trunk leaning otherwise than the clips do at that command (`trunk_lean.py`)."""
     power: float = 0.0
     """Weight of the motors' power, summed over the joints [1/W]."""
+    power_share: float = 0.0
+    """Weight of that power over what is usual at the command (`reward_terms.power_share`)."""
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
@@ -122,7 +124,7 @@ class Options:
     saturation_of: str = "limit"
     """`limit`: of the constant one; `line`: of what the motor can give at its speed."""
     cost_start: float = 1.0
-    """Factor of `power` and `saturation` at the start …"""
+    """Factor of `power`, `power_share` and `saturation` at the start …"""
     cost_iterations: tuple[int, int] = (0, 0)
     """… grows to 1 between these iterations: what they cost less is free to be learnt first."""
 

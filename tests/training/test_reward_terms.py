@@ -73,6 +73,24 @@ def test_power_is_summed_over_joints_whatever_its_sign():
     assert terms.power(torque, speed).item() == 7.0
 
 
+MEASURED_W = {(0.6, 0, 0): 110.2, (-0.6, 0, 0): 105.6, (1.0, 0, 0): 192.9, (1.5, 0, 0): 256.4, (2.0, 0, 0): 371.3}
+MEASURED_W |= {(0, -0.6, 0): 71.1, (0, 0.6, 0): 85.6, (0.6, 0, 0.8): 118.4, (0.6, 0, -0.8): 125.9, (1.0, 0, 0.5): 204.3}
+"""t1_walk, as `data/validation.yaml`'s bars have it."""
+
+
+def test_the_usual_power_is_near_what_was_measured():
+    usual = terms.usual_power(torch.tensor(list(MEASURED_W)))
+    assert usual.tolist() == pytest.approx(list(MEASURED_W.values()), rel=0.2)
+
+
+def test_power_is_held_against_the_command():
+    (row,) = (row for row in table(PRESETS["paper_flat"][1].changed(power_share=1.5)) if row.name == "power_share")
+    command = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    readings = SimpleNamespace(torque=torch.tensor([[116.0], [85.0]]), joint_vel=torch.tensor([[-2.0], [1.0]]))
+    assert row.value(SimpleNamespace(command=command, readings=readings)).tolist() == pytest.approx([1.0, 1.0])
+    assert row.weight == -1.5
+
+
 @pytest.mark.parametrize("sigma2", [0.0, 0.25])
 def test_steps_are_paid_as_far_as_the_command_is_followed_where_that_is_asked(sigma2: float):
     options = PRESETS["paper_flat"][1].changed(long_step=2.0, long_step_sigma2=sigma2)

@@ -77,7 +77,7 @@ def test_effort_costs_more_late():
 
 def test_the_cost_of_effort_grows_and_that_of_the_rest_does_not(tmp_path, root, robot):
     bundle = read_bundle(small_bundle(tmp_path, root, robot))
-    asked = {"power": 0.01, "saturation": 10.0, "cost_start": 0.4, "cost_iterations": (900, 1300)}
+    asked = {"power": 0.01, "power_share": 1.0, "saturation": 10.0, "cost_start": 0.4, "cost_iterations": (900, 1300)}
     env = AmpEnvironment(bundle, preset("paper_flat").changed(**asked), 1, "cpu", seed=1)
     task = env.reward_manager.get_term_cfg("task").func
     names = [each.name for each in task.rows]
@@ -86,7 +86,7 @@ def test_the_cost_of_effort_grows_and_that_of_the_rest_does_not(tmp_path, root, 
         env.ramps.at(iteration)
         weights[iteration] = dict(zip(names, task.weights(env).tolist(), strict=True))
     grown = {name for name in names if weights[0.0][name] != weights[2000.0][name]}
-    assert grown == {"power", "saturation"}
+    assert grown == {"power", "power_share", "saturation"}
     assert [weights[0.0][name] for name in ("power", "saturation")] == pytest.approx([-0.004, -4.0])
     assert [weights[2000.0][name] for name in ("power", "saturation")] == pytest.approx([-0.01, -10.0])
 
