@@ -29,6 +29,8 @@ def write_starts(env, mask: torch.Tensor) -> None:
     tracks = torch.zeros_like(home)
     if env.tracked_clip is not None:
         tracks = torch.rand(count, 1, device=device) < env.ramps.tracked
+        if env.slopes is not None:
+            tracks &= env.slopes.level[:, None]  # clips are level: upright and with soles flat is not both on a slope
         home &= ~tracks
     height = env.context.bundle.robot.default_root_height + LIFT_M
     pos[:, 2:] = torch.where(home, height, pos[:, 2:])

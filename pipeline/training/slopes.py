@@ -15,6 +15,8 @@ from pipeline.training.ramps import passed
 
 GRAVITY = 9.81
 """[m/s^2]"""
+LEVEL_DEG = 0.5
+"""Less than this is level ground."""
 
 
 class Slopes:
@@ -33,6 +35,11 @@ class Slopes:
         self.at(0.0)
         env.sim.wp_model.opt.gravity = wp.from_torch(self._gravity_w, dtype=wp.vec3)
         env.sim.create_graph()  # what was recorded reads the one vector that was there before
+
+    @property
+    def level(self) -> torch.Tensor:
+        """Whose ground slopes by less than LEVEL_DEG now (n,)."""
+        return self.down_w[:, 2] < -math.cos(math.radians(LEVEL_DEG))
 
     def at(self, iteration: float) -> None:
         """Go to an iteration; only what has changed is written."""

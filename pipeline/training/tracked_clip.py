@@ -50,8 +50,9 @@ def nearness(
 
 def widths_of(expert: ExpertFrames) -> tuple[np.ndarray, np.ndarray]:
     """Of each frame (t,) what to take for JOINTS and ENDS so that who keeps to the mean of its clip's poses is paid
-    about a third, as in a walk at .6 m/s: by JOINTS and ENDS it is .7 in steps to the side and turns on the spot, where
-    feet move by centimetres. Never more than these, and at least a twentieth."""
+    hardly more than in a walk at .6 m/s, a third: by JOINTS and ENDS it is .7 in steps to the side and turns on the
+    spot, where feet move by centimetres; by these .38 and .44. Never more than those, and at least a twentieth: so
+    runs stay at .2, and standing is standing."""
     ends = 7 + expert.controlled
     parts = ((7, ends, JOINTS, SPREADS[0]), (ends, ends + 12, ENDS, SPREADS[1]))
     found = (np.empty(len(expert.frames), np.float32), np.empty(len(expert.frames), np.float32))
@@ -120,14 +121,12 @@ class TrackedClip:
         self._steps += 1
         at = torch.minimum(self._at + 1, last)
         around = torch.stack([at - 1, at, torch.minimum(at + 1, last)], dim=1)
-        widths = self._joints_width[at], self._ends_width[at]
-        beside = widths[0][:, None], widths[1][:, None]
-        each = nearness(joints[:, None] - self._joints[around], ends_b[:, None] - self._ends[around], widths=beside)
+        each = self._nearness(around, joints[:, None], ends_b[:, None])
         nearest = around.gather(1, each.argmax(dim=1, keepdim=True))[:, 0]
         self._at.copy_(torch.where(self._steps % AGAIN == 0, nearest, at))
         off = ends_b - self._ends[self._at]
         lean = up - self._up_b[self._at]
-        near = nearness(joints - self._joints[self._at], off, lean if self._lean_counts else None, widths)
+        near = self._nearness(self._at, joints, ends_b, lean if self._lean_counts else None)
         self.near.copy_(torch.nan_to_num(near) * self.tracks)
         furthest = torch.linalg.norm(off.unflatten(1, (4, 3)), dim=2).amax(dim=1)
         still, by_speed = END_STRAY
@@ -135,3 +134,7 @@ class TrackedClip:
         stays = (furthest < bound) & ((height - self._height[self._at]).abs() < HEIGHT_STRAY_M)
         stays &= torch.linalg.norm(lean, dim=1) < TILT_STRAY
         self.strayed.copy_(self.tracks & ~stays)
+
+    def _nearness(self, at: torch.Tensor, joints: torch.Tensor, ends_b: torch.Tensor, lean=None) -> torch.Tensor:
+        widths = self._joints_width[at], self._ends_width[at]
+        return nearness(joints - self._joints[at], ends_b - self._ends[at], lean, widths)

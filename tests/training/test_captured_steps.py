@@ -115,6 +115,7 @@ CHANGES: dict[str, dict[str, Any]] = {
         "push_interval_s": (0.02, 0.04),
         "resample_s": (0.02, 0.06),
     },
+    "upright_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
 }
 
 

@@ -73,6 +73,18 @@ def test_power_is_summed_over_joints_whatever_its_sign():
     assert terms.power(torque, speed).item() == 7.0
 
 
+@pytest.mark.parametrize(
+    ("option", "row"), [("ang_vel_factor", "ang_vel_xy"), ("feet_apart_factor", "feet_lateral_distance")]
+)
+def test_factors_are_of_the_papers_weights(option: str, row: str):
+    weights = []
+    for factor in (1.0, 5.0):
+        rows = table(PRESETS["paper_flat"][1].changed(**{option: factor}))
+        weights.append({each.name: each.weight for each in rows})
+    assert {name for name in weights[0] if weights[0][name] != weights[1][name]} == {row}
+    assert weights[1][row] == 5.0 * weights[0][row] < 0.0
+
+
 MEASURED_W = {(0.6, 0, 0): 110.2, (-0.6, 0, 0): 105.6, (1.0, 0, 0): 192.9, (1.5, 0, 0): 256.4, (2.0, 0, 0): 371.3}
 MEASURED_W |= {(0, -0.6, 0): 71.1, (0, 0.6, 0): 85.6, (0.6, 0, 0.8): 118.4, (0.6, 0, -0.8): 125.9, (1.0, 0, 0.5): 204.3}
 """t1_walk, as `data/validation.yaml`'s bars have it."""

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.training.bundle import read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.presets import preset
-from pipeline.training.slopes import GRAVITY
+from pipeline.training.slopes import GRAVITY, LEVEL_DEG
 from tests.factories.training_bundle import small_bundle
 
 ENVS = 12
@@ -104,3 +104,18 @@ def test_a_robot_left_alone_tips_down_its_slope(env: AmpEnvironment):
     still = env.episode_length_buf >= 15
     assert (along[steep & still] > 0.0).all()
     assert (steep & still).any()
+
+
+def test_nobody_tracks_a_clip_where_the_ground_slopes(tmp_path, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    asked = {"slope_share": 0.5, "slope_deg": STEEPEST_DEG, "slope_iterations": (10, 20)}
+    env = AmpEnvironment(bundle, preset("paper_flat").changed(**asked, tracked=1.0, tracked_end=1.0), ENVS, "cpu", 4)
+    clip = env.tracked_clip
+    assert clip is not None
+    for schedule, sloped in ((0.0, False), (1e9, True)):
+        env.schedule = schedule
+        env.go_on()
+        env.reset()
+        lean = _lean_deg(env)
+        assert bool((lean > LEVEL_DEG).any()) == sloped
+        assert torch.equal(clip.tracks, lean < LEVEL_DEG)

@@ -18,6 +18,7 @@ from pipeline.training.options import Options
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
 from pipeline.training.tracked_clip import AGAIN, END_STRAY, TrackedClip, nearness
+from pipeline.training.trunk_lean import up_b
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21
@@ -92,11 +93,12 @@ def test_how_the_trunk_leans_counts_where_asked(expert: ExpertFrames, trunk: boo
 
 
 def mean_pose_paid(expert: ExpertFrames, size: float, by_clip: bool) -> float:
-    """What is paid to who keeps to the mean pose of a clip that moves `size` times as far, on average over a period."""
+    """What is paid to who keeps to the mean pose of a clip that moves `size` times as far as the one before it, on
+    average over a period."""
     frames = expert.frames.copy()
-    frames[:, 7 : 19 + JOINTS] *= size
-    clip = tracked(dataclasses.replace(expert, frames=frames), 10, tracked_by_clip=by_clip)
-    mean, near = torch.from_numpy(frames[:120].mean(axis=0))[None], []
+    frames[120:, 7 : 19 + JOINTS] *= size
+    clip = tracked(dataclasses.replace(expert, frames=frames), 130, tracked_by_clip=by_clip)
+    mean, near = torch.from_numpy(frames[120:].mean(axis=0))[None], []
     for _ in range(PERIOD):
         clip._go_on(mean[:, 7 : 7 + JOINTS], mean[:, 7 + JOINTS : 19 + JOINTS], HEIGHT, UP)
         near.append(float(clip.near[0]))
@@ -112,6 +114,18 @@ def test_who_keeps_to_the_mean_pose_is_paid_a_third_however_little_the_clip_move
 def test_clips_that_move_far_or_hardly_at_all_are_not_measured_by_that(expert: ExpertFrames):
     assert mean_pose_paid(expert, 1.0, by_clip=True) == pytest.approx(mean_pose_paid(expert, 1.0, by_clip=False))
     assert mean_pose_paid(expert, 0.02, by_clip=True) > 0.9
+
+
+def test_the_trunk_is_held_against_the_frame_that_is_nearest(expert: ExpertFrames):
+    frames = expert.frames.copy()
+    half = 0.25 * np.sin(2.0 * np.pi * np.arange(240) / PERIOD)
+    frames[:, 3], frames[:, 5] = np.cos(half), np.sin(half)
+    leaning = dataclasses.replace(expert, frames=frames)
+    clip, ups = tracked(leaning, 120, tracked_trunk=True), up_b(torch.from_numpy(frames[:, 3:7]))
+    for step in range(1, AGAIN + 1):
+        at = 120 + step + (step == AGAIN)  # a frame ahead as the nearest is looked for
+        clip._go_on(*state(leaning, at), HEIGHT, ups[at : at + 1])
+    assert float(clip.near[0]) == pytest.approx(1.0, abs=1e-4)
 
 
 def test_who_does_what_the_clip_does_is_near_it(expert):

@@ -13,7 +13,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.plain_walk import Notes, Walk, World, network_of
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
-from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean
+from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean, up_b
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21
@@ -46,6 +46,22 @@ def test_a_command_is_answered_by_the_lean_of_the_nearest_clips():
     asked = torch.tensor([[0.5, 0.1, 0.0], [1.6, 0.0, 0.1], [3.0, 0.0, 0.0]])
     assert lean(asked)[:, 0].tolist() == pytest.approx(np.sin([0.1, -0.2, -0.2]).tolist(), abs=1e-5)
     assert lean(asked)[:, 1].tolist() == pytest.approx([0.0, 0.0, 0.0], abs=1e-5)
+
+
+def test_the_vertical_is_the_rotations():
+    rotation = Rotation.random(20, random_state=3)
+    quat = torch.from_numpy(rotation.as_quat(scalar_first=True))
+    assert up_b(quat).numpy() == pytest.approx(rotation.inv().apply([0.0, 0.0, 1.0]), abs=1e-12)
+
+
+def test_leaning_to_a_side_is_told_with_its_side():
+    turn = Rotation.from_euler("Z", np.linspace(0.0, 3.0, 80)[:, None])
+    frames, command = clip_of(0.0, 0.9, 80)
+    frames[:, 3:7] = (turn * Rotation.from_euler("X", 0.2)).as_quat(scalar_first=True)
+    told = TrunkLean(expert_of((frames, command)), "cpu")(torch.tensor([[0.9, 0.0, 0.0]]))
+    expected = -Rotation.from_euler("X", 0.2).inv().apply([0.0, 0.0, 1.0])[:2]
+    assert told[0].tolist() == pytest.approx(expected.tolist(), abs=1e-6)
+    assert abs(expected[1]) > 0.15
 
 
 def test_leaning_otherwise_than_the_clips_costs_and_their_own_lean_does_not(tmp_path, root, robot):
@@ -89,6 +105,19 @@ def test_the_cost_of_effort_grows_and_that_of_the_rest_does_not(tmp_path, root, 
     assert grown == {"power", "power_share", "saturation"}
     assert [weights[0.0][name] for name in ("power", "saturation")] == pytest.approx([-0.004, -4.0])
     assert [weights[2000.0][name] for name in ("power", "saturation")] == pytest.approx([-0.01, -10.0])
+
+
+def test_effort_grows_with_the_penalties_and_further_on(tmp_path, root, robot):
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    asked = {"power": 0.01, "cost_start": 0.4, "cost_iterations": (900, 1300)}
+    asked |= {"penalty_start": 0.25, "penalty_iterations": 400}
+    env = AmpEnvironment(bundle, preset("paper_flat").changed(**asked), 1, "cpu", seed=1)
+    task = env.reward_manager.get_term_cfg("task").func
+    at, found = [row.name for row in task.rows].index("power"), []
+    for iteration in (0.0, 400.0, 1300.0):
+        env.ramps.at(iteration)
+        found.append(float(task.weights(env)[at]))
+    assert found == pytest.approx([-0.001, -0.004, -0.01])
 
 
 def test_a_sweep_tells_how_the_trunk_leans(tmp_path, root, robot):
