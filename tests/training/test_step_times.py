@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.training.bundle import FPS, ExpertFrames
+from pipeline.training.bundle import FPS
 from pipeline.training.plain_walk import AIR_S
 from pipeline.training.readings import Readings
 from pipeline.training.step_times import StepTimes, _landings, steps
+from tests.factories.expert_frames import expert_of
 
 JOINTS = 21
 FOOT = 7 + JOINTS + 6
@@ -27,15 +28,6 @@ def walking(step_s: float, seconds: float, speed: float) -> tuple[np.ndarray, np
     command = np.zeros((count, 3), dtype=np.float32)
     command[:, 0] = speed
     return frames, command
-
-
-def expert_of(*clips: tuple[np.ndarray, np.ndarray]) -> ExpertFrames:
-    return ExpertFrames(
-        frames=np.concatenate([frames for frames, _ in clips]),
-        command=np.concatenate([command for _, command in clips]),
-        clip_start=np.cumsum([0, *(len(frames) for frames, _ in clips)]),
-        clip_weight=np.ones(len(clips)),
-    )
 
 
 def test_steps_of_clips_are_from_one_foots_landing_to_the_others():

@@ -8,12 +8,13 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from pipeline.training.bundle import ExpertFrames, read_bundle
+from pipeline.training.bundle import read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.plain_walk import Notes, Walk, World, network_of
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
 from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean, up_b
+from tests.factories.expert_frames import expert_of
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21
@@ -29,15 +30,6 @@ def clip_of(lean_rad: float, speed: float, count: int) -> tuple[np.ndarray, np.n
     frames[:, 5] = np.cos(turn) * np.sin(half)
     frames[:, 6] = np.sin(turn) * np.cos(half)
     return frames, np.tile(np.array([speed, 0.0, 0.0], dtype=np.float32), (count, 1))
-
-
-def expert_of(*clips: tuple[np.ndarray, np.ndarray]) -> ExpertFrames:
-    return ExpertFrames(
-        frames=np.concatenate([frames for frames, _ in clips]),
-        command=np.concatenate([command for _, command in clips]),
-        clip_start=np.cumsum([0, *(len(frames) for frames, _ in clips)]),
-        clip_weight=np.ones(len(clips)),
-    )
 
 
 def test_a_command_is_answered_by_the_lean_of_the_nearest_clips():
