@@ -11,7 +11,6 @@ DAMAGED_NPZ = (
     EOFError,
     OSError,
     ValueError,
-    NotImplementedError,
     RuntimeError,
 )
 """Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
