@@ -52,6 +52,12 @@ def frame_features(frames: torch.Tensor) -> torch.Tensor:
     return features(joint_pos, ends_b, lin_vel_b, ang_vel_b, joint_vel)
 
 
+def up_b(quat: torch.Tensor) -> torch.Tensor:
+    """The vertical (t, 3) in the frames of unit quaternions (t, 4), w first."""
+    w, x, y, z = quat.unbind(dim=1)
+    return torch.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], dim=1)
+
+
 def floors(joints: int, command: bool = False, **least: float) -> torch.Tensor:
     """The least standard deviation of each feature; `least` has those that differ from FLOORS."""
     if unknown := least.keys() - FLOORS.keys():

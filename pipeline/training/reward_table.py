@@ -273,7 +273,7 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="power_share",
-            equation="sum |tau dq| / (85 + 125 |v_x| + 22 v_x^2 + 70 |v_y| + 25 |w|), of the command",
+            equation=f"sum |tau dq| / (what is usual at the command + {terms.NOISE_W:g} W)",
             weight=-options.power_share,
             value=lambda env: terms.power_share(env.readings.torque, env.readings.joint_vel, env.command),
             added="by the watt a run of 2 m/s is hardly worth being alive, and steps to the side cost little",

@@ -60,14 +60,16 @@ def power(torque: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
 
 
 def power_share(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Tensor) -> torch.Tensor:
-    """The joints' power over what is usual at the command and NOISE_W more."""
+    """The joints' power (n,) over what is usual at the command and NOISE_W more, of torques and speeds (n, a) [N m,
+    rad/s] and commands (n, 3)."""
     return power(torque, joint_vel) / (NOISE_W + usual_power(command))
 
 
 def usual_power(command: torch.Tensor) -> torch.Tensor:
-    """About what the published walking policy spends on commands (n, 3) [W], within a fifth: ankle damping 2 N m s/rad
-    on the adapted robot, the worst of five seeds, 110 / 193 / 256 / 371 W at .6 / 1.0 / 1.5 / 2.0 m/s, 71 and 86 W
-    sideways at .6 m/s, 48 to 97 W turning at 1 and 1.5 rad/s."""
+    """About what the published walking policy spends on commands (n, 3) [W]: ankle damping 2 N m s/rad on the adapted
+    robot, the worst of five seeds. Within a fifth of the mean of both sides: 106 to 110 / 193 / 256 / 371 W at .6 /
+    1.0 / 1.5 / 2.0 m/s, 78 W sideways at .6 m/s, 63 and 83 W turning at 1 and 1.5 rad/s, where it spends 1.4 to 1.6
+    times as much to the right as to the left."""
     ahead, aside, turn = command.abs().unbind(dim=1)
     return 35.0 + 125.0 * ahead + 22.0 * torch.square(ahead) + 70.0 * aside + 25.0 * turn
 

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from pipeline.training.bundle import FPS, ExpertFrames
-from pipeline.training.expert_sampling import CELL
+from pipeline.training.command_cells import CommandCells
+from pipeline.training.motion_features import up_b
 from pipeline.training.plain_walk import AIR_S
 
 LIFTED_M = 0.012
@@ -47,8 +48,7 @@ def _landings(lifted: np.ndarray) -> list[int]:
 
 def _sole_heights(frames: np.ndarray) -> np.ndarray:
     """Of the left and right sole's middle above the ground (t, 2) [m]."""
-    w, x, y, z = frames[:, 3:7].T
-    up = np.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], axis=1)
+    up = up_b(torch.from_numpy(frames[:, 3:7])).numpy()
     joints = (frames.shape[1] - 37) // 2
     feet = frames[:, 7 + joints + 6 : 7 + joints + 12].reshape(-1, 2, 3)
     return frames[:, 2:3] + np.einsum("tk,tfk->tf", up, feet)
@@ -59,18 +59,12 @@ class StepTimes:
 
     def __init__(self, expert: ExpertFrames, device: str):
         end, seconds = steps(expert)
-        cells, member, count = np.unique(
-            np.round(expert.command[end] / CELL).astype(int), axis=0, return_inverse=True, return_counts=True
-        )
-        taken = np.flatnonzero(count >= LEAST_STEPS)
-        median = [np.median(seconds[member.ravel() == cell]) for cell in taken]
-        self._cells = torch.from_numpy(cells[taken]).float().to(device)
-        self._size = torch.from_numpy(CELL).float().to(device)
+        self._cells = CommandCells(expert.command[end], LEAST_STEPS, device)
+        median = [np.median(seconds[member]) for member in self._cells.members]
         self._seconds = torch.tensor(np.array(median), dtype=torch.float32, device=device)
 
     def __call__(self, command: torch.Tensor) -> torch.Tensor:
         """Seconds (n,) for commands (n, 3); 0 where no clip steps."""
         if not len(self._seconds):
             return torch.zeros(len(command), device=command.device)
-        away = torch.cdist(command / self._size, self._cells)
-        return self._seconds[away.argmin(dim=1)]
+        return self._seconds[self._cells.nearest(command)]

@@ -14,7 +14,7 @@ import torch
 
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.masks import replace
-from pipeline.training.trunk_lean import up_b
+from pipeline.training.motion_features import up_b
 
 JOINTS, ENDS, UP = 0.5, 0.05, 0.02
 """Sums of squared differences at which nearness has fallen to a half: of joints [rad^2], of hands and feet [m^2], of
@@ -135,6 +135,8 @@ class TrackedClip:
         stays &= torch.linalg.norm(lean, dim=1) < TILT_STRAY
         self.strayed.copy_(self.tracks & ~stays)
 
-    def _nearness(self, at: torch.Tensor, joints: torch.Tensor, ends_b: torch.Tensor, lean=None) -> torch.Tensor:
+    def _nearness(
+        self, at: torch.Tensor, joints: torch.Tensor, ends_b: torch.Tensor, lean: torch.Tensor | None = None
+    ) -> torch.Tensor:
         widths = self._joints_width[at], self._ends_width[at]
         return nearness(joints - self._joints[at], ends_b - self._ends[at], lean, widths)

@@ -10,16 +10,11 @@ import numpy as np
 import torch
 
 from pipeline.training.bundle import ExpertFrames
-from pipeline.training.expert_sampling import CELL
+from pipeline.training.command_cells import CommandCells
+from pipeline.training.motion_features import up_b
 
 LEAST_FRAMES = 50
-"""A cell with fewer frames (a second) is left out."""
-
-
-def up_b(quat: torch.Tensor) -> torch.Tensor:
-    """The vertical (t, 3) in the frames of unit quaternions (t, 4), w first."""
-    w, x, y, z = quat.unbind(dim=1)
-    return torch.stack([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)], dim=1)
+"""A cell with fewer frames (a second) is left out, unless all have fewer."""
 
 
 class TrunkLean:
@@ -27,18 +22,12 @@ class TrunkLean:
 
     def __init__(self, expert: ExpertFrames, device: str):
         gravity = -up_b(torch.from_numpy(expert.frames[:, 3:7]))[:, :2].numpy()
-        cells, member, count = np.unique(
-            np.round(expert.command / CELL).astype(int), axis=0, return_inverse=True, return_counts=True
-        )
-        taken = np.flatnonzero(count >= LEAST_FRAMES)
-        if not len(taken):
-            taken = np.arange(len(cells))
-        mean = [gravity[member.ravel() == cell].mean(axis=0) for cell in taken]
-        self._cells = torch.from_numpy(cells[taken]).float().to(device)
-        self._size = torch.from_numpy(CELL).float().to(device)
+        self._cells = CommandCells(expert.command, LEAST_FRAMES, device)
+        if not self._cells.members:
+            self._cells = CommandCells(expert.command, 1, device)
+        mean = [gravity[member].mean(axis=0) for member in self._cells.members]
         self._gravity = torch.from_numpy(np.array(mean)).float().to(device)
 
     def __call__(self, command: torch.Tensor) -> torch.Tensor:
         """Its first two components (n, 2) for commands (n, 3); (0, 0) is upright, the first positive ahead."""
-        away = torch.cdist(command / self._size, self._cells)
-        return self._gravity[away.argmin(dim=1)]
+        return self._gravity[self._cells.nearest(command)]

@@ -13,12 +13,12 @@ import torch
 
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.environment import AmpEnvironment
+from pipeline.training.motion_features import up_b
 from pipeline.training.observations import critic_frame
 from pipeline.training.options import Options
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
 from pipeline.training.tracked_clip import AGAIN, END_STRAY, TrackedClip, nearness
-from pipeline.training.trunk_lean import up_b
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21

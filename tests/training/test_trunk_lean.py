@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.training.bundle import read_bundle
 from pipeline.training.environment import AmpEnvironment
+from pipeline.training.motion_features import up_b
 from pipeline.training.plain_walk import Notes, Walk, World, network_of
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
-from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean, up_b
+from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean
 from tests.factories.expert_frames import expert_of
 from tests.factories.training_bundle import small_bundle
 
@@ -23,12 +24,8 @@ JOINTS = 21
 def clip_of(lean_rad: float, speed: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Frames and commands of a trunk that leans ahead and faces where it likes."""
     frames = np.zeros((count, 37 + 2 * JOINTS), dtype=np.float32)
-    yaw = np.linspace(-3.0, 3.0, count)
-    half, turn = 0.5 * lean_rad, 0.5 * yaw
-    frames[:, 3] = np.cos(turn) * np.cos(half)
-    frames[:, 4] = -np.sin(turn) * np.sin(half)
-    frames[:, 5] = np.cos(turn) * np.sin(half)
-    frames[:, 6] = np.sin(turn) * np.cos(half)
+    facing = Rotation.from_euler("Z", np.linspace(-3.0, 3.0, count)[:, None])
+    frames[:, 3:7] = (facing * Rotation.from_euler("Y", lean_rad)).as_quat(scalar_first=True)
     return frames, np.tile(np.array([speed, 0.0, 0.0], dtype=np.float32), (count, 1))
 
 
