@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import torch
 
+from pipeline.training.pushes import recovery_left
+
 AHEAD_S = 3.0
 """How far ahead [s]; rewards count 1/e as much for every 2 s."""
 
@@ -19,13 +21,16 @@ def foreseen(env) -> torch.Tensor:
     whether there is one at all; the force that acts now (n, 2) [N]; of the next command (n, 4): its nearness in time,
     and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked. Where
     there are slopes, which way the ground falls (n, 2), as its sine; where commands are slewed, how far they still
-    have to go (n, 3); where rotors are on links, their share (n, 1)."""
+    have to go (n, 3); where rotors are on links, their share (n, 1); where effort after a push costs nothing, how
+    much of that time is left (n, 1)."""
     pushes = [part for coming in env.coming_pushes for part in _of_push(coming, env.readings.heading_w)]
     acting = _from_heading(env.trunk_forces.push_w, env.readings.heading_w)
     slope = [] if env.slopes is None else [_from_heading(env.slopes.down_w, env.readings.heading_w)]
     slewed = [env.velocity_command.goal - env.command] if env.context.options.slew_share else []
     rotors = [env.rotor_link_share[:, None]] if env.context.options.rotor_link_share else []
-    return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed, *rotors], dim=1)
+    recovery_s = env.context.options.recovery_s
+    recovery = [recovery_left(env, recovery_s)[:, None]] if recovery_s else []
+    return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed, *rotors, *recovery], dim=1)
 
 
 def signs(env) -> torch.Tensor:
@@ -34,7 +39,8 @@ def signs(env) -> torch.Tensor:
     slope = [] if env.slopes is None else [1.0, -1.0]
     slewed = [1.0, -1.0, -1.0] if env.context.options.slew_share else []
     rotors = [1.0] if env.context.options.rotor_link_share else []
-    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope, *slewed, *rotors])
+    recovery = [1.0] if env.context.options.recovery_s else []
+    return torch.tensor([*push * len(env.coming_pushes), *acting, *command, *slope, *slewed, *rotors, *recovery])
 
 
 def _near(left_s: torch.Tensor) -> torch.Tensor:

@@ -127,6 +127,8 @@ class Options:
     """Factor of `power`, `power_share` and `saturation` at the start …"""
     cost_iterations: tuple[int, int] = (0, 0)
     """… grows to 1 between these iterations: what they cost less is free to be learnt first."""
+    recovery_s: float = 0.0
+    """For this long [s] after a push begins they cost nothing: to catch it takes effort, and may fail."""
 
     # Terminations
     max_tilt_deg: float = 60.0

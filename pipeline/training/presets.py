@@ -16,6 +16,7 @@ REASONS = {
     "tracked_trunk": "as lean: seen from the trunk, who leans back as a whole is where the clip is",
     "cost_start": "kept and plain, whose effort costs twice seen_kl's, bear fewer pushes; what else differs may be why",
     "cost_iterations": "as cost_start",
+    "recovery_s": "as cheap's effort grew dear, .4 of 40 N s walking were caught, not .8; one takes 12 a second",
     "slope_share": "down 5 degrees walks were .13 m/s off, where .09 are allowed",
     "slope_deg": "as slope_share",
     "slope_iterations": "as slope_share, and clips are level",
@@ -209,6 +210,21 @@ KEPT_STEPS = FORESEEN_STEPS.changed(
     rotor_link_share=0.4,
 )
 
+CAUGHT_STEPS = KEPT_STEPS.changed(
+    lean=20.0,
+    power=0.0,
+    power_share=2.5,
+    cost_start=0.25,
+    cost_iterations=(900, 1300),
+    recovery_s=2.0,
+    push_impulse=(0.0, 85.0),
+    action_lag_steps=2,
+    rotor_link_share=0.25,
+    slope_share=0.3,
+    slope_deg=8.0,
+    slope_iterations=(500, 1000),
+)
+
 UPRIGHT_STEPS = KEPT_STEPS.changed(
     lean=20.0,
     ang_vel_factor=5.0,
@@ -267,8 +283,12 @@ PRESETS: dict[str, tuple[str, Options]] = {
         "the same, two fifths of the episodes tracking clips to the end, rotors on links: the clips' cadence ahead",
         KEPT_STEPS,
     ),
+    "caught_steps": (
+        "the same with effort that costs more late, and nothing while a push is caught, and slopes; not trained yet",
+        CAUGHT_STEPS,
+    ),
     "upright_steps": (
-        "the same with the trunk held as the clips have it, effort that costs more late, slopes late; not trained yet",
+        "kept_steps with the trunk held as the clips have it: slow and side steps are longer, pushes fell it",
         UPRIGHT_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),

@@ -31,10 +31,12 @@ class ComingPush:
         self._spared = None if env.context.options.tracked_pushed else env.tracked_clip
         self.left_s = torch.zeros(env.num_envs, device=env.device)
         """How long each is still left alone (n,) [s]."""
+        self.since_s = torch.full((env.num_envs,), math.inf, device=env.device)
+        """How long ago each was last pushed in this episode (n,) [s]."""
         self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
         self._drawn(torch.ones_like(self.left_s, dtype=torch.bool))
         env.coming_pushes.append(self)
-        env.restarts.append(self._drawn)
+        env.restarts.append(self._restart)
 
     @property
     def push_w(self) -> torch.Tensor:
@@ -45,15 +47,32 @@ class ComingPush:
     def begins(self) -> tuple[torch.Tensor, torch.Tensor]:
         """A control step later: who (n,) is pushed with this step, and by what (n, 3), of those."""
         self.left_s -= self._step_s
+        self.since_s += self._step_s
         now, push_w = self.left_s <= 0.0, self.push_w
+        replace(self.since_s, now & (push_w != 0.0).any(dim=1), 0.0)
         self._drawn(now)
         return now, push_w
+
+    def _restart(self, mask: torch.Tensor) -> None:
+        """Another episode: nobody was pushed in it yet."""
+        replace(self.since_s, mask, math.inf)
+        self._drawn(mask)
 
     def _drawn(self, mask: torch.Tensor) -> None:
         """Draw the next one of some anew."""
         low, high = self._span
         replace(self.left_s, mask, low + (high - low) * torch.rand_like(self.left_s))
         replace(self._share_w, mask, horizontal(len(mask), mask.device))
+
+
+def recovery_left(env, recovery_s: float) -> torch.Tensor:
+    """How much of the time [s] to recover from the latest push is left (n,): about 1 as it begins, 0 when it is over.
+    It is that of the middle of a control step, so that its last step is the last that ends within it."""
+    since_s = [coming.since_s for coming in env.coming_pushes]
+    if not since_s:
+        return torch.zeros(env.num_envs, device=env.device)
+    middle_s = torch.stack(since_s).amin(dim=0) + 0.5 * env.step_dt
+    return (1.0 - middle_s / recovery_s).clamp(min=0.0)
 
 
 class PushVelocity:

@@ -10,6 +10,7 @@ from mjlab.managers.reward_manager import RewardTermCfg
 
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
+from pipeline.training.pushes import recovery_left
 from pipeline.training.readings import CONTACT_FORCE
 from pipeline.training.training_error import TrainingError
 
@@ -60,6 +61,7 @@ class TaskReward:
             ramp: torch.tensor([row.weight if _ramp(row) == ramp else 0.0 for row in self.rows], device=env.device)
             for ramp in ("", PENALTY, COST, LATE)
         }
+        self._recovery_s = env.context.options.recovery_s
 
     def values(self, env) -> torch.Tensor:
         """Every row's value, not weighted (n, rows)."""
@@ -74,6 +76,9 @@ class TaskReward:
     def __call__(self, env) -> torch.Tensor:
         self.paid = torch.nan_to_num(self.values(env)) * self.weights(env)
         """What every row paid at the last step (n, rows)."""
+        if self._recovery_s:
+            free = recovery_left(env, self._recovery_s)[:, None] > 0.0
+            self.paid = torch.where(free & (self._weights[COST] != 0.0), 0.0, self.paid)
         return self.paid.sum(dim=1)
 
 

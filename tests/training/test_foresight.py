@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from types import SimpleNamespace
 
@@ -107,13 +108,15 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
     flip, flip2 = torch.tensor([1.0, side, 1.0]), torch.tensor([1.0, side])
     command = torch.tensor([[0.5, 0.3, -1.0], [0.0, 0.2, 0.4]]) * torch.tensor([1.0, side, side])
     coming = torch.tensor([[-0.5, 0.1, 1.0], [1.0, -0.2, 0.1]]) * torch.tensor([1.0, side, side])
-    push = SimpleNamespace(left_s=torch.tensor([1.0, 9.0]), push_w=torch.tensor([[10.0, 20.0, 0], [0, 0, 0]]) * flip)
+    push_w = torch.tensor([[10.0, 20.0, 0], [0, 0, 0]]) * flip
+    push = SimpleNamespace(left_s=torch.tensor([1.0, 9.0]), push_w=push_w, since_s=torch.tensor([0.24, math.inf]))
     goal = torch.tensor([[1.0, -0.1, -0.2], [0.0, 0.6, 0.8]]) * torch.tensor([1.0, side, side])
     term = SimpleNamespace(time_left=torch.tensor([0.5, 2.0]), coming=coming, command=command, goal=goal)
     down_w = torch.tensor([[0.1, 0.05, -0.99], [0.0, 0.0, -1.0]]) * flip
     share = 0.5 if slopes else 0.0
-    context = SimpleNamespace(options=SimpleNamespace(slew_share=share, rotor_link_share=share))
+    context = SimpleNamespace(options=SimpleNamespace(slew_share=share, rotor_link_share=share, recovery_s=2.0 * share))
     return SimpleNamespace(
+        step_dt=0.02,
         context=context,
         rotor_link_share=torch.tensor([0.0, 0.75]),
         command=command,
@@ -129,10 +132,10 @@ def _state(side: float, tracks: bool = False, slopes: bool = True) -> SimpleName
 @pytest.mark.parametrize("slopes", [True, False])
 def test_in_a_mirror_it_is_seen_with_its_signs(slopes: bool):
     there, mirrored = _state(1.0, slopes=slopes), _state(-1.0, slopes=slopes)
-    assert foreseen(there).shape == (2, 16 if slopes else 10)
+    assert foreseen(there).shape == (2, 17 if slopes else 10)
     assert foreseen(mirrored) == pytest.approx(foreseen(there) * signs(there), abs=1e-6)
     assert (foreseen(mirrored) != foreseen(there)).any()
-    assert not slopes or foreseen(there)[:, -1].tolist() == [0.0, 0.75]
+    assert not slopes or foreseen(there)[:, -2:].flatten().tolist() == pytest.approx([0.0, 0.75, 0.75, 0.0])
     assert (foreseen(there)[1, PUSH_B] == 0.0).all(), "further ahead than is told"
 
 

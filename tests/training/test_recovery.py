@@ -1,0 +1,71 @@
+"""While a push is caught, effort costs nothing; all else costs what it does, and everybody else pays."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from pipeline.training.bundle import read_bundle
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.presets import preset
+from pipeline.training.pushes import recovery_left
+from tests.factories.training_bundle import small_bundle
+
+ENVS = 6
+RECOVERY_S = 0.1
+EFFORT = ("power", "power_share", "saturation")
+
+
+def _environment(tmp_path, root, robot, **changed) -> AmpEnvironment:
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    asked = {"push_interval_s": (0.24, 0.3), "push_iterations": 0, "quiet_share": 0.5, "quiet_pushed": 0.0}
+    asked |= {"power": 0.01, "power_share": 1.0, "saturation": 10.0, "reference_share": 0.0, "foresight": True}
+    env = AmpEnvironment(bundle, preset("long_steps").changed(**asked | changed), ENVS, "cpu", seed=1)
+    env.reset()
+    return env
+
+
+def _step(env: AmpEnvironment) -> None:
+    with torch.no_grad():
+        env.step(torch.zeros(ENVS, 21))
+
+
+def test_effort_costs_nothing_for_as_long_after_a_push_as_is_asked(tmp_path, root, robot):
+    env = _environment(tmp_path, root, robot, recovery_s=RECOVERY_S)
+    task = env.reward_manager.get_term_cfg("task").func
+    effort = torch.tensor([row.name in EFFORT for row in task.rows])
+    steps_since = torch.full((ENVS,), 1000)
+    free_steps, before = 0, env.trunk_forces.push_w.clone()
+    for _ in range(40):
+        _step(env)
+        steps_since += 1
+        free = steps_since <= round(RECOVERY_S / env.step_dt)
+        assert (task.paid[free][:, effort] == 0.0).all()
+        assert (task.paid[~free][:, effort].sum(dim=1) < 0.0).all(), "who recovered, or was not pushed, pays"
+        assert (task.paid[free][:, ~effort] != 0.0).any(dim=1).all()
+        free_steps += int(free.sum())
+        steps_since[env.episode_length_buf == 0] = 1000
+        force = env.trunk_forces.push_w
+        begins = (force != before).any(dim=1) & (force != 0.0).any(dim=1)
+        steps_since[begins], before = 0, force.clone()
+    assert free_steps > 20
+    assert (recovery_left(env, RECOVERY_S)[~env.pushed] == 0.0).all()
+
+
+def test_no_push_of_an_episode_is_recovered_from_in_the_next(tmp_path, root, robot):
+    env = _environment(tmp_path, root, robot, recovery_s=5.0)
+    for _ in range(16):
+        _step(env)
+    (push,) = env.coming_pushes
+    assert (recovery_left(env, 5.0)[env.pushed] > 0.9).any()
+    env.reset()
+    assert push.since_s.tolist() == [math.inf] * ENVS
+    assert (recovery_left(env, 5.0) == 0.0).all()
+
+
+def test_a_push_of_nothing_is_none_to_recover_from(tmp_path, root, robot):
+    env = _environment(tmp_path, root, robot, recovery_s=5.0, push_impulse=(0.0, 0.0))
+    for _ in range(20):
+        _step(env)
+    assert (recovery_left(env, 5.0) == 0.0).all()
