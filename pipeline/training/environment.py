@@ -18,6 +18,7 @@ from pipeline.training.curves import Record
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import write_starts
+from pipeline.training.leg_swings import ClipSwings, LegSwings
 from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST
@@ -73,6 +74,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Length of each environment's last episode."""
         self.step_times = StepTimes(bundle.expert, device)
         self.trunk_lean = TrunkLean(bundle.expert, device)
+        self.clip_swings = ClipSwings(bundle.expert, robot.controlled, device)
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         """The command that goes with what an episode began at; NaN where none does."""
         self.begun_command = torch.zeros(num_envs, 3, device=device)
@@ -109,6 +111,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.record = Record(self.device)
         self.trunk_forces = TrunkForces(self)
         self.tracked_clip = TrackedClip(self) if options.tracked else None
+        self.leg_swings = LegSwings(self) if options.full_swing else None
+        if self.leg_swings is not None:
+            self.restarts.append(self.leg_swings.restart)
         super().load_managers()
 
     @property

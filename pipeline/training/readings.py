@@ -97,6 +97,7 @@ class Readings:
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
         self._stance = torch.zeros(env.num_envs, 2, device=env.device)
         self._stood = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
+        self._landed = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
         self._set_down = torch.full((env.num_envs,), -1, device=env.device)
         self._since = torch.zeros(env.num_envs, device=env.device)
         self._step = torch.zeros(env.num_envs, device=env.device)
@@ -261,6 +262,11 @@ class Readings:
         return self._stance
 
     @property
+    def landed(self) -> torch.Tensor:
+        """Feet (n, 2) that have just been set down after a swing."""
+        return self._landed
+
+    @property
     def step_s(self) -> torch.Tensor:
         """Where a foot has just been set down, how long ago the other one was, the last time [s] (n,); else 0.
 
@@ -278,7 +284,8 @@ class Readings:
     def _advance_stances(self, contacts: torch.Tensor, moves: torch.Tensor) -> None:
         """The times of stances and steps, with feet (n, 2) that touch the ground now and who is told to move (n,)."""
         same, lasted = contacts == self._stood, self._stance + self._env.step_dt
-        self._advance_steps(contacts & ~same & (lasted >= AIR_S - 1e-6), moves)
+        self._landed.copy_(contacts & ~same & (lasted >= AIR_S - 1e-6))
+        self._advance_steps(self._landed, moves)
         self._stance.copy_(lasted * same)
         self._stood.copy_(contacts)
 

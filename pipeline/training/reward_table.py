@@ -269,6 +269,14 @@ def _added(options: Options) -> tuple[Term, ...]:
             added="steps of a third of the clips' time are paid as well as theirs",
         ),
         Term(
+            name="full_swing",
+            equation="1[c != 0] at the end of a step: T / dt, at most 1.5 T_clips / dt, times long_step's kernel "
+            "and the mean over hip and knee of clip((r / r_clips - .4) / .5, 0, 1), r how far each moved in the stride",
+            weight=options.full_swing,
+            value=lambda env: _full_swing(env, options),
+            added="steps of the clips' time were taken with knees that bend by three fifths of theirs",
+        ),
+        Term(
             name="power",
             equation="sum |tau dq|",
             weight=-options.power,
@@ -296,12 +304,22 @@ def _added(options: Options) -> tuple[Term, ...]:
 
 
 def _long_step(env, options: Options) -> torch.Tensor:
-    read, wanted_s = env.readings, env.step_times(env.command)
+    step_s, wanted_s = env.readings.step_s, env.step_times(env.command)
     share = options.long_step_share, options.long_step_full
-    paid = terms.long_step(env.command, read.step_s, wanted_s, *share) / env.step_dt
+    return _as_followed(env, terms.long_step(env.command, step_s, wanted_s, *share), options)
+
+
+def _full_swing(env, options: Options) -> torch.Tensor:
+    took_s = terms.step_time(env.command, env.readings.step_s, env.step_times(env.command))
+    share = terms.full_swing(env.leg_swings.moved, env.clip_swings(env.command))
+    return _as_followed(env, took_s * share, options)
+
+
+def _as_followed(env, time_s: torch.Tensor, options: Options) -> torch.Tensor:
+    """What is paid for the time [s] of a step, as far as the averaged velocity is the command's where that counts."""
     if options.long_step_sigma2:
-        paid = paid * terms.joint_tracking(env.command, read.mean_velocity, options.long_step_sigma2)
-    return paid
+        time_s = time_s * terms.joint_tracking(env.command, env.readings.mean_velocity, options.long_step_sigma2)
+    return time_s / env.step_dt
 
 
 def _lateral_gap(env) -> torch.Tensor:

@@ -20,6 +20,8 @@ STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 LONGEST_SHARE = 1.5
 """Of the clips' time of a step: the time beyond is not walked."""
+LEAST_SWING, FULL_SWING = 0.4, 0.9
+"""Of the clips' movement of hip and knee in a stride: what is paid nothing, and in full."""
 NOISE_W = 50.0
 """About what exploration spends besides [W]: who stands would else pay most for it."""
 
@@ -141,7 +143,17 @@ def long_step(
     the share `full` of the wanted time (n,); 0 where none ends. No step is paid for more than LONGEST_SHARE of that."""
     share = step_s / wanted_s.clamp(min=1e-6)
     got = ((share - least) / (full - least)).clamp(0.0, 1.0)
-    return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * got * (command.abs() > 1e-6).any(dim=1)
+    return step_time(command, step_s, wanted_s) * got
+
+
+def step_time(command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor) -> torch.Tensor:
+    """The time (n,) [s] of steps that end now, while told to move; at most LONGEST_SHARE of the wanted one (n,)."""
+    return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * (command.abs() > 1e-6).any(dim=1)
+
+
+def full_swing(moved: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """How far hip and knee (n, 2) got from LEAST_SWING to FULL_SWING of the wanted movement (n, 2), on average."""
+    return ((moved / wanted - LEAST_SWING) / (FULL_SWING - LEAST_SWING)).clamp(0.0, 1.0).mean(dim=1)
 
 
 def saturation(torque: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:
