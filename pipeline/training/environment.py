@@ -15,6 +15,7 @@ from pipeline.training.bundle import Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.commands import VelocityCommand
 from pipeline.training.curves import Record
+from pipeline.training.double_stance import DoubleStance
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
 from pipeline.training.expert_sampling import ReferenceStates
 from pipeline.training.initial_state import write_starts
@@ -74,7 +75,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         """Length of each environment's last episode."""
         self.step_times = StepTimes(bundle.expert, device)
         self.trunk_lean = TrunkLean(bundle.expert, device)
-        self.clip_swings = ClipSwings(bundle.expert, robot.controlled, device)
+        self.clip_double_stance = DoubleStance(bundle.expert, robot, device) if options.double_stance else None
+        self.clip_swings = ClipSwings(bundle.expert, robot.controlled, device) if options.full_swing else None
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
         """The command that goes with what an episode began at; NaN where none does."""
         self.begun_command = torch.zeros(num_envs, 3, device=device)

@@ -119,6 +119,9 @@ class Options:
     """… and those that take as long are paid in full."""
     long_step_sigma2: float = 0.0
     """Steps are paid as far as the averaged velocity is the command's, in a kernel of this width; 0: whatever it is."""
+    double_stance: float = 0.0
+    """Weight of what `long_step` pays, in steps with both feet on the ground as long as in the clips
+    (`double_stance.py`)."""
     full_swing: float = 0.0
     """Weight of the time walked in strides in which hip and knee move as far as the clips' (`leg_swings.py`)."""
     saturation: float = 0.0

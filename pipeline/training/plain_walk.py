@@ -230,7 +230,8 @@ class Notes:
 
     def figures(self) -> Figures:
         """Means over what was written down; `lean` is how far the trunk leans ahead, `rock` the deviation of how far
-        it leans to a side [deg], `feet_apart` how far the left foot is to the left of the right one [m]."""
+        it leans to a side [deg], `feet_apart` how far the left foot is to the left of the right one [m],
+        `double_stance` the share of the time in which both touch."""
         table = np.array(self._rows, dtype=float)
         x, y, heading, vx, vy = table[:, :5].T
         touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
@@ -254,6 +255,7 @@ class Notes:
             "lean": float(-table[:, 11].mean()),
             "rock": float(table[:, 12].std()),
             "feet_apart": float(table[:, 13].mean()),
+            "double_stance": float(touch.all(axis=1).mean()),
         }
 
 

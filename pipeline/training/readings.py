@@ -101,6 +101,8 @@ class Readings:
         self._set_down = torch.full((env.num_envs,), -1, device=env.device)
         self._since = torch.zeros(env.num_envs, device=env.device)
         self._step = torch.zeros(env.num_envs, device=env.device)
+        self._both = torch.zeros(env.num_envs, device=env.device)
+        self._double = torch.zeros(env.num_envs, device=env.device)
         self._known: dict[str, torch.Tensor] = {}
 
     def fresh(self) -> None:
@@ -275,6 +277,11 @@ class Readings:
         """
         return self._step
 
+    @property
+    def double_s(self) -> torch.Tensor:
+        """Where a step ends (`step_s`), how long both feet were on the ground in it [s] (n,); else 0."""
+        return self._double
+
     def advance(self) -> None:
         """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
@@ -292,11 +299,14 @@ class Readings:
     def _advance_steps(self, landed: torch.Tensor, moves: torch.Tensor) -> None:
         """The time of steps, with feet (n, 2) that are set down now after a swing."""
         self._since += self._env.step_dt
+        self._both += self._env.step_dt * self._stood.all(dim=1)
         one, both = landed.any(dim=1), landed.all(dim=1)
         foot = torch.where(landed[:, 0], 0, 1)
         stepped = one & ~both & (foot != self._set_down) & (self._set_down >= 0)
         self._step.copy_(self._since * stepped)
+        self._double.copy_(self._both * stepped)
         self._since *= ~one
+        self._both *= ~one
         down = torch.where(both, -1, torch.where(one, foot, self._set_down))
         self._set_down.copy_(torch.where(moves, down, -1))
 

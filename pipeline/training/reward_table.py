@@ -269,6 +269,14 @@ def _added(options: Options) -> tuple[Term, ...]:
             added="steps of a third of the clips' time are paid as well as theirs",
         ),
         Term(
+            name="double_stance",
+            equation="what long_step pays by its weight, times the share of the step on both feet by .6 of the clips', "
+            "at most 1",
+            weight=options.double_stance,
+            value=lambda env: _double_stance(env, options),
+            added="long steps on one foot throughout are not caught when pushed to a side",
+        ),
+        Term(
             name="full_swing",
             equation="1[c != 0] at the end of a step: T / dt, at most 1.5 T_clips / dt, times long_step's kernel "
             "and the mean over hip and knee of clip((r / r_clips - .4) / .5, 0, 1), r how far each moved in the stride",
@@ -309,6 +317,12 @@ def _long_step(env, options: Options) -> torch.Tensor:
     return _as_followed(env, terms.long_step(env.command, step_s, wanted_s, *share), options)
 
 
+def _double_stance(env, options: Options) -> torch.Tensor:
+    read = env.readings
+    share = terms.double_stance(read.double_s, read.step_s, env.clip_double_stance(env.command))
+    return _long_step(env, options) * share
+
+
 def _full_swing(env, options: Options) -> torch.Tensor:
     took_s = terms.step_time(env.command, env.readings.step_s, env.step_times(env.command))
     share = terms.full_swing(env.leg_swings.moved, env.clip_swings(env.command))
@@ -317,9 +331,10 @@ def _full_swing(env, options: Options) -> torch.Tensor:
 
 def _as_followed(env, time_s: torch.Tensor, options: Options) -> torch.Tensor:
     """What is paid for the time [s] of a step, as far as the averaged velocity is the command's where that counts."""
+    paid = time_s / env.step_dt
     if options.long_step_sigma2:
-        time_s = time_s * terms.joint_tracking(env.command, env.readings.mean_velocity, options.long_step_sigma2)
-    return time_s / env.step_dt
+        paid = paid * terms.joint_tracking(env.command, env.readings.mean_velocity, options.long_step_sigma2)
+    return paid
 
 
 def _lateral_gap(env) -> torch.Tensor:

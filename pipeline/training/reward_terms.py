@@ -20,6 +20,8 @@ STANCE_TIME = 0.4
 """Time on one foot that a step is paid up to [s]."""
 LONGEST_SHARE = 1.5
 """Of the clips' time of a step: the time beyond is not walked."""
+FULL_DOUBLE = 0.6
+"""Of the clips' share of time on both feet: what is paid in full; how much of it they have is known roughly."""
 LEAST_SWING, FULL_SWING = 0.4, 0.9
 """Of the clips' movement of hip and knee in a stride: what is paid nothing, and in full."""
 NOISE_W = 50.0
@@ -149,6 +151,11 @@ def long_step(
 def step_time(command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor) -> torch.Tensor:
     """The time (n,) [s] of steps that end now, while told to move; at most LONGEST_SHARE of the wanted one (n,)."""
     return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * (command.abs() > 1e-6).any(dim=1)
+
+
+def double_stance(double_s: torch.Tensor, step_s: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
+    """The time on both feet (n,) [s] of steps (n,) [s], by FULL_DOUBLE of the clips' share (n,) of them; at most 1."""
+    return (double_s / (FULL_DOUBLE * share * step_s).clamp(min=1e-6)).clamp(max=1.0)
 
 
 def full_swing(moved: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:

@@ -72,7 +72,7 @@ def test_a_command_is_answered_by_the_strides_of_the_nearest_clips():
 def _robots(count: int) -> LegSwings:
     robot = SimpleNamespace(index=lambda names: np.arange(len(names)))
     context = SimpleNamespace(bundle=SimpleNamespace(robot=robot))
-    return LegSwings(SimpleNamespace(readings=None, context=context, num_envs=count, device="cpu"))
+    return LegSwings(SimpleNamespace(context=context, num_envs=count, device="cpu"))
 
 
 def test_a_robots_stride_is_from_one_landing_of_its_foot_to_the_next():
@@ -81,16 +81,16 @@ def test_a_robots_stride_is_from_one_landing_of_its_foot_to_the_next():
     landed = [(1, 0), (0, 0), (0, 1), (0, 0), (0, 0), (1, 0)]
     for at, feet in enumerate(landed):
         joints = torch.tensor([[[left[at], 2.0 * left[at]], [0.1 * at, -0.2 * at]]])
-        robots.go_on(joints, torch.tensor([feet], dtype=torch.bool))
+        robots.go_on(joints, torch.tensor([feet], dtype=torch.bool), torch.ones(1, dtype=torch.bool))
         found.append([round(value, 4) for value in robots.moved[0].tolist()])
     assert found == [[0, 0], [0, 0], [0.2, 0.4], [0, 0], [0, 0], [0.6, 1.2]]
 
 
 def test_another_episode_begins_without_the_last_ones_stride():
-    robots, nobody = _robots(2), torch.zeros(2, 2, dtype=torch.bool)
-    robots.go_on(torch.full((2, 2, 2), 3.0), nobody)
+    robots, nobody, moves = _robots(2), torch.zeros(2, 2, dtype=torch.bool), torch.ones(2, dtype=torch.bool)
+    robots.go_on(torch.full((2, 2, 2), 3.0), nobody, moves)
     robots.restart(torch.tensor([True, False]))
-    robots.go_on(torch.zeros(2, 2, 2), ~nobody)
+    robots.go_on(torch.zeros(2, 2, 2), ~nobody, moves)
     assert robots.moved.tolist() == [[0.0, 0.0], [3.0, 3.0]]
 
 

@@ -62,6 +62,7 @@ def step_times_of(touching: list[tuple[bool, bool]], stands_until: int = 0) -> l
     read._stance, read._stood = torch.zeros(1, 2), torch.ones(1, 2, dtype=torch.bool)
     read._landed = torch.zeros(1, 2, dtype=torch.bool)
     read._set_down, read._since, read._step = torch.full((1,), -1), torch.zeros(1), torch.zeros(1)
+    read._both, read._double = torch.zeros(1), torch.zeros(1)
     found = []
     for at, feet in enumerate(touching):
         read._advance_stances(torch.tensor([feet]), torch.tensor([at >= stands_until]))
