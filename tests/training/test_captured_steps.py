@@ -115,6 +115,12 @@ CHANGES: dict[str, dict[str, Any]] = {
         "push_interval_s": (0.02, 0.04),
         "resample_s": (0.02, 0.06),
     },
+    "caught_steps": {
+        "push_interval_s": (0.02, 0.04),
+        "resample_s": (0.02, 0.06),
+        "push_speed": (0.0, 1.0),
+        "recovery_s": 0.05,
+    },
     "upright_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
 }
 
@@ -259,8 +265,10 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     pushes = [name for name in ("push_force", "push_velocity") if name in env.cfg.events]
     terms += [env.event_manager.get_term_cfg(name).func for name in pushes]
     terms += [term._coming for term in terms[-len(pushes) :]] if pushes else []
-    named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left", "left_s", "_share_w"]
+    named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left", "left_s", "since_s", "_share_w"]
+    named += ["_least", "_most"]
     named += ["_lag"] if env.context.options.action_lag_steps else []
+    terms += [env.leg_swings] if env.leg_swings is not None else []
     found = {
         f"{type(term).__name__}.{name}": getattr(term, name) for term in terms for name in named if hasattr(term, name)
     }

@@ -11,7 +11,7 @@ import torch
 from pipeline.training import reward_terms as terms
 from pipeline.training.bundle import FPS, read_bundle
 from pipeline.training.environment import AmpEnvironment
-from pipeline.training.leg_swings import JOINTS, SIDES, ClipSwings, LegSwings, swings
+from pipeline.training.leg_swings import ClipSwings, LegSwings, swings
 from pipeline.training.presets import preset
 from pipeline.training.reward_table import table
 from tests.factories.expert_frames import expert_of
@@ -19,15 +19,16 @@ from tests.factories.training_bundle import small_bundle
 
 COUNT = 21
 FOOT = 7 + COUNT + 6
-HIP_RAD, KNEE_RAD = 0.4, 0.3
-NAMES = tuple(f"{side}_{joint}" for joint in reversed(JOINTS) for side in SIDES)
+HIP_RAD, KNEE_RAD = 0.8, 0.6
+NAMES = ("Left_Knee_Pitch", "Right_Knee_Pitch", "Left_Hip_Pitch", "Right_Hip_Pitch")
 CONTROLLED = (*NAMES, *(f"joint_{number}" for number in range(COUNT - len(NAMES))))
-"""The joints of the frames: knees first, then hips."""
+"""The joints of the frames and of the robots."""
 
 
 def _walking(step_s: float, seconds: float, speed: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Frames and commands of a robot that lifts its feet by turns; hips and knees swing by +- HIP_RAD and KNEE_RAD, the
-    left leg's by a fifth more, the right leg's by a fifth less."""
+    """Frames and commands of a robot that lifts its feet by turns; hips and knees turn on and on, so that a frame more
+    or less shows: by HIP_RAD and KNEE_RAD in a stride, the left leg's by a fifth more, the right leg's by a fifth less.
+    """
     count = round(seconds * FPS)
     frames = np.zeros((count, 37 + 2 * COUNT), dtype=np.float32)
     frames[:, 2], frames[:, 3] = 0.7, 1.0
@@ -35,21 +36,18 @@ def _walking(step_s: float, seconds: float, speed: float, size: float = 1.0) -> 
     turn = np.arange(count) // round(step_s * FPS) % 2
     for foot in (0, 1):
         frames[turn == foot, FOOT + 3 * foot + 2] += 0.05
-    phase = np.pi * np.arange(count) / round(step_s * FPS)
-    for column, (rad, leg, ahead) in enumerate(
-        ((KNEE_RAD, 1.2, 0.0), (KNEE_RAD, 0.8, np.pi), (HIP_RAD, 1.2, 0.0), (HIP_RAD, 0.8, np.pi))
-    ):
-        frames[:, 7 + column] = size * rad * leg * np.cos(phase + ahead)
+    rad = size * np.array([1.2 * KNEE_RAD, 0.8 * KNEE_RAD, 1.2 * HIP_RAD, 0.8 * HIP_RAD])
+    frames[:, 7 : 7 + len(NAMES)] = rad * np.arange(count)[:, None] / round(2 * step_s * FPS)
     command = np.zeros((count, 3), dtype=np.float32)
     command[:, 0] = speed
     return frames, command
 
 
-def test_strides_of_clips_move_hip_and_knee_from_one_end_to_the_other():
+def test_a_stride_of_a_clip_is_two_steps_from_one_landing_of_a_foot_to_the_next():
     end, moved = swings(expert_of(_walking(0.4, 4.0, 1.0), _walking(0.6, 6.0, 0.6, size=2.0)), CONTROLLED)
     slow = end >= 4.0 * FPS
-    assert moved[~slow] == pytest.approx(np.tile([2 * HIP_RAD, 2 * KNEE_RAD], ((~slow).sum(), 1)), rel=0.01)
-    assert moved[slow] == pytest.approx(np.tile([4 * HIP_RAD, 4 * KNEE_RAD], (slow.sum(), 1)), rel=0.01)
+    assert moved[~slow] == pytest.approx(np.tile([HIP_RAD, KNEE_RAD], ((~slow).sum(), 1)), rel=1e-3)
+    assert moved[slow] == pytest.approx(np.tile([2 * HIP_RAD, 2 * KNEE_RAD], (slow.sum(), 1)), rel=1e-3)
     assert (~slow).sum() >= 6 and slow.sum() >= 6
 
 
@@ -61,33 +59,44 @@ def test_no_stride_reaches_into_the_clip_before():
     assert (moved[end < 4.0 * FPS] < 1.0).all()
 
 
-def test_a_command_is_answered_by_the_strides_of_the_nearest_clips():
-    expert = expert_of(_walking(0.4, 4.0, 1.5), _walking(0.6, 6.0, 0.6, size=0.5), _walking(100.0, 5.0, 0.0))
+def test_a_command_is_answered_by_the_median_stride_that_ends_with_the_nearest():
+    frames, command = _walking(0.4, 10.0, 1.5)
+    frames[:, 7 : 7 + len(NAMES)] **= 2  # every stride is longer than the one before
+    command[len(command) // 2 :, 0] = 0.6
+    expert = expert_of((frames, command), _walking(100.0, 5.0, 0.0))
     wanted = ClipSwings(expert, CONTROLLED, "cpu")(torch.tensor([[2.0, 0.0, 0.0], [0.5, 0.1, 0.0]]))
-    assert wanted.tolist() == pytest.approx(np.array([[0.8, 0.6], [0.4, 0.3]]), rel=0.01)
+    end, moved = swings(expert, CONTROLLED)
+    halves = [np.median(moved[half], axis=0) for half in (end < 5 * FPS, end >= 5 * FPS)]
+    assert wanted.numpy() == pytest.approx(np.array(halves), rel=1e-3)
     stands = expert_of(_walking(100.0, 5.0, 0.0))
     assert torch.isinf(ClipSwings(stands, CONTROLLED, "cpu")(torch.zeros(2, 3))).all()
 
 
-def _robots(count: int) -> LegSwings:
-    robot = SimpleNamespace(index=lambda names: np.arange(len(names)))
+def _environment(count: int) -> SimpleNamespace:
+    robot = SimpleNamespace(index=lambda names: np.array([CONTROLLED.index(name) for name in names]))
     context = SimpleNamespace(bundle=SimpleNamespace(robot=robot))
-    return LegSwings(SimpleNamespace(context=context, num_envs=count, device="cpu"))
+    return SimpleNamespace(context=context, num_envs=count, device="cpu")
 
 
-def test_a_robots_stride_is_from_one_landing_of_its_foot_to_the_next():
-    robots, found = _robots(1), []
-    left = [0.0, 0.5, 0.2, 0.3, 0.6, 0.4]
-    landed = [(1, 0), (0, 0), (0, 1), (0, 0), (0, 0), (1, 0)]
-    for at, feet in enumerate(landed):
-        joints = torch.tensor([[[left[at], 2.0 * left[at]], [0.1 * at, -0.2 * at]]])
-        robots.go_on(joints, torch.tensor([feet], dtype=torch.bool), torch.ones(1, dtype=torch.bool))
-        found.append([round(value, 4) for value in robots.moved[0].tolist()])
-    assert found == [[0, 0], [0, 0], [0.2, 0.4], [0, 0], [0, 0], [0.6, 1.2]]
+def test_a_robots_stride_is_from_one_landing_of_its_foot_or_the_end_of_a_stand_to_the_next_landing():
+    env = _environment(1)
+    robots, found = LegSwings(env), {}
+    left = [0.0, 0.5, 0.2, 0.3, 0.6, 0.4, 0.45, 0.5, 2.0, 0.3, 0.5, 0.4]
+    lands, stands = {0: (1, 0), 2: (0, 1), 5: (1, 0), 7: (1, 0), 11: (1, 0)}, (8, 9)
+    for at, angle in enumerate(left):
+        joint_pos = torch.zeros(1, COUNT)
+        joint_pos[0, : len(NAMES)] = torch.tensor([2.0 * angle, -0.2 * at, angle, 0.1 * at])
+        landed = torch.tensor([lands.get(at, (0, 0))], dtype=torch.bool)
+        env.readings = SimpleNamespace(joint_pos=joint_pos, landed=landed)
+        env.command = torch.tensor([[0.0, 0.0, 0.0 if at in stands else 0.5]])
+        robots.advance()
+        if robots.moved.any():
+            found[at] = [round(value, 4) for value in robots.moved[0].tolist()]
+    assert found == {2: [0.2, 0.4], 5: [0.6, 1.2], 7: [0.1, 0.2], 11: [0.2, 0.4]}
 
 
 def test_another_episode_begins_without_the_last_ones_stride():
-    robots, nobody, moves = _robots(2), torch.zeros(2, 2, dtype=torch.bool), torch.ones(2, dtype=torch.bool)
+    robots, nobody, moves = LegSwings(_environment(2)), torch.zeros(2, 2, dtype=torch.bool), torch.ones(2).bool()
     robots.go_on(torch.full((2, 2, 2), 3.0), nobody, moves)
     robots.restart(torch.tensor([True, False]))
     robots.go_on(torch.zeros(2, 2, 2), ~nobody, moves)
