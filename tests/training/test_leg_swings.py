@@ -14,14 +14,12 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.leg_swings import ClipSwings, LegSwings, swings
 from pipeline.training.presets import preset
 from pipeline.training.reward_table import table
-from tests.factories.expert_frames import expert_of
+from tests.factories.expert_frames import JOINTS, expert_of, walking
 from tests.factories.training_bundle import small_bundle
 
-COUNT = 21
-FOOT = 7 + COUNT + 6
 HIP_RAD, KNEE_RAD = 0.8, 0.6
 NAMES = ("Left_Knee_Pitch", "Right_Knee_Pitch", "Left_Hip_Pitch", "Right_Hip_Pitch")
-CONTROLLED = (*NAMES, *(f"joint_{number}" for number in range(COUNT - len(NAMES))))
+CONTROLLED = (*NAMES, *(f"joint_{number}" for number in range(JOINTS - len(NAMES))))
 """The joints of the frames and of the robots."""
 
 
@@ -29,17 +27,9 @@ def _walking(step_s: float, seconds: float, speed: float, size: float = 1.0) -> 
     """Frames and commands of a robot that lifts its feet by turns; hips and knees turn on and on, so that a frame more
     or less shows: by HIP_RAD and KNEE_RAD in a stride, the left leg's by a fifth more, the right leg's by a fifth less.
     """
-    count = round(seconds * FPS)
-    frames = np.zeros((count, 37 + 2 * COUNT), dtype=np.float32)
-    frames[:, 2], frames[:, 3] = 0.7, 1.0
-    frames[:, [FOOT + 2, FOOT + 5]] = -0.7
-    turn = np.arange(count) // round(step_s * FPS) % 2
-    for foot in (0, 1):
-        frames[turn == foot, FOOT + 3 * foot + 2] += 0.05
+    frames, command = walking(step_s, seconds, speed)
     rad = size * np.array([1.2 * KNEE_RAD, 0.8 * KNEE_RAD, 1.2 * HIP_RAD, 0.8 * HIP_RAD])
-    frames[:, 7 : 7 + len(NAMES)] = rad * np.arange(count)[:, None] / round(2 * step_s * FPS)
-    command = np.zeros((count, 3), dtype=np.float32)
-    command[:, 0] = speed
+    frames[:, 7 : 7 + len(NAMES)] = rad * np.arange(len(frames))[:, None] / round(2 * step_s * FPS)
     return frames, command
 
 
@@ -84,7 +74,7 @@ def test_a_robots_stride_is_from_one_landing_of_its_foot_or_the_end_of_a_stand_t
     left = [0.0, 0.5, 0.2, 0.3, 0.6, 0.4, 0.45, 0.5, 2.0, 0.3, 0.5, 0.4]
     lands, stands = {0: (1, 0), 2: (0, 1), 5: (1, 0), 7: (1, 0), 11: (1, 0)}, (8, 9)
     for at, angle in enumerate(left):
-        joint_pos = torch.zeros(1, COUNT)
+        joint_pos = torch.zeros(1, JOINTS)
         joint_pos[0, : len(NAMES)] = torch.tensor([2.0 * angle, -0.2 * at, angle, 0.1 * at])
         landed = torch.tensor([lands.get(at, (0, 0))], dtype=torch.bool)
         env.readings = SimpleNamespace(joint_pos=joint_pos, landed=landed)
@@ -140,7 +130,7 @@ def test_in_training_strides_are_seen_where_feet_land(tmp_path, root, robot):
     generator, seen = torch.Generator().manual_seed(1), 0
     for _ in range(60):
         with torch.no_grad():
-            env.step(torch.randn(6, COUNT, generator=generator))
+            env.step(torch.randn(6, JOINTS, generator=generator))
         landed = env.readings.landed.any(dim=1)
         assert (legs.moved[~landed] == 0.0).all()
         seen += int((legs.moved[landed] > 0.0).all(dim=1).sum())

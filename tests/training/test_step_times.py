@@ -10,24 +10,7 @@ from pipeline.training.bundle import FPS
 from pipeline.training.plain_walk import AIR_S
 from pipeline.training.readings import Readings
 from pipeline.training.step_times import StepTimes, _landings, steps
-from tests.factories.expert_frames import expert_of
-
-JOINTS = 21
-FOOT = 7 + JOINTS + 6
-
-
-def walking(step_s: float, seconds: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frames and commands of a robot that lifts its feet by turns, each for the time of a step."""
-    count = round(seconds * FPS)
-    frames = np.zeros((count, 37 + 2 * JOINTS), dtype=np.float32)
-    frames[:, 2], frames[:, 3] = 0.7, 1.0
-    frames[:, [FOOT + 2, FOOT + 5]] = -0.7
-    turn = np.arange(count) // round(step_s * FPS) % 2
-    for foot in (0, 1):
-        frames[turn == foot, FOOT + 3 * foot + 2] += 0.05
-    command = np.zeros((count, 3), dtype=np.float32)
-    command[:, 0] = speed
-    return frames, command
+from tests.factories.expert_frames import expert_of, walking
 
 
 def test_steps_of_clips_are_from_one_foots_landing_to_the_others():
