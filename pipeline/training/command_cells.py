@@ -7,6 +7,15 @@ import torch
 
 from pipeline.training.expert_sampling import CELL
 
+LEAST_FRAMES = 50
+"""A cell with fewer frames (a second) is left out, unless all have fewer."""
+
+
+def frame_cells(command: np.ndarray, device: str) -> CommandCells:
+    """Of the commands (t, 3) of all frames [m/s, m/s, rad/s]: the cells with LEAST_FRAMES, or all where none has."""
+    cells = CommandCells(command, LEAST_FRAMES, device)
+    return cells if cells.members else CommandCells(command, 1, device)
+
 
 class CommandCells:
     """The cells (k,) that at least `least` of some commands (m, 3) [m/s, m/s, rad/s] are in."""

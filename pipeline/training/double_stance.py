@@ -14,10 +14,9 @@ import numpy as np
 import torch
 
 from pipeline.training.bundle import ExpertFrames, RobotFacts
-from pipeline.training.command_cells import CommandCells
+from pipeline.training.command_cells import frame_cells
 from pipeline.training.step_times import GROUND_PERCENTILE
 from pipeline.training.training_error import TrainingError
-from pipeline.training.trunk_lean import LEAST_FRAMES
 
 NEAR_M = 0.01
 """A foot whose lowest corner is less than this above where it usually is on the ground is down [m]."""
@@ -47,10 +46,13 @@ def feet_down(expert: ExpertFrames, robot: RobotFacts) -> np.ndarray:
 def _box(model: mujoco.MjModel, robot: RobotFacts, foot: str) -> int:
     """The shape of the foot that has this site."""
     body = model.site(foot).bodyid[0]
-    (box,) = (model.geom(name).id for name in robot.shapes["feet"] if model.geom(name).bodyid[0] == body)
-    if model.geom_type[box] != mujoco.mjtGeom.mjGEOM_BOX:
-        raise TrainingError(f"the foot of '{foot}' is no box; where it touches the ground is known of boxes alone.")
-    return box
+    shapes = [model.geom(name).id for name in robot.shapes["feet"] if model.geom(name).bodyid[0] == body]
+    if len(shapes) != 1 or model.geom_type[shapes[0]] != mujoco.mjtGeom.mjGEOM_BOX:
+        raise TrainingError(
+            f"the foot of '{foot}' is no box, or has {len(shapes)} shapes; where it touches the ground is known of one "
+            "box alone. Train without `double_stance`."
+        )
+    return shapes[0]
 
 
 class DoubleStance:
@@ -58,9 +60,7 @@ class DoubleStance:
 
     def __init__(self, expert: ExpertFrames, robot: RobotFacts, device: str):
         both: np.ndarray = feet_down(expert, robot).min(axis=1)
-        self._cells = CommandCells(expert.command, LEAST_FRAMES, device)
-        if not self._cells.members:
-            self._cells = CommandCells(expert.command, 1, device)
+        self._cells = frame_cells(expert.command, device)
         share = [both[member].mean() for member in self._cells.members]
         self._share = torch.tensor(np.array(share), dtype=torch.float32, device=device)
 

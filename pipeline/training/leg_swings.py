@@ -14,6 +14,7 @@ from pipeline.training.bundle import FPS, ExpertFrames
 from pipeline.training.command_cells import CommandCells
 from pipeline.training.masks import replace
 from pipeline.training.step_times import LEAST_STEPS, steps
+from pipeline.training.training_error import TrainingError
 
 JOINTS = ("Hip_Pitch", "Knee_Pitch")
 SIDES = ("Left", "Right")
@@ -22,8 +23,10 @@ SIDES = ("Left", "Right")
 def swings(expert: ExpertFrames, controlled: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """The frame (k,) at which each step of the clips ends, and how far hip and knee moved (k, 2) [rad] in the stride
     that ends with it, twice the step's time, as the mean of both legs. Strides that began before their clip are left
-    out. `controlled` are the joints of the frames."""
+    out. `controlled` are the joints of the frames. Raises TrainingError where they lack a hip or knee."""
     names = [f"{side}_{joint}" for joint in JOINTS for side in SIDES]
+    if missing := [name for name in names if name not in controlled]:
+        raise TrainingError(f"the policy does not move {', '.join(missing)}. Train without `full_swing`.")
     joints = expert.frames[:, [7 + controlled.index(name) for name in names]]
     end, took_s = steps(expert)
     begin = end - np.round(2.0 * took_s * FPS).astype(int)
@@ -56,8 +59,8 @@ class LegSwings:
         names = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
         self._index = torch.from_numpy(env.context.bundle.robot.index(names)).to(env.device)
         shape = (env.num_envs, len(SIDES), len(JOINTS))
-        self._least, self._most = torch.full(shape, torch.inf), torch.full(shape, -torch.inf)
-        self._least, self._most = self._least.to(env.device), self._most.to(env.device)
+        self._least = torch.full(shape, torch.inf, device=env.device)
+        self._most = torch.full(shape, -torch.inf, device=env.device)
         self.moved = torch.zeros(env.num_envs, len(JOINTS), device=env.device)
         """Where a foot has just been set down, how far its leg's hip and knee moved in the stride (n, 2) [rad]; else
         0. The first stride of an episode, or after standing, counts from its start."""

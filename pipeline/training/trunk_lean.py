@@ -10,11 +10,8 @@ import numpy as np
 import torch
 
 from pipeline.training.bundle import ExpertFrames
-from pipeline.training.command_cells import CommandCells
+from pipeline.training.command_cells import frame_cells
 from pipeline.training.motion_features import up_b
-
-LEAST_FRAMES = 50
-"""A cell with fewer frames (a second) is left out, unless all have fewer."""
 
 
 class TrunkLean:
@@ -22,9 +19,7 @@ class TrunkLean:
 
     def __init__(self, expert: ExpertFrames, device: str):
         gravity = -up_b(torch.from_numpy(expert.frames[:, 3:7]))[:, :2].numpy()
-        self._cells = CommandCells(expert.command, LEAST_FRAMES, device)
-        if not self._cells.members:
-            self._cells = CommandCells(expert.command, 1, device)
+        self._cells = frame_cells(expert.command, device)
         mean = [gravity[member].mean(axis=0) for member in self._cells.members]
         self._gravity = torch.from_numpy(np.array(mean)).float().to(device)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 from typing import cast
 
@@ -19,6 +20,7 @@ from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.presets import preset
 from pipeline.training.readings import Readings
 from pipeline.training.reward_table import table
+from pipeline.training.training_error import TrainingError
 from tests.factories.expert_frames import expert_of
 from tests.factories.training_bundle import small_bundle
 
@@ -84,6 +86,14 @@ def test_a_foot_on_its_toes_or_heel_is_on_the_ground_however_high_its_middle_is(
         tilted = poses.frame(drawn, ankle_rad)
         assert poses.heights_m(tilted)[0] > poses.heights_m(poses.frame(0.0))[0] + 0.02
         assert feet_down(expert_of(_clip([poses.frame(0.0)] * 60 + [tilted] * 40, 0.6)), bundle.robot).all()
+
+
+def test_a_foot_of_two_shapes_or_of_another_kind_is_named(bundle: Bundle):
+    shapes = bundle.robot.shapes
+    for feet in ([*shapes["feet"], shapes["feet"][0]], shapes["feet"][1:]):
+        robot = dataclasses.replace(bundle.robot, shapes=shapes | {"feet": feet})
+        with pytest.raises(TrainingError, match=r"the foot of .* is no box, or has [02] shapes"):
+            feet_down(expert_of(_clip([Poses(bundle).frame(0.0)], 0.6)), robot)
 
 
 def test_a_command_is_answered_by_the_share_of_the_nearest_clips(bundle: Bundle):

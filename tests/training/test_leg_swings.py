@@ -14,6 +14,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.leg_swings import ClipSwings, LegSwings, swings
 from pipeline.training.presets import preset
 from pipeline.training.reward_table import table
+from pipeline.training.training_error import TrainingError
 from tests.factories.expert_frames import JOINTS, expert_of, walking
 from tests.factories.training_bundle import small_bundle
 
@@ -39,6 +40,11 @@ def test_a_stride_of_a_clip_is_two_steps_from_one_landing_of_a_foot_to_the_next(
     assert moved[~slow] == pytest.approx(np.tile([HIP_RAD, KNEE_RAD], ((~slow).sum(), 1)), rel=1e-3)
     assert moved[slow] == pytest.approx(np.tile([2 * HIP_RAD, 2 * KNEE_RAD], (slow.sum(), 1)), rel=1e-3)
     assert (~slow).sum() >= 6 and slow.sum() >= 6
+
+
+def test_a_policy_without_knees_is_told_so_by_name():
+    with pytest.raises(TrainingError, match="does not move Left_Knee_Pitch, Right_Knee_Pitch"):
+        swings(expert_of(walking(0.4, 4.0, 1.0)), CONTROLLED[2:])
 
 
 def test_no_stride_reaches_into_the_clip_before():

@@ -9,12 +9,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from pipeline.training.bundle import read_bundle
+from pipeline.training.command_cells import LEAST_FRAMES
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.motion_features import up_b
 from pipeline.training.plain_walk import Notes, Walk, World, network_of
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
-from pipeline.training.trunk_lean import LEAST_FRAMES, TrunkLean
+from pipeline.training.trunk_lean import TrunkLean
 from tests.factories.expert_frames import expert_of
 from tests.factories.training_bundle import small_bundle
 
