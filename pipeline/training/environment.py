@@ -24,6 +24,7 @@ from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST
 from pipeline.training.options import Options
+from pipeline.training.plain_simulation import PlainSimulation
 from pipeline.training.pushes import ComingPush
 from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
@@ -31,11 +32,22 @@ from pipeline.training.reward_terms import motor_limit
 from pipeline.training.slopes import Slopes
 from pipeline.training.step_times import StepTimes
 from pipeline.training.tracked_clip import TrackedClip
+from pipeline.training.training_error import TrainingError
 from pipeline.training.trunk_forces import TrunkForces
 from pipeline.training.trunk_lean import TrunkLean
 
 VELOCITY_STEPS = 8
 """Velocities are recorded at every so many steps."""
+
+
+def chosen_physics(device: str, asked: str | None) -> str:
+    """`warp` on a GPU; on a processor `plain`, which is the faster there, if nothing else is asked for.
+
+    Raises TrainingError for `plain` on a GPU.
+    """
+    if asked == "plain" and device != "cpu":
+        raise TrainingError(f"--physics is 'plain', which steps on a processor, and --device '{device}'.")
+    return asked or ("plain" if device == "cpu" else "warp")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +62,11 @@ class Context:
 class AmpEnvironment(ManagerBasedRlEnv):
     """mjlab's environment with the readings of `Readings` and, in `extras`, the discriminator's windows."""
 
-    def __init__(self, bundle: Bundle, options: Options, num_envs: int, device: str, seed: int):
+    def __init__(
+        self, bundle: Bundle, options: Options, num_envs: int, device: str, seed: int, physics: str | None = None
+    ):
         robot = bundle.robot
+        self.physics = chosen_physics(device, physics)
         references = ReferenceStates(bundle.expert, options, seed, device)
         self.context = Context(bundle=bundle, options=options, references=references)
         self.policy_index = torch.from_numpy(robot.index(robot.policy_joints)).to(device)
@@ -105,6 +120,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
     def load_managers(self) -> None:
         """mjlab's managers; the readings must be there before, the windows' size is known after."""
         robot, options = self.context.bundle.robot, self.context.options
+        if self.physics == "plain":
+            self.sim = PlainSimulation(self.sim)
         self.slopes = Slopes(self) if options.slope_share else None
         self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
