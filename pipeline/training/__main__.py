@@ -5,6 +5,8 @@
     --preset NAME       `paper`, `paper_flat`, `long_steps` … (`--list` prints them and what each changes)
     --set NAME=VALUE    change one option of the preset; may be given often
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error, never a silent change
+    --physics plain|warp  MuJoCo in threads (a processor's default), or MuJoCo Warp (a GPU's)
+    --start-from FILE   begin with the network of a policy file (npz); its critic learns anew
     --num-envs N        environments (each GPU)
     --iterations N      of 24 steps each; with `--resume` counted from the beginning of the run
     --minutes M         end after M minutes of training (those before a resume counted in), whichever comes first

@@ -16,6 +16,9 @@ from pipeline.training.mirror import MirroredSamples
 from pipeline.training.options import Options
 from pipeline.training.training_error import TrainingError
 
+FIRST_RATE = 1e-5
+"""Learning rate that a network which was given begins with; the divergence soon says by how much it may grow."""
+
 
 @contextmanager
 def _tf32() -> Iterator[None]:
@@ -96,10 +99,23 @@ class AmpPpo(PPO):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
             self.explained = explained(self.storage.returns, self.storage.values)
+            self._let_actor_learn()
             figures = super().update()
         self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - begun
         return figures
+
+    def _let_actor_learn(self) -> None:
+        """After the critic has learnt alone, at a small rate: Adam's first steps move every weight by all of it.
+
+        Until then the rate stays: the divergence that it is held to is that of the normalizer alone.
+        """
+        first = self._options.critic_iterations
+        learns = self.iteration >= first
+        if first and learns and not next(self._raw_actor.parameters()).requires_grad:
+            self.learning_rate = FIRST_RATE
+        self._raw_actor.requires_grad_(learns)
+        self.schedule = "adaptive" if learns else "fixed"
 
     def largest_deviation(self) -> float:
         """Of the actions at this iteration."""

@@ -49,6 +49,8 @@ def _train(given: argparse.Namespace) -> None:
         iterations=given.iterations,
         minutes=given.minutes,
         resume=given.resume,
+        physics=given.physics,
+        start_from=given.start_from,
     )
     TrainingRun(bundle, request).train()
 
@@ -82,6 +84,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--preset", default=DEFAULT)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--device", default="cuda")
+    parser.add_argument("--physics", choices=("warp", "plain"))
+    parser.add_argument("--start-from", type=Path, metavar="POLICY")
     parser.add_argument("--num-envs", type=int, default=4096)
     parser.add_argument("--iterations", type=int, default=1500)
     parser.add_argument("--minutes", type=float)

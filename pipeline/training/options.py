@@ -269,6 +269,8 @@ class Options:
     hidden: tuple[int, ...] = (512, 256, 128)
     value_clip: bool = True
     """Whether an update moves the critic by at most .2 at a state, as rsl-rl does: one fall changes a return by 25."""
+    critic_iterations: int = 0
+    """For so many iterations the critic learns alone: of a network that is given, it knows nothing at first."""
     foresight: bool = False
     """Whether the critic is told what happens whatever the robot does, the next push first (`foresight.py`)."""
     symmetry: bool = True

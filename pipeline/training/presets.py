@@ -22,6 +22,11 @@ REASONS = {
     "slope_share": "down 5 degrees walks were .13 m/s off, where .09 are allowed",
     "slope_deg": "as slope_share",
     "slope_iterations": "as slope_share, and clips are level",
+    "critic_iterations": "a policy file has no critic; by a new one's errors a policy that walks was lost in 3 updates",
+    "epochs": "of a processor's small batches three passes cost half as much again as rolling them out",
+    "learning_rate": "as critic_iterations",
+    "discriminator_steps": "batches of a processor's 512 environments are an eighth of a GPU's",
+    "discriminator_batch": "as discriminator_steps",
     "foresight": "returns differ by pushes, whatever robots do; early it made no difference, late it was not compared",
     "value_clip": "moved by .2 at most at a state, a critic is slow to learn a fall; as foresight, not shown to matter",
     "long_step_sigma2": "long steps were paid at any speed, ahead more than the command from 1 m/s on",
@@ -247,6 +252,36 @@ CAUGHT_STEPS = CHEAP_STEPS.changed(
     slope_iterations=(500, 1000),
 )
 
+REFINED_STEPS = LONG_STEPS.changed(
+    critic_iterations=30,
+    foresight=True,
+    value_clip=False,
+    mirror_standing=False,
+    quiet_pushed=0.5,
+    slew_share=0.5,
+    action_lag_steps=4,
+    rotor_link_share=0.2,
+    slope_share=0.3,
+    slope_deg=10.0,
+    power_share=3.0,
+    saturation=6.0,
+    slide_factor=36.0,
+    penalty_start=1.0,
+    push_iterations=60,
+    late_iterations=(0, 0),
+    style_iterations=(60, 300),
+    epochs=3,
+    discriminator_steps=4,
+    discriminator_batch=1024,
+    learning_rate=3e-4,
+    entropy=0.0,
+    desired_kl=0.01,
+    final_kl=0.003,
+    init_std=0.22,
+    std_end=0.6,
+    std_iterations=(900, 1400),
+)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -298,6 +333,10 @@ PRESETS: dict[str, tuple[str, Options]] = {
     "upright_steps": (
         "cheap_steps with the trunk held as the clips have it: slow and side steps are longer, pushes fell it standing",
         UPRIGHT_STEPS,
+    ),
+    "refined_steps": (
+        "long_steps gone on with from a policy, by a processor's few environments: effort, slip, slopes, pushes",
+        REFINED_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

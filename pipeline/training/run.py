@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import os
 import platform
@@ -25,6 +26,7 @@ from pipeline.training.curves import Curves, followed
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.first_posture import begin_at, first_action
+from pipeline.training.given_network import begin_with
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import beyond_signs
 from pipeline.training.options import Options
@@ -50,6 +52,10 @@ class RunRequest:
     iterations: int
     minutes: float | None
     resume: bool
+    physics: str | None = None
+    """`warp` or `plain`; None: what is faster on the device."""
+    start_from: Path | None = None
+    """A policy file whose network is begun with."""
 
 
 class TrainedOn(RslRlVecEnvWrapper):
@@ -68,7 +74,7 @@ class TrainingRun:
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank
         options = request.options
-        env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed)
+        env = AmpEnvironment(bundle, options, request.num_envs, request.device, seed, request.physics)
         self.env = env
         wrapped = TrainedOn(env)
         wrapped.mirror = Mirror(bundle.robot, request.device, beyond_signs(env))  # symmetry of mirror.py reads it
@@ -78,7 +84,9 @@ class TrainingRun:
             wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
-        if options.init_posture == "clips":
+        if request.start_from is not None:
+            begin_with(self.algorithm.get_policy(), request.start_from, bundle.robot)
+        elif options.init_posture == "clips":
             begin_at(self.algorithm.get_policy(), first_action(bundle, options, request.seed))
         self.iteration = 0
         """How many iterations are done."""
@@ -203,6 +211,8 @@ class TrainingRun:
             "num_envs": request.num_envs,
             "processes": int(os.getenv("WORLD_SIZE", "1")),
             "device": _device_name(request.device),
+            "physics": self.env.physics,
+            "start_from": request.start_from and hashlib.sha256(request.start_from.read_bytes()).hexdigest(),
             "bundle_digest": self.bundle.digest,
             "bundle": self.bundle.about,
             "versions": {

@@ -1,0 +1,87 @@
+"""A network to begin with: that of a policy file, so that training goes on from a policy whose checkpoint nobody kept.
+
+A policy file has the actor alone. Its normalizer is taken as one that has seen SEEN samples; deviations are those of
+`init_std`, the critic is new, and learns alone at first (`critic_iterations`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from pipeline.training.bundle import RobotFacts
+from pipeline.training.policy_file import EPS
+from pipeline.training.training_error import TrainingError
+
+SEEN = 100_000_000
+"""About what the normalizer of a run of 20 minutes has seen."""
+GAINS = ("kp", "kd", "default_joint_pos")
+
+
+def begin_with(actor: nn.Module, path: Path, robot: RobotFacts) -> None:
+    """Let an actor answer as the policy of a file does.
+
+    Raises TrainingError where the file is none, or is of another size, robot or gains.
+    """
+    given = _arrays(path)
+    _hold_to_robot(path, given, robot)
+    state = actor.state_dict()
+    wanted = _wanted(state, given)
+    missing = [name for name in wanted.values() if name not in given]
+    if missing:
+        raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no policy of ours.")
+    for name, source in wanted.items():
+        value = torch.from_numpy(np.asarray(given[source], dtype=np.float32))
+        if value.numel() != state[name].numel() or value.ndim not in (state[name].ndim, state[name].ndim - 1):
+            raise TrainingError(
+                f"{path}: '{source}' is {tuple(value.shape)}, where this network has {tuple(state[name].shape)}; "
+                "option 'hidden' says which layers it has."
+            )
+        state[name] = value.reshape(state[name].shape)
+    state["obs_normalizer._std"] = state["obs_normalizer._std"] + (float(given["eps"]) - EPS)
+    state["obs_normalizer._var"] = torch.square(state["obs_normalizer._std"])
+    state["obs_normalizer.count"] = torch.tensor(SEEN, dtype=torch.long)
+    actor.load_state_dict(state)
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except OSError as error:
+        raise TrainingError(f"{path}: can't be read ({error.strerror or error}). Name the npz of a policy.") from error
+    except Exception as error:  # a damaged archive raises whatever a parser on its way does
+        raise TrainingError(f"{path}: is no npz of numbers ({error}).") from error
+
+
+def _wanted(state: dict[str, Any], given: dict[str, np.ndarray]) -> dict[str, str]:
+    """Which array of the file each tensor of the actor is."""
+    layers = sorted({int(name.split(".")[1]) for name in state if name.startswith("mlp.")})
+    wanted = {"obs_normalizer._mean": "mean", "obs_normalizer._std": "std"}
+    for number, layer in enumerate(layers):
+        wanted |= {f"mlp.{layer}.weight": f"L{number}_w", f"mlp.{layer}.bias": f"L{number}_b"}
+    return wanted
+
+
+def _hold_to_robot(path: Path, given: dict[str, np.ndarray], robot: RobotFacts) -> None:
+    """Joints and gains are the robot's: another stiffness is another robot to a policy."""
+    missing = [name for name in ("eps", "joint_names", *GAINS) if name not in given]
+    if missing:
+        raise TrainingError(f"{path}: lacks {', '.join(missing)}; training goes on from a policy with its gains alone.")
+    names = tuple(str(name) for name in given["joint_names"])
+    if names != tuple(robot.joint_names):
+        raise TrainingError(
+            f"{path}: is of the joints {', '.join(names)}; this robot's are in another order, or others."
+        )
+    for gain in GAINS:
+        off = ~np.isclose(np.asarray(given[gain], dtype=float), getattr(robot, gain), rtol=1e-6, atol=1e-9)
+        if off.any():
+            joint = int(np.flatnonzero(off)[0])
+            wanted = getattr(robot, gain)[joint]
+            raise TrainingError(
+                f"{path}: {gain} of '{names[joint]}' is {given[gain][joint]:g}, the robot's {wanted:g}."
+            )

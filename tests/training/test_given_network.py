@@ -1,0 +1,126 @@
+"""Training that begins with the network of a policy file."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.training.bundle import read_bundle
+from pipeline.training.checkpoint import newest_checkpoint
+from pipeline.training.command import main
+from pipeline.training.policy_file import act, write_policy
+from pipeline.training.presets import preset
+from pipeline.training.run import RunRequest, TrainingRun
+from pipeline.training.training_error import TrainingError
+from tests.factories.training_bundle import small_bundle
+
+SMALL = {"expert_windows": 200, "replay_windows": 200, "discriminator_batch": 32, "discriminator_steps": 2, "steps": 4}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, root, robot):
+    return small_bundle(tmp_path_factory.mktemp("training"), root, robot)
+
+
+@pytest.fixture(scope="module")
+def shipped(root):
+    with np.load(root / "robots/t1/policies/walk/policy.npz", allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def request(out, policy, **changed) -> RunRequest:
+    return RunRequest(
+        out=out,
+        preset="refined_steps",
+        options=preset("refined_steps").changed(**SMALL, **changed),
+        num_envs=4,
+        device="cpu",
+        seed=1,
+        iterations=2,
+        minutes=None,
+        resume=False,
+        start_from=policy,
+    )
+
+
+def bundle_for(folder, arrays):
+    """The bundle with the gains of a policy: the shipped one's robot is the adapted one."""
+    bundle = read_bundle(folder)
+    gains = {name: np.asarray(arrays[name], dtype=float) for name in ("kp", "kd", "default_joint_pos")}
+    return dataclasses.replace(bundle, robot=dataclasses.replace(bundle.robot, **gains))
+
+
+@pytest.fixture(scope="module")
+def run(folder, shipped, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run")
+    write_policy(out / "begin.npz", shipped)
+    return TrainingRun(bundle_for(folder, shipped), request(out, out / "begin.npz"))
+
+
+def test_a_run_begins_with_what_the_policy_answers(run, shipped):
+    seen = torch.randn(16, 720, generator=torch.Generator().manual_seed(2)) * 0.3 + torch.from_numpy(shipped["mean"])
+    actor = run.algorithm.get_policy().eval()
+    with torch.no_grad():
+        value = (seen - actor.obs_normalizer._mean) / (actor.obs_normalizer._std + actor.obs_normalizer.eps)
+        answered = actor.mlp(value)
+    torch.testing.assert_close(answered, act(shipped, seen), rtol=1e-4, atol=1e-4)
+
+
+def test_the_critic_learns_alone_at_first(run):
+    """Its preset's 60 iterations are not over after two; with none the actor learns at once."""
+    networks = {"actor": run.algorithm._raw_actor.mlp, "critic": run.algorithm._raw_critic.mlp}
+    before = {name: [value.clone() for value in network.parameters()] for name, network in networks.items()}
+
+    def same(name: str) -> bool:
+        return all(torch.equal(*pair) for pair in zip(before[name], networks[name].parameters(), strict=True))
+
+    run.train()
+    assert same("actor") and not same("critic")
+    assert run.algorithm.learning_rate == pytest.approx(3e-4)
+    run.algorithm._options = run.algorithm._options.changed(critic_iterations=0)
+    run.request = dataclasses.replace(run.request, iterations=3)
+    run.train()
+    assert not same("actor")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"joint_names": None}, "lacks joint_names"),
+        ({"L1_w": None}, "lacks L1_w"),
+        ({"L0_w": np.zeros((16, 720))}, "'L0_w' is \\(16, 720\\)"),
+        ({"kp": "3 twice"}, "kp of '.*' is"),
+        ({"joint_names": "turned round"}, "another order"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused(folder, shipped, tmp_path, change, told):
+    arrays = dict(shipped)
+    for name, value in change.items():
+        if value is None:
+            del arrays[name]
+        elif name == "kp":
+            arrays["kp"] = shipped["kp"] * np.where(np.arange(len(shipped["kp"])) == 3, 2.0, 1.0)
+        elif name == "joint_names":
+            arrays["joint_names"] = shipped["joint_names"][::-1]
+        else:
+            arrays[name] = value
+    path = tmp_path / "wrong.npz"
+    write_policy(path, arrays)
+    with pytest.raises(TrainingError, match=told) as error:
+        TrainingRun(bundle_for(folder, shipped), request(tmp_path, path))
+    assert str(path) in str(error.value)
+
+
+def test_garbage_is_refused_by_the_command(folder, tmp_path, capsys):
+    path = tmp_path / "garbage.npz"
+    path.write_bytes(b"no archive")
+    common = ["--bundle", str(folder), "--out", str(tmp_path / "run"), "--device", "cpu", "--num-envs", "2"]
+    sets = [f"--set={name}={value}" for name, value in SMALL.items()]
+    assert main([*common, *sets, "--preset", "refined_steps", "--start-from", str(path)]) == 2
+    assert str(path) in capsys.readouterr().err
+    assert main([*common, *sets, "--start-from", str(tmp_path / "none.npz")]) == 2
+    assert "none.npz" in capsys.readouterr().err
+    assert newest_checkpoint(tmp_path / "run" / "checkpoints") is None
