@@ -145,10 +145,12 @@ def run_facts(run: Run, robot: str, commit: str) -> dict[str, Any]:
 
 def _portable(run: Run) -> str:
     """The command that makes the run again, with paths from the project's root."""
-    near = dataclasses.replace(
-        run, folder=run.folder.relative_to(PROJECT.root), bundle=run.bundle.relative_to(PROJECT.root)
-    )
-    return f"python {' '.join(near.command)}"
+
+    def near(path: Path | None) -> Path | None:
+        return path.relative_to(PROJECT.root) if path is not None and path.is_relative_to(PROJECT.root) else path
+
+    paths = {name: near(getattr(run, name)) for name in ("folder", "bundle", "start_from")}
+    return f"python {' '.join(dataclasses.replace(run, **paths).command)}"
 
 
 def commit_of(project: Project) -> str:

@@ -22,6 +22,8 @@ LOG_EVERY_S = 10.0
 """How often a line of progress goes into the log at most."""
 TRIAL_ENVS, TRIAL_ITERATIONS = 8, 2
 """What is trained where there is no GPU: enough to see that training runs."""
+REFINING_ENVS, REFINING_ITERATIONS = 512, 1500
+"""What a processor trains with where it goes on from a policy."""
 TRIAL_OPTIONS = ("expert_windows=2000", "replay_windows=2000", "discriminator_batch=64")
 """Options of a trial, for which full buffers would only take memory."""
 
@@ -40,12 +42,14 @@ class TrainingConfig(dg.Config):
     seed: int = 1
     device: str = "auto"
     """`cuda`, `cpu`, or `auto`: the GPU where there is one, else a trial on the CPU."""
+    start_from: str = ""
+    """A policy file (npz) to go on from: absolute, or from where Dagster runs. Then a processor trains in earnest."""
     gpus: int = 1
     """Processes, each on a GPU of its own, with `num_envs` environments each."""
     num_envs: int = 0
-    """0: 4096 on a GPU, 8 in a trial."""
+    """0: 4096 on a GPU, 512 on a processor that goes on from a policy, 8 in a trial."""
     iterations: int = 0
-    """0: 1500 on a GPU, 2 in a trial."""
+    """0: 1500, or 2 in a trial."""
     minutes: float = 20.0
     """Training ends after this time at the latest."""
 
@@ -66,6 +70,8 @@ class Run:
     minutes: float
     trial: bool
     """A few iterations on the CPU: no policy comes of it."""
+    start_from: Path | None = None
+    """The policy that is gone on with."""
 
     @property
     def command(self) -> list[str]:
@@ -83,6 +89,8 @@ class Run:
             "minutes": f"{self.minutes:g}",
             "seed": self.seed,
         }
+        if self.start_from is not None:
+            given["start-from"] = self.start_from
         arguments = [text for name, value in given.items() for text in (f"--{name}", str(value))]
         return [*module, *arguments, *(text for each in self.options for text in ("--set", each)), "--resume"]
 
@@ -95,7 +103,7 @@ class Run:
 def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
     """The run that a config asks for on this machine; equal questions have the same folder, and go on in it.
 
-    Raises TrainingFailedError where a GPU is asked for and none is there.
+    Raises TrainingFailedError where a GPU is asked for and none is there, or a policy to go on from.
     """
     there = gpus_here()
     if config.device == "cuda" and there < config.gpus:
@@ -103,22 +111,35 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
             f"{config.gpus} GPUs are asked for, {there} are here; set the device to 'cpu' or 'auto'."
         )
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"
-    trial = device == "cpu"
+    start_from = Path(config.start_from).resolve() if config.start_from else None
+    if start_from is not None and not start_from.is_file():
+        raise TrainingFailedError(f"{start_from}: there is no such policy to go on from; 'start_from' names an npz.")
+    trial = device == "cpu" and start_from is None
+    envs, iterations = _size(device, trial)
     asked = (*options, *config.options)
     told: dict[str, Any] = {
         "preset": config.preset,
         "options": (*TRIAL_OPTIONS, *asked) if trial else asked,
         "seed": config.seed,
         "device": device,
-        "gpus": 1 if trial else config.gpus,
-        "num_envs": config.num_envs or (TRIAL_ENVS if trial else 4096),
-        "iterations": config.iterations or (TRIAL_ITERATIONS if trial else 1500),
+        "gpus": 1 if device == "cpu" else config.gpus,
+        "num_envs": config.num_envs or envs,
+        "iterations": config.iterations or iterations,
         "minutes": config.minutes,
         "trial": trial,
     }
-    name = digest.of_json([bundle_digest, {**told, "options": list(told["options"])}])[:10]
+    given = [digest.of_file(start_from)] if start_from is not None else []
+    name = digest.of_json([bundle_digest, {**told, "options": list(told["options"])}, *given])[:10]
     kind = "trial-" if trial else ""
-    return Run(folder=runs / f"{kind}{config.preset}-seed{config.seed}-{name}", bundle=bundle, **told)
+    folder = runs / f"{kind}{config.preset}-seed{config.seed}-{name}"
+    return Run(folder=folder, bundle=bundle, start_from=start_from, **told)
+
+
+def _size(device: str, trial: bool) -> tuple[int, int]:
+    """Environments and iterations where none are asked for."""
+    if trial:
+        return TRIAL_ENVS, TRIAL_ITERATIONS
+    return (REFINING_ENVS, REFINING_ITERATIONS) if device == "cpu" else (4096, 1500)
 
 
 def gpus_here() -> int:

@@ -59,6 +59,20 @@ def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
     assert four.folder != one.folder
 
 
+def test_a_processor_that_goes_on_from_a_policy_trains_in_earnest(place, monkeypatch):
+    policy = place / "policy.npz"
+    policy.write_bytes(b"one")
+    run = asked(place, 0, monkeypatch, start_from=str(policy), preset="refined_steps")
+    assert (run.trial, run.device, run.num_envs, run.iterations) == (False, "cpu", 512, 1500)
+    assert run.folder.name.startswith("refined_steps-seed1-")
+    assert run.command[run.command.index("--start-from") + 1] == str(policy)
+    assert "discriminator_batch=64" not in run.command
+    policy.write_bytes(b"another")
+    assert asked(place, 0, monkeypatch, start_from=str(policy), preset="refined_steps").folder != run.folder
+    with pytest.raises(TrainingFailedError, match=r"none\.npz: there is no such policy"):
+        asked(place, 0, monkeypatch, start_from=str(place / "none.npz"))
+
+
 def test_a_gpu_that_is_not_there_is_no_silent_trial(place, monkeypatch):
     with pytest.raises(TrainingFailedError, match=r"2 GPUs are asked for, 1 are here"):
         asked(place, 1, monkeypatch, device="cuda", gpus=2)
