@@ -45,10 +45,10 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
 
 def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
     """A verdict a check on the database as it lies on the disk."""
-    from pipeline.expert import DatabaseError, read_database
+    from pipeline.expert import DatabaseError, check_database
 
     try:
-        database = read_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
+        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
     except DatabaseError as error:
         for name in (WHOLE, COVERED, COMMANDS):
             yield dg.AssetCheckResult(

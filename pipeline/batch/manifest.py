@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -65,11 +65,20 @@ class Manifest:
 
     def to_text(self) -> str:
         """JSON text, one line a clip; equal content gives equal text, whatever was recomputed."""
+        return "".join(self.lines())
+
+    def lines(self) -> Iterator[str]:
+        """The text line by line: of many clips it is as long as all that the manifest keeps."""
+        yield "{\n"
         head = {"schema": SCHEMA, "stage": self.stage, "settings": self.settings}
-        parts = [f'"{name}": {_json(value)}' for name, value in head.items()]
-        for name, rows in (("entries", self.entries), ("judged", self.judged)):
-            parts.append(f'"{name}": [\n' + ",\n".join(_json(vars(row)) for row in rows) + "\n]")
-        return "{\n" + ",\n".join(parts) + "\n}\n"
+        for name, value in head.items():
+            yield f'"{name}": {_json(value)},\n'
+        for name, rows, end in (("entries", self.entries, "],\n"), ("judged", self.judged, "]\n")):
+            yield f'"{name}": [\n'
+            for count, row in enumerate(rows, 1):
+                yield _json(vars(row)) + (",\n" if count < len(rows) else "")
+            yield "\n" + end
+        yield "}\n"
 
     @staticmethod
     def from_text(text: str) -> Manifest:
@@ -89,7 +98,7 @@ class Manifest:
     @cached_property
     def digest(self) -> str:
         """Digest of the text."""
-        return digest.of_bytes(self.to_text().encode())
+        return digest.of_parts(line.encode() for line in self.lines())
 
     def without(self, dropped: Mapping[str, dict[str, Any]]) -> Manifest:
         """The same without some of its clips, each dropped for a reason; their input clips say so.

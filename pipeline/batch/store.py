@@ -72,7 +72,7 @@ class Store:
 
     def save(self, asset: str, manifest: Manifest) -> None:
         """Make `manifest` the asset's current one. The blobs it names are there already."""
-        atomic.write_text(self.manifest_path(asset), manifest.to_text())
+        atomic.write_parts(self.manifest_path(asset), (line.encode() for line in manifest.lines()))
 
     def load(self, asset: str) -> Manifest:
         """The asset's current manifest. Raises FileError with the command to run."""

@@ -2,7 +2,7 @@
 
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
-from pipeline.expert.read import DatabaseError, read_database
+from pipeline.expert.read import DatabaseError, check_database, read_database
 from pipeline.expert.write import ExpertEntry, write_database
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "DatabaseError",
     "ExpertEntry",
     "LicenceClass",
+    "check_database",
     "classify_licence",
     "columns",
     "expert_frames",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from pipeline.files import digest
 CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Licence", "Columns", "Frames")
 LOOP_MODES = ("Clamp", "Wrap")
 QUATERNION = slice(3, 7)
+STAGES = "stages"
+"""The index's longest texts, which hardly differ from clip to clip: each is kept once."""
 UNIT_TOLERANCE = 1e-6
 
 
@@ -44,17 +47,37 @@ class DatabaseClip:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Database:
-    """A whole database: every file is there, has the digest the manifest states and says what it must."""
+class Contents:
+    """What a whole database says of itself: every file is there, has the digest the manifest states and says what it
+    must."""
 
     manifest: dict[str, Any]
     index: pd.DataFrame
+
+
+@dataclass(frozen=True, kw_only=True)
+class Database(Contents):
+    """A whole database with its frames."""
+
     clips: tuple[DatabaseClip, ...]
     """In the index's order."""
 
 
 def read_database(folder: Path) -> Database:
     """The database in `folder`. Raises DatabaseError that lists every fault of every file."""
+    clips: list[DatabaseClip] = []
+    head, table = _read(folder, clips.append)
+    return Database(manifest=head, index=table, clips=tuple(clips))
+
+
+def check_database(folder: Path) -> Contents:
+    """What is in `folder`, each clip of it read and let go. Raises what `read_database` raises."""
+    head, table = _read(folder, lambda clip: None)
+    return Contents(manifest=head, index=table)
+
+
+def _read(folder: Path, take: Callable[[DatabaseClip], None]) -> tuple[dict[str, Any], pd.DataFrame]:
+    """Manifest and index of the database in `folder`, its clips given to `take` in the index's order."""
     folder = current(folder)
     faults: list[str] = []
     head = _read_manifest(folder, faults)
@@ -62,17 +85,16 @@ def read_database(folder: Path) -> Database:
         raise DatabaseError(folder, faults)
     _check_files(folder, head, faults)
     table = _read_index(folder, faults)
-    clips: list[DatabaseClip | None] = []
     if table is not None:
         if len(table) != head["clips"]:
             faults.append(f"{index.FILE}: has {len(table)} clips, the manifest says {head['clips']}")
-        clips = [
-            _read_clip(folder, name, clip, head, faults)
-            for clip, name in zip(table["clip"], table["file"], strict=True)
-        ]
+        for name, file in zip(table["clip"], table["file"], strict=True):
+            clip = _read_clip(folder, file, name, head, faults)
+            if clip is not None:
+                take(clip)
     if faults or table is None:
         raise DatabaseError(folder, faults)
-    return Database(manifest=head, index=table, clips=tuple(clip for clip in clips if clip is not None))
+    return head, table
 
 
 def _read_manifest(folder: Path, faults: list[str]) -> dict[str, Any] | None:
@@ -108,7 +130,7 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
     if path.is_symlink() or not path.is_file():
         return None
     try:
-        table = pd.read_parquet(path)
+        table = pd.read_parquet(path, read_dictionary=[STAGES])
     except (pa.ArrowException, OSError, ValueError) as error:
         faults.append(f"{index.FILE}: is no Parquet table ({error})")
         return None

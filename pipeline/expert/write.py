@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,15 +43,14 @@ class ExpertEntry:
 def write_database(folder: Path, entries: Iterable[ExpertEntry], robot: Robot, *, stages: Mapping[str, Any]) -> dict:
     """Replace the database in `folder` by one of `entries`; its manifest.
 
-    `stages`: version and settings of each stage, for the manifest. The order of the entries doesn't matter.
-    Raises ClipError for an entry that can't be in the database (rate, joints, weight, a name given twice) and
-    FileError when the disk refuses; the previous database stays then.
+    `stages`: version and settings of each stage, for the manifest. The order of the entries doesn't matter; each is
+    written as it comes and let go. Raises ClipError for an entry that can't be in the database (rate, joints, weight, a
+    name given twice) and FileError when the disk refuses; the previous database stays then.
     """
-    ordered = sorted(entries, key=lambda entry: entry.clip.name)
     made: dict = {}
 
     def fill(part: Path) -> None:
-        rows = [_write_clip(part, entry, robot) for entry in _checked(ordered)]
+        rows = sorted(_write_clips(part, entries, robot), key=lambda row: row["clip"])
         (part / index.FILE).write_bytes(index.encode(rows))
         text = manifest.build(part, rows, robot, stages)
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
@@ -80,6 +79,18 @@ def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     return ("{\n" + ",\n".join(lines) + ',\n"Frames": [\n' + body + "\n]}\n").encode()
 
 
+def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot) -> Iterator[dict[str, Any]]:
+    """A row of the index for each entry, written."""
+    names: set[str] = set()
+    texts: dict[str, str] = {}
+    for entry in entries:
+        _check(entry, names)
+        names.add(entry.clip.name)
+        row = _write_clip(part, entry, robot)
+        # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+        yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
+
+
 def _write_clip(part: Path, entry: ExpertEntry, robot: Robot) -> dict[str, Any]:
     data = encode_clip(entry, robot)
     name = file_name(entry.clip.name)
@@ -99,12 +110,8 @@ def _write_clip(part: Path, entry: ExpertEntry, robot: Robot) -> dict[str, Any]:
     )
 
 
-def _checked(entries: list[ExpertEntry]) -> list[ExpertEntry]:
-    names: set[str] = set()
-    for entry in entries:
-        if entry.clip.name in names:
-            raise ClipError(entry.clip.name, "name", "is given twice; names are unique in a database")
-        names.add(entry.clip.name)
-        if not 0.0 < entry.weight < float("inf"):
-            raise ClipError(entry.clip.name, "weight", f"has the weight {entry.weight:g}; it must be positive")
-    return entries
+def _check(entry: ExpertEntry, names: Container[str]) -> None:
+    if entry.clip.name in names:
+        raise ClipError(entry.clip.name, "name", "is given twice; names are unique in a database")
+    if not 0.0 < entry.weight < float("inf"):
+        raise ClipError(entry.clip.name, "weight", f"has the weight {entry.weight:g}; it must be positive")

@@ -12,14 +12,19 @@ from pipeline.feasibility.balance import effective_seconds, parents
 from pipeline.feasibility.balance_settings import BalanceSettings
 from pipeline.feasibility.command_cells import STANDING, Axis, standing
 from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
+from pipeline.feasibility.command_seconds import COLUMN as SPENT
 from pipeline.feasibility.command_settings import CommandSettings
+from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 from pipeline.feasibility.gait_signature import families
 from pipeline.feasibility.missing_turns import missing_turns
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.time_series import runs
 
 NEEDED = ("clip", "seconds", *VELOCITIES)
-"""Columns that are looked at; `command_seconds`, `weight`, `parent`, `gait_signature` too where they are there."""
+"""Columns that are looked at."""
+
+WHERE_THERE = (SPENT, "weight", "parent", SIGNATURE)
+"""Columns that are looked at, too, where they are there."""
 
 AXES = ("forward", "lateral", "yaw")
 
@@ -46,6 +51,8 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: Comman
     """
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
+    # No other column: a clip has a row in the table by command for each box it visits, some of them long texts.
+    rows = rows[[name for name in (*NEEDED, *WHERE_THERE) if name in rows]]
     if len(rows):
         rows = rows.assign(family=families(rows, parents(rows), settings.balance.same_gait))
     spent = by_command(rows)

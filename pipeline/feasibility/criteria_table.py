@@ -7,7 +7,7 @@ further: clips that go on keep a number a criterion.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +46,9 @@ COLUMNS = {
 is what was left to the threshold, over the threshold; `said` what is wrong, or why it does not apply; `setting` names
 the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
 
+ROWS_AT_A_TIME = 10_000
+"""Rows that are turned into plain columns and written at a time; in memory a text that many rows have is there once."""
+
 _MANIFEST = b"manifest"
 
 
@@ -55,25 +58,29 @@ def path_beside(manifest: Path) -> Path:
 
 
 def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, pd.DataFrame]:
-    """The manifest without its judgements, and the table of them.
+    """The manifest without its judgements, and the table of them, its texts as categories.
 
     Args:
         manifest: what KP5 said of each clip, judgements among the numbers
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
-    rows = [row for judged in manifest.judged for row in _rows_of_clip(judged, origins)]
     judged = tuple(
         dataclasses.replace(each, numbers={name: value for name, value in each.numbers.items() if name != NUMBER})
         for each in manifest.judged
     )
-    return dataclasses.replace(manifest, judged=judged), pd.DataFrame(rows, columns=list(COLUMNS))
+    rows = (row for each in manifest.judged for row in _rows_of_clip(each, origins))
+    return dataclasses.replace(manifest, judged=judged), _table(rows)
 
 
 def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:
     """Write the table of a manifest, whole or not at all; equal tables give equal bytes."""
     schema = pa.schema(list(COLUMNS.items()), metadata={_MANIFEST: manifest.digest.encode()})
     sink = pa.BufferOutputStream()
-    pq.write_table(pa.Table.from_pandas(table, schema=schema, preserve_index=False), sink, compression="zstd")
+    with pq.ParquetWriter(sink, schema, compression="zstd") as writer:
+        for start in range(0, len(table), ROWS_AT_A_TIME):
+            part = table.iloc[start : start + ROWS_AT_A_TIME]
+            # In one thread: each that makes columns keeps the memory it made them in.
+            writer.write_table(pa.Table.from_pandas(part, schema=schema, preserve_index=False, nthreads=1))
     atomic.write_bytes(path, sink.getvalue().to_pybytes())
 
 
@@ -94,6 +101,17 @@ def read(path: Path, manifest: Path, asset: str = "feasible_motions") -> pd.Data
         )
         raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
     return pq.read_table(path).to_pandas()
+
+
+def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """The rows, none of which is kept: a number a cell, of a text which one it is."""
+    cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
+    known: dict[str, str] = {}
+    for row in rows:
+        for name, value in row.items():
+            cells[name].append(known.setdefault(value, value) if isinstance(value, str) else value)
+    kinds = {name: "category" if kind == pa.string() else float for name, kind in COLUMNS.items()}
+    return pd.DataFrame({name: pd.Series(cells.pop(name), dtype=kind) for name, kind in kinds.items()})
 
 
 def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dict[str, Any]]:

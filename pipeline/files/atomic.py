@@ -9,17 +9,23 @@ import contextlib
 import errno
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from pipeline.errors import FileError
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write `data` to `path` so that a reader sees the old file or the new one, never a part.
+    """`write_parts` of one part."""
+    write_parts(path, [data])
+
+
+def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+    """Write `parts`, one after the other, to `path` so that a reader sees the old file or the new one, never a part.
 
     The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
-    does not. Raises FileError (with the free space) when the disk refuses; the old file stays then, unless it was the
-    folder that could not be synced.
+    does not. Raises FileError (with the free space) when the disk refuses, and what `parts` raises; the old file
+    stays then, unless it was the folder that could not be synced.
     """
     aside: str | None = None
     try:
@@ -27,17 +33,19 @@ def write_bytes(path: Path, data: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, aside = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            stream.writelines(parts)
             stream.flush()
             os.fsync(stream.fileno())
         Path(aside).chmod(0o644)
         Path(aside).replace(path)
         for folder in (path.parent, *(each.parent for each in made)):
             _sync_folder(folder)
-    except OSError as error:
+    except BaseException as error:
         if aside is not None:
             with contextlib.suppress(OSError):
                 Path(aside).unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         raise FileError(path, f"could not be written ({error}); {_room(path.parent)}") from error
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_files, run_stage
 from pipeline.clips.outcome import Outcome, Piece
+from pipeline.files import digest
 from tests.factories.clips import robot_clip
 
 LOG = logging.getLogger("test")
@@ -104,6 +105,24 @@ def test_the_digest_of_a_manifest_read_back_is_that_of_its_content(tmp_path):
     path = store.manifest_path("made")
     path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1', 1))
     assert store.load("made").digest != made.digest
+
+
+def test_a_manifest_is_written_and_digested_without_its_whole_text(tmp_path):
+    numbers = {f"number {index}": index / 7 for index in range(100)}
+    entries = tuple(Entry(clip=f"clip{index:04d}", blob="0" * 64, numbers=numbers) for index in range(1000))
+    manifest, store = Manifest(stage="made", entries=entries, judged=()), Store(root=tmp_path)
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        store.save("made", manifest)
+        made = manifest.digest
+        peak = tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+    text = store.manifest_path("made").read_text()
+    assert text == manifest.to_text()
+    assert made == digest.of_bytes(text.encode())
+    assert peak < len(text) / 5
 
 
 def test_a_manifest_is_json_with_a_line_a_clip(tmp_path):

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.errors import ClipError, FileError
-from pipeline.expert import DatabaseError, ExpertEntry, read_database, swap, write_database
+from pipeline.expert import DatabaseError, ExpertEntry, check_database, read_database, swap, write_database
 from pipeline.expert.file_name import file_name
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
@@ -191,6 +191,9 @@ def test_a_damaged_clip_is_named_with_its_fault(robot: Robot, tmp_path: Path, da
     with pytest.raises(DatabaseError, match=fault) as raised:
         read_database(folder)
     assert any(found.startswith(name) or name in found for found in raised.value.faults)
+    with pytest.raises(DatabaseError, match=fault) as judged:
+        check_database(folder)
+    assert judged.value.faults == raised.value.faults
 
 
 def test_all_faults_are_said_at_once(robot: Robot, tmp_path: Path):

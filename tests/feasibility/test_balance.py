@@ -1,6 +1,7 @@
 """Weights: positive, even over commands, shared by variants, the same whatever the order; and what is missing."""
 
 import dataclasses
+import importlib
 import json
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
 from pipeline.feasibility.balance import BalanceError, effective_seconds
+from pipeline.feasibility.command_seconds import by_command
 from pipeline.files import settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -159,6 +161,22 @@ def test_with_no_clip_at_all_everything_is_missing():
     found = coverage(pd.DataFrame(), LIMITS, COMMANDS)
     assert len(found.missing) == 7
     assert np.sum(found.cells["seconds"]) == 0.0
+
+
+def test_coverage_spreads_no_column_over_boxes_that_it_does_not_look_at(monkeypatch):
+    rows = pd.DataFrame([_row(f"f{forward}", forward=forward) for forward in (0.3, 0.5)])
+    module, seen = importlib.import_module("pipeline.feasibility.coverage"), []
+
+    def watched(table: pd.DataFrame) -> pd.DataFrame:
+        seen.extend(table.columns)
+        return by_command(table)
+
+    monkeypatch.setattr(module, "by_command", watched)
+    bare = coverage(rows, LIMITS, COMMANDS)
+    laden = coverage(rows.assign(stages="every parameter of every stage", number=1.0), LIMITS, COMMANDS)
+    assert set(seen) <= {*module.NEEDED, *module.WHERE_THERE, "family"}
+    assert laden.missing == bare.missing
+    assert laden.cells.equals(bare.cells)
 
 
 def test_half_a_power_balances_half():

@@ -247,6 +247,29 @@ def test_equal_tables_are_equal_bytes_and_belong_to_their_manifest(manifest: Man
         criteria_table.read(tmp_path / "none", tmp_path / "b.json")
 
 
+def test_a_text_that_many_rows_have_is_kept_once(table: pd.DataFrame):
+    """A row has 16 cells, most of them texts, some of them sentences."""
+    texts = table.select_dtypes(exclude=float)
+    assert (
+        texts.memory_usage(index=False).sum() < 5 * texts.size < texts.astype(str).memory_usage(index=False).sum() / 3
+    )
+
+
+def test_a_table_written_part_by_part_is_the_same(
+    table: pd.DataFrame, manifest: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path, tables = tmp_path / "a.json", []
+    path.write_text(manifest.to_text())
+    for rows in (criteria_table.ROWS_AT_A_TIME, 7, len(table)):
+        monkeypatch.setattr(criteria_table, "ROWS_AT_A_TIME", rows)
+        criteria_table.write(criteria_table.path_beside(path), table, manifest)
+        tables.append(criteria_table.read(criteria_table.path_beside(path), path))
+    assert tables[0].equals(tables[1]) and tables[0].equals(tables[2])
+    assert tables[0]["why"].tolist() == table["why"].tolist()
+    criteria_table.write(criteria_table.path_beside(path), table.iloc[:0], manifest)
+    assert criteria_table.read(criteria_table.path_beside(path), path).empty
+
+
 def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd.DataFrame):
     seen = {row["criterion"]: row for row in by_criterion(table).to_dict("records")}
     excess = seen["joint_limit_excess"]
@@ -267,6 +290,7 @@ def test_from_afar_a_threshold_is_told_with_where_it_itself_comes_from(table: pd
     bare["piece"], bare["verdict"] = bare["clip"], "holds"
     bare["margin"] = np.where(bare["clip"] == closest, 0.1, 0.9)
     other = ORIGINS["torque.reference_force"]
+    bare = bare.astype(dict.fromkeys(("setting", "source", "why"), str))
     for column, text in (("setting", "torque.reference_force"), ("source", other.source), ("why", other.why)):
         bare.loc[bare["clip"] == "unlike", column] = text
     (row,) = by_criterion(bare).to_dict("records")

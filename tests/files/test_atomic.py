@@ -146,3 +146,18 @@ def test_a_blob_is_read_back_and_a_changed_one_is_refused(tmp_path):
 def test_a_missing_blob_says_what_to_do(tmp_path):
     with pytest.raises(FileError, match=r"missing.*materialize again"):
         BlobStore(root=tmp_path).get("ab" * 32)
+
+
+def test_parts_are_written_one_after_the_other_and_one_that_fails_leaves_the_old_file(tmp_path):
+    path = tmp_path / "file"
+    atomic.write_parts(path, iter([b"one ", b"two"]))
+    assert path.read_bytes() == b"one two"
+
+    def failing():
+        yield b"new"
+        raise ValueError("no number")
+
+    with pytest.raises(ValueError, match="no number"):
+        atomic.write_parts(path, failing())
+    assert path.read_bytes() == b"one two"
+    assert list(tmp_path.iterdir()) == [path]
