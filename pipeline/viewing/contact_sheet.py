@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure as Canvas
 from PIL import Image  # comes with matplotlib
 
@@ -23,8 +22,9 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.human_figure import human_figure
-from pipeline.viewing.projection import CONTACT, Polygons, ground_polygon, pose_polygons
+from pipeline.viewing.projection import CONTACT, Triangles, ground_triangles, one_above_the_other, pose_triangles
 from pipeline.viewing.robot_figure import robot_figure
+from pipeline.viewing.triangle_artist import TriangleArtist
 
 POSE_WIDTH = 1.05
 """Room for a pose [m]."""
@@ -79,7 +79,7 @@ def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int =
 
 
 class _Drawing:
-    """Polygons and texts gathered from the top down; `low` is the lower end so far [m].
+    """Triangles and texts gathered from the top down; `low` is the lower end so far [m].
 
     Args:
         width: of the picture [m]
@@ -88,7 +88,7 @@ class _Drawing:
 
     def __init__(self, width: float, dots_per_m: float) -> None:
         self.width, self.dots_per_m = width, dots_per_m
-        self.polygons = Polygons()
+        self.layers: list[Triangles] = []
         self.texts: list[tuple[float, float, str, dict]] = []
         self.low = 0.0
 
@@ -126,11 +126,10 @@ class _Drawing:
     def _add_pose(self, figure: Figure, time_s: float, across: float) -> None:
         frame = figure.frame_at(time_s)
         shift = np.array([across, self.low])
-        self.polygons.add(ground_polygon(0.36), shift)
-        pose = pose_polygons(figure, frame, _first_heading(figure))
+        pose = pose_triangles(figure, frame, _first_heading(figure))
         if pose.count == 0:
             self.texts.append((across, self.low + 0.5, "missing", {"fontsize": 7, "ha": "center", "color": CONTACT}))
-        self.polygons.add(pose, shift)
+        self.layers += [ground_triangles(0.36).moved(shift), pose.moved(shift)]
 
     def png(self) -> bytes:
         """The picture so far."""
@@ -139,11 +138,7 @@ class _Drawing:
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         axes.set(xlim=(0.0, self.width), ylim=(min(self.low, -0.3), 0.0))
-        colors = self.polygons.colors
-        axes.add_collection(
-            PolyCollection(self.polygons.corners, facecolors=colors, edgecolors=colors, linewidths=0.3),
-            autolim=False,
-        )
+        axes.add_artist(TriangleArtist(one_above_the_other(self.layers)))
         for x, y, text, style in self.texts:
             axes.text(x, y, text, **{"va": "bottom", **style})
         return _palette_png(canvas)

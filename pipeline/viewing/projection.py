@@ -1,7 +1,8 @@
-"""Figures as flat shaded polygons: parallel projection, farther ones first (painter's algorithm)."""
+"""Figures as flat shaded triangles: parallel projection, farther ones first (painter's algorithm)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,21 +30,32 @@ LIGHT = rotation.normalize(np.array([0.35, -0.55, 0.76]))
 """Toward the light, in the figure's frame."""
 
 
-@dataclass
-class Polygons:
-    """Polygons in the picture's plane [m], in the order they are drawn."""
+@dataclass(kw_only=True)
+class Triangles:
+    """Triangles in the picture's plane, in the order they are drawn."""
 
-    corners: list[Float[np.ndarray, "c 2"]] = field(default_factory=list)
-    colors: list[Color] = field(default_factory=list)
+    corners: Float[np.ndarray, "n 3 2"] = field(default_factory=lambda: np.zeros((0, 3, 2)))
+    """[m]"""
+    colors: Float[np.ndarray, "n 3"] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Red, green, blue, 0 to 1."""
 
     @property
     def count(self) -> int:
         return len(self.corners)
 
-    def add(self, other: Polygons, shift: Float[np.ndarray, " 2"]) -> None:
-        """Draw others on top, moved by `shift` [m]."""
-        self.corners.extend(corners + shift for corners in other.corners)
-        self.colors.extend(other.colors)
+    def moved(self, shift: Float[np.ndarray, " 2"]) -> Triangles:
+        """The same moved by `shift` [m]."""
+        return Triangles(corners=self.corners + shift, colors=self.colors)
+
+
+def one_above_the_other(layers: Sequence[Triangles]) -> Triangles:
+    """All of them, the last on top."""
+    if not layers:
+        return Triangles()
+    return Triangles(
+        corners=np.concatenate([each.corners for each in layers]),
+        colors=np.concatenate([each.colors for each in layers]),
+    )
 
 
 def project(points: np.ndarray) -> np.ndarray:
@@ -51,19 +63,19 @@ def project(points: np.ndarray) -> np.ndarray:
     return np.stack([points @ ACROSS, points @ UP], axis=-1)
 
 
-def ground_polygon(half_width: float) -> Polygons:
+def ground_triangles(half_width: float) -> Triangles:
     """A square sheet of ground at z = 0 about the origin."""
-    corners = half_width * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    return Polygons(corners=[project(corners)], colors=[GROUND])
+    corners = project(half_width * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]))
+    return Triangles(corners=corners[[[0, 1, 2], [0, 2, 3]]], colors=np.array([GROUND, GROUND]))
 
 
-def pose_polygons(figure: Figure, frame: int, heading: float) -> Polygons:
+def pose_triangles(figure: Figure, frame: int, heading: float) -> Triangles:
     """One frame of a figure, its root above the origin, turned back by `heading` [rad]. Missing parts are left out."""
     back = rotation.about_z(-heading)
     root = figure.root_pos_w[frame] * np.array([1.0, 1.0, 0.0])
     drawn = figure.drawn(frame)
     if not drawn.any() or not np.isfinite(root).all():
-        return Polygons()
+        return Triangles()
     shape_pos, shape_quat = figure.shape_poses(frame)
     pos = rotation.rotate(back, shape_pos - root)
     quat = rotation.multiply(back, shape_quat)
@@ -81,7 +93,7 @@ def pose_polygons(figure: Figure, frame: int, heading: float) -> Polygons:
     return _painted(np.concatenate(triangles), np.concatenate(colors))
 
 
-def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n 3"]) -> Polygons:
+def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n 3"]) -> Triangles:
     """Triangles that face the viewer, shaded (Lambert and ambient light), the farthest first."""
     normal = rotation.normalize(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]))
     seen = normal @ TO_VIEWER > 1e-6
@@ -89,4 +101,4 @@ def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n
     order = np.argsort(triangles.mean(axis=1) @ TO_VIEWER, kind="stable")
     bright = 0.55 + 0.45 * np.clip(normal @ LIGHT, 0.0, 1.0)
     shaded = np.round(colors * bright[:, None], 2)[order]
-    return Polygons(corners=list(project(triangles[order])), colors=[tuple(color) for color in shaded.tolist()])
+    return Triangles(corners=project(triangles[order]), colors=shaded)

@@ -6,15 +6,15 @@ import io
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure as Canvas
 from PIL import Image  # comes with matplotlib
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.contact_sheet import POSE_WIDTH, ROBOT_HEIGHT_SHARE
-from pipeline.viewing.projection import Polygons, ground_polygon, pose_polygons
+from pipeline.viewing.projection import ground_triangles, one_above_the_other, pose_triangles
 from pipeline.viewing.robot_figure import robot_figure
+from pipeline.viewing.triangle_artist import TriangleArtist
 
 PALETTE = 32
 DOTS_PER_M = 130
@@ -30,17 +30,12 @@ def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0, seconds: float
     heading = float(figure.heading[frames[0]])
     images = []
     for frame in frames:
-        polygons = Polygons()
-        polygons.add(ground_polygon(0.45), np.zeros(2))
-        polygons.add(pose_polygons(figure, frame, heading), np.zeros(2))
+        triangles = one_above_the_other([ground_triangles(0.45), pose_triangles(figure, frame, heading)])
         canvas = Canvas(figsize=(POSE_WIDTH * 1.2 * DOTS_PER_M / 100, height * DOTS_PER_M / 100), dpi=100)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         axes.set(xlim=(-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), ylim=(-0.12, height - 0.12))
-        colors = polygons.colors
-        axes.add_collection(
-            PolyCollection(polygons.corners, facecolors=colors, edgecolors=colors, linewidths=0.3), autolim=False
-        )
+        axes.add_artist(TriangleArtist(triangles))
         agg = FigureCanvasAgg(canvas)
         agg.draw()
         images.append(Image.fromarray(np.asarray(agg.buffer_rgba())[..., :3].copy()))

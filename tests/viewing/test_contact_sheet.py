@@ -110,8 +110,8 @@ def test_up_is_up_and_forward_is_to_the_right():
 
 def test_what_is_nearer_to_the_viewer_is_painted_last():
     near, far = projection.TO_VIEWER, -projection.TO_VIEWER
-    polygons = projection.pose_polygons(_ball([near, far]), 0, 0.0)
-    reds_with_green = [color[1] > 0 for color in polygons.colors]
+    triangles = projection.pose_triangles(_ball([near, far]), 0, 0.0)
+    reds_with_green = [color[1] > 0 for color in triangles.colors]
     assert reds_with_green[0] and not reds_with_green[-1]
     assert reds_with_green == sorted(reds_with_green, reverse=True)
 
@@ -119,13 +119,13 @@ def test_what_is_nearer_to_the_viewer_is_painted_last():
 def test_the_initial_heading_is_taken_out():
     heading = 1.1
     turned = rotation.rotate(rotation.about_z(heading), np.array([[0.3, 0.1, 0.5]]))
-    straight = projection.pose_polygons(_ball([[0.3, 0.1, 0.5]]), 0, 0.0)
-    back = projection.pose_polygons(_ball(turned), 0, heading)
+    straight = projection.pose_triangles(_ball([[0.3, 0.1, 0.5]]), 0, 0.0)
+    back = projection.pose_triangles(_ball(turned), 0, heading)
     middle = [np.mean(np.concatenate(each.corners), axis=0) for each in (straight, back)]
     assert np.allclose(middle[0], middle[1], atol=0.01)
 
 
-def test_no_polygon_of_a_person_on_the_ground_is_below_the_sheet_of_ground():
-    pose = projection.pose_polygons(human_figure(gliding_human()), 0, 0.0)
-    ground = np.concatenate(projection.ground_polygon(0.36).corners)
+def test_no_triangle_of_a_person_on_the_ground_is_below_the_sheet_of_ground():
+    pose = projection.pose_triangles(human_figure(gliding_human()), 0, 0.0)
+    ground = np.concatenate(projection.ground_triangles(0.36).corners)
     assert np.concatenate(pose.corners)[:, 1].min() > ground[:, 1].min()

@@ -1,0 +1,32 @@
+"""Many small triangles on a matplotlib canvas, drawn in one call: a polygon each would be a Python object each."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backend_bases import RendererBase
+
+from pipeline.viewing.projection import Triangles
+
+
+class TriangleArtist(Artist):
+    """Triangles of one colour each, those further on in the list on top.
+
+    Agg widens each by half a dot, so that none of the ground shows between two that meet.
+    """
+
+    def __init__(self, triangles: Triangles) -> None:
+        super().__init__()
+        self._triangles = triangles
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw them in the data coordinates of the axes that they were added to."""
+        count = self._triangles.count
+        if not count or self.axes is None:
+            return
+        opaque = np.column_stack([self._triangles.colors, np.ones(count)])
+        context = renderer.new_gc()
+        renderer.draw_gouraud_triangles(
+            context, self._triangles.corners, np.repeat(opaque[:, None], 3, axis=1), self.axes.transData.frozen()
+        )
+        context.restore()
