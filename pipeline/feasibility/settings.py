@@ -19,6 +19,7 @@ from pipeline.feasibility.units import (
     Metres,
     MetresPerSecond,
     MetresPerSecondBySpeed,
+    MetresPerSecondCubed,
     OfFrames,
     OfMotorLimit,
     Radians,
@@ -141,7 +142,7 @@ class RootSettings:
     """Largest angular speed of the root [rad/s]."""
     acceleration: Annotated[float, Unit("m/s^2")]
     """Largest acceleration of the root [m/s^2]."""
-    jerk: Annotated[float, Unit("m/s^3")]
+    jerk: MetresPerSecondCubed
     """Largest mean jerk of the root [m/s^3]."""
 
     def __post_init__(self) -> None:

@@ -1,5 +1,7 @@
 """What data/feasibility.yaml may say: every number has a range, and all faults are told at once."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from pipeline.errors import SettingsError
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.files import settings
+from pipeline.files.sourced import origins
 
 FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
 
@@ -51,7 +54,7 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             r"'root.height\[1\]' is 0.7, allowed is more than the first",
         ),
         ("tilt_deg: {value: 45.0", "tilt_deg: {value: 450", r"'root.tilt_deg' is 450"),
-        ("max_ratio: 10.0", "max_ratio: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
+        ("max_ratio: {value: 10.0", "max_ratio: {value: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
         (
             "force: {value: 0.15",
             "force: {value: 0",
@@ -76,3 +79,38 @@ def test_all_faults_are_told_at_once(tmp_path):
     (tmp_path / "feasibility.yaml").write_text(text)
     with pytest.raises(SettingsError, match=r"torque\.friction.*root\.tilt_deg"):
         settings.read(tmp_path / "feasibility.yaml", FeasibilitySettings)
+
+
+def test_every_number_bears_unit_source_and_a_sentence():
+    """The whole file: what no motion is held against, too."""
+    said = origins(settings.read_yaml(FILE))
+    plain = settings.plain(settings.read(FILE, FeasibilitySettings))
+    assert {name: settings.plain(each.value) for name, each in said.items()} == dict(_numbers(plain))
+    assert {name.partition(".")[0] for name in said} == set(plain)
+
+
+@pytest.mark.parametrize("name", ["cell_power", "max_ratio", "same_gait", "smooth_jerk", "missing_seconds"])
+@pytest.mark.parametrize(
+    ("part", "instead", "said"),
+    [
+        (r"\{value: ([\d.]+),[^}]*\}", r"\1", "wanted {value: …, unit: "),
+        (r"unit: [^,]*,", "unit: bananas,", ".unit' is 'bananas', wanted '"),
+        (r"source: \w+,", "source: told,", ".source' is 'told', there are: cal, lit, phys, judge"),
+        (r', why: "[^"]*"', "", ".why' is missing"),
+    ],
+)
+def test_a_number_that_balances_is_refused_as_the_others_are(tmp_path, name, part, instead, said):
+    head, found, rest = FILE.read_text().partition(f"\n  {name}: ")
+    assert found
+    (tmp_path / "feasibility.yaml").write_text(head + found + re.sub(part, instead, rest, count=1))
+    with pytest.raises(SettingsError, match=rf"'balance\.{name}.*{re.escape(said)}"):
+        settings.read(tmp_path / "feasibility.yaml", FeasibilitySettings)
+
+
+def _numbers(plain: dict, where: str = "") -> Iterator[tuple[str, object]]:
+    """Dotted name and value of every number, or list of numbers, in nested settings."""
+    for name, value in plain.items():
+        if isinstance(value, dict):
+            yield from _numbers(value, f"{where}{name}.")
+        else:
+            yield where + name, value
