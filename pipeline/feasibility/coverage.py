@@ -52,7 +52,7 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: Comman
     if rows.empty:
         rows = pd.DataFrame({name: pd.Series(dtype=float) for name in NEEDED})
     # No other column: a clip has a row in the table by command for each box it visits, some of them long texts.
-    rows = rows[[name for name in (*NEEDED, *WHERE_THERE) if name in rows]]
+    rows = pd.DataFrame(rows, columns=[name for name in (*NEEDED, *WHERE_THERE) if name in rows])
     if len(rows):
         rows = rows.assign(family=families(rows, parents(rows), settings.balance.same_gait))
     spent = by_command(rows)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backend_bases import RendererBase
+from matplotlib.transforms import IdentityTransform
 
 from pipeline.viewing.projection import Triangles
 
@@ -24,9 +25,8 @@ class TriangleArtist(Artist):
         count = self._triangles.count
         if not count or self.axes is None:
             return
+        corners = self.axes.transData.transform(self._triangles.corners.reshape(-1, 2)).reshape(-1, 3, 2)
         opaque = np.column_stack([self._triangles.colors, np.ones(count)])
         context = renderer.new_gc()
-        renderer.draw_gouraud_triangles(
-            context, self._triangles.corners, np.repeat(opaque[:, None], 3, axis=1), self.axes.transData.frozen()
-        )
+        renderer.draw_gouraud_triangles(context, corners, np.repeat(opaque[:, None], 3, axis=1), IdentityTransform())
         context.restore()
