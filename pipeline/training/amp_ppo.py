@@ -45,6 +45,8 @@ class AmpPpo(PPO):
                 f"the actor draws from {type(distribution).__name__}; its deviation has no bound to sink."
             )
         self._std = distribution.std_param
+        if options.critic_rate:
+            self.optimizer = self._two_rates(options.critic_rate)
         self.update_s = 0.0
         """Duration of the last update of the networks [s]."""
         self.explained = float("nan")
@@ -57,6 +59,17 @@ class AmpPpo(PPO):
         self.followed = 0.0
         """Set by the run: the share of the commands that is reached."""
         self._synchronized = False
+
+    def _two_rates(self, critic_rate: float) -> torch.optim.Optimizer:
+        """rsl-rl's optimizer with the critic in a group of its own: what it says of the rate is the actor's."""
+        networks = (self._raw_actor, self._raw_critic)
+        optimizer = torch.optim.Adam([{"params": list(each.parameters())} for each in networks], lr=self.learning_rate)
+
+        def own_rate(*_: Any) -> None:
+            optimizer.param_groups[1]["lr"] = critic_rate
+
+        optimizer.register_step_pre_hook(own_rate)
+        return optimizer
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the networks."""

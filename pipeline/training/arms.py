@@ -49,6 +49,8 @@ class ArmsRequest:
     iterations: int
     minutes: float | None
     options: tuple[str, ...] = ()
+    start_from: Path | None = None
+    """A policy file that all of them go on from."""
 
     def folder(self, arm: Arm) -> Path:
         """Where an arm's run lies."""
@@ -66,6 +68,7 @@ class ArmsRequest:
             "seed": arm.seed,
         }
         given |= {} if self.minutes is None else {"minutes": f"{self.minutes:g}"}
+        given |= {} if self.start_from is None else {"start-from": self.start_from}
         texts = [text for name, value in given.items() for text in (f"--{name}", str(value))]
         options = [text for each in (*self.options, *arm.options) for text in ("--set", each)]
         return ["-m", "pipeline.training", *texts, *options, "--resume"]

@@ -269,6 +269,8 @@ class Options:
     hidden: tuple[int, ...] = (512, 256, 128)
     value_clip: bool = True
     """Whether an update moves the critic by at most .2 at a state, as rsl-rl does: one fall changes a return by 25."""
+    critic_rate: float = 0.0
+    """Learning rate of the critic; 0: the actor's, which the divergence holds down, as in rsl-rl."""
     critic_iterations: int = 0
     """For so many iterations the critic learns alone: of a network that is given, it knows nothing at first."""
     foresight: bool = False

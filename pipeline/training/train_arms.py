@@ -14,6 +14,7 @@ twice. `--pack` gets what must come back, after each sweep and at the end: at mo
 
     --seeds S …                      an arm `seed<S>` each
     --arm NAME SEED [NAME=VALUE …]   an arm of its own options; may be given often
+    --start-from FILE                a policy file that all arms go on from
     --set NAME=VALUE                 an option of all arms; may be given often
     --device cuda|cpu, --gpus N      N: how many to use; as many as there are where it isn't given
     --num-envs, --iterations, --minutes   of each run, as `python -m pipeline.training` takes them
@@ -72,6 +73,7 @@ def _run(given: argparse.Namespace, arguments: Sequence[str]) -> int:
         bundle=given.bundle.resolve(),
         out=given.out.resolve(),
         preset=given.preset,
+        start_from=given.start_from and given.start_from.resolve(),
         arms=tuple(arms),
         device=given.device,
         gpus=_gpus(given.device, given.gpus),
@@ -165,6 +167,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--pack", type=Path)
     parser.add_argument("--preset", default=DEFAULT)
+    parser.add_argument("--start-from", type=Path, metavar="POLICY")
     parser.add_argument("--seeds", type=int, nargs="+")
     parser.add_argument("--arm", nargs="+", action="append", default=[], metavar="TEXT")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")

@@ -79,11 +79,16 @@ def test_the_critic_learns_alone_at_first(run):
 
     run.train()
     assert same("actor") and not same("critic")
-    assert run.algorithm.learning_rate == pytest.approx(3e-4)
+    options = run.request.options
+    assert run.algorithm.learning_rate == pytest.approx(options.learning_rate)
+    rates = [group["lr"] for group in run.algorithm.optimizer.param_groups]
+    assert rates == pytest.approx([options.learning_rate, options.critic_rate])
     run.algorithm._options = run.algorithm._options.changed(critic_iterations=0)
     run.request = dataclasses.replace(run.request, iterations=3)
     run.train()
     assert not same("actor")
+    rates = [group["lr"] for group in run.algorithm.optimizer.param_groups]
+    assert rates == pytest.approx([run.algorithm.learning_rate, options.critic_rate])
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import zipfile
 from concurrent.futures import Future
@@ -52,6 +53,15 @@ def request_of(tmp_path, *arms: Arm) -> ArmsRequest:
         iterations=2,
         minutes=None,
     )
+
+
+def test_all_arms_go_on_from_a_policy_that_is_given(tmp_path):
+    request = request_of(tmp_path, Arm(name="a", seed=1), Arm(name="b", seed=2))
+    assert all("--start-from" not in request.command(arm) for arm in request.arms)
+    request = dataclasses.replace(request, start_from=tmp_path / "policy.npz")
+    for arm in request.arms:
+        command = request.command(arm)
+        assert command[command.index("--start-from") + 1] == str(tmp_path / "policy.npz")
 
 
 def test_two_arms_are_trained_swept_chosen_packed_and_left_alone_when_done(bundle_folder, tmp_path, capsys):
