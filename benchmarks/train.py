@@ -1,15 +1,18 @@
 """Environment steps a second of training, with PPO and the discriminator in the loop.
 
     python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets …] [--iterations N] [--json]
+                               [--physics plain warp]
 
 The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset trains in its own process;
-the first iterations, in which kernels load and buffers fill, are left out of the median. On a CPU take 8 environments.
+the first iterations, in which kernels load and buffers fill, are left out of the median. On a CPU take 512 environments
+with `plain` physics (MuJoCo in threads), 8 with `warp`; `--physics plain warp` compares them in one run.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import itertools
 import subprocess
 import sys
 import tempfile
@@ -35,24 +38,25 @@ def main() -> int:
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--num-envs", type=int, default=4096)
     parser.add_argument("--presets", nargs="+", default=["tracking_amp", "paper"])
+    parser.add_argument("--physics", nargs="+", choices=("plain", "warp"), help="default: the device's own")
     parser.add_argument("--iterations", type=int, default=40)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     bars = []
-    for name in given.presets:
-        speed = median_speed(given, name)
+    for name, physics in itertools.product(given.presets, given.physics or [None]):
+        speed = median_speed(given, name, physics)
         bar = BARS.get(name) if given.device != "cpu" else None
-        label = f"{name}, {given.num_envs} environments, {given.device}"
+        label = f"{name}, {given.num_envs} environments, {given.device}{f', {physics}' if physics else ''}"
         bars.append(Bar(name=label, value=speed, unit="steps/s", sense=">=" if bar else "", bound=bar))
     return 0 if report(bars, machine=machine(), json=given.json) else 1
 
 
-def median_speed(given: argparse.Namespace, preset: str) -> float:
+def median_speed(given: argparse.Namespace, preset: str, physics: str | None) -> float:
     """Median over the iterations after the warm-up of a short run."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pipeline.training", "--bundle", str(given.bundle), "--out", folder]
         command += ["--preset", preset, "--device", given.device, "--num-envs", str(given.num_envs)]
-        command += ["--iterations", str(given.iterations)]
+        command += ["--iterations", str(given.iterations), *(["--physics", physics] if physics else [])]
         if given.device == "cpu":
             command += [text for option in SMALL_CPU for text in ("--set", option)]
         subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
