@@ -18,11 +18,13 @@ from pathlib import Path
 
 import torch
 
+from pipeline.training.reward_terms import told_to_move
+
 SETTLED_S = 2.0
 """A command is this old before its velocity counts."""
 
 BINS = {
-    "stand": (0, lambda c: (c.abs() < 1e-6).all(dim=1)),
+    "stand": (0, lambda c: ~told_to_move(c)),
     "back": (0, lambda c: c[:, 0] < -0.2),
     "slow": (0, lambda c: (c[:, 0] > 0.2) & (c[:, 0] <= 0.6)),
     "mid": (0, lambda c: (c[:, 0] > 0.6) & (c[:, 0] <= 1.2)),

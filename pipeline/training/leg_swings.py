@@ -13,6 +13,7 @@ import torch
 from pipeline.training.bundle import FPS, ExpertFrames
 from pipeline.training.command_cells import CommandCells
 from pipeline.training.masks import replace
+from pipeline.training.reward_terms import told_to_move
 from pipeline.training.step_times import LEAST_STEPS, steps
 from pipeline.training.training_error import TrainingError
 
@@ -68,7 +69,7 @@ class LegSwings:
     def advance(self) -> None:
         """A control step further, after the readings and before rewards."""
         joints = self._env.readings.joint_pos[:, self._index].unflatten(1, self._least.shape[1:])
-        self.go_on(joints, self._env.readings.landed, (self._env.command.abs() > 1e-6).any(dim=1))
+        self.go_on(joints, self._env.readings.landed, told_to_move(self._env.command))
 
     def go_on(self, joints: torch.Tensor, landed: torch.Tensor, moves: torch.Tensor) -> None:
         """With the angles (n, 2, 2) of hip and knee of the left and right leg, the feet (n, 2) set down now, and who

@@ -16,7 +16,7 @@ from mjlab.utils.lab_api.math import matrix_from_quat
 
 from pipeline.training.masks import replace
 from pipeline.training.plain_walk import AIR_S
-from pipeline.training.reward_terms import tracking
+from pipeline.training.reward_terms import told_to_move, tracking
 from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
@@ -286,7 +286,7 @@ class Readings:
         """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
         self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
-        self._advance_stances(self.contacts, (self._env.command.abs() > 1e-6).any(dim=1))
+        self._advance_stances(self.contacts, told_to_move(self._env.command))
 
     def _advance_stances(self, contacts: torch.Tensor, moves: torch.Tensor) -> None:
         """The times of stances and steps, with feet (n, 2) that touch the ground now and who is told to move (n,)."""

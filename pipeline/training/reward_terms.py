@@ -14,6 +14,8 @@ FORCE_SPAN = 400.0
 """Beyond it the cost stops growing here [N]."""
 FEET_APART = 0.2
 """[m]"""
+STANDS = 1e-6
+"""A command of no more on any axis [m/s, rad/s] is to stand."""
 ASKED = 0.1
 """Speed [m/s] and yaw rate [rad/s] from which on a command asks for them."""
 STANCE_TIME = 0.4
@@ -26,6 +28,11 @@ LEAST_SWING, FULL_SWING = 0.4, 0.9
 """Of the clips' movement of hip and knee in a stride: what is paid nothing, and in full."""
 NOISE_W = 50.0
 """About what exploration spends besides [W]: who stands would else pay most for it."""
+
+
+def told_to_move(command: torch.Tensor) -> torch.Tensor:
+    """Who (n,) of commands (n, 3) is told to do more than stand."""
+    return (command.abs() > STANDS).any(dim=1)
 
 
 def tracking(command: torch.Tensor, velocity: torch.Tensor, sigma2: float) -> torch.Tensor:
@@ -122,7 +129,7 @@ def feet_lateral_distance(command: torch.Tensor, lateral_gap: torch.Tensor) -> t
 
 def standing_still(command: torch.Tensor, contacts: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
     """Feet in the air and a twentieth of the joints' speed [rad/s] while the command is to stand."""
-    stands = (command.abs() < 1e-6).all(dim=1)
+    stands = ~told_to_move(command)
     lifted = 2.0 - contacts.float().sum(dim=1)
     return stands * (lifted + 0.05 * torch.linalg.norm(joint_vel, dim=1))
 
@@ -134,8 +141,7 @@ def single_stance(
     not 0."""
     time = stance_time.amin(dim=1)
     single = (contacts.sum(dim=1) == 1) & (time <= (end_s or torch.inf))
-    moves = (command.abs() > 1e-6).any(dim=1)
-    return torch.clamp(time, max=STANCE_TIME) * (single & moves)
+    return torch.clamp(time, max=STANCE_TIME) * (single & told_to_move(command))
 
 
 def long_step(
@@ -150,7 +156,7 @@ def long_step(
 
 def step_time(command: torch.Tensor, step_s: torch.Tensor, wanted_s: torch.Tensor) -> torch.Tensor:
     """The time (n,) [s] of steps that end now, while told to move; at most LONGEST_SHARE of the wanted one (n,)."""
-    return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * (command.abs() > 1e-6).any(dim=1)
+    return torch.minimum(step_s, LONGEST_SHARE * wanted_s) * told_to_move(command)
 
 
 def double_stance(double_s: torch.Tensor, step_s: torch.Tensor, share: torch.Tensor) -> torch.Tensor:
