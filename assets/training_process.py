@@ -41,9 +41,10 @@ class TrainingConfig(dg.Config):
     """Single options that differ from the preset, as `name=value`."""
     seed: int = 1
     device: str = "auto"
-    """`cuda`, `cpu`, or `auto`: the GPU where there is one, else a trial on the CPU."""
+    """`cuda`, `cpu`, or `auto`: the GPU where there is one, else the CPU; there it is a trial, but for `start_from`."""
     start_from: str = ""
-    """A policy file (npz) to go on from: absolute, or from where Dagster runs. Then a processor trains in earnest."""
+    """A policy file (npz) to go on from, with the preset `refined_steps`: absolute, or from where Dagster runs. Then a
+    processor trains in earnest."""
     gpus: int = 1
     """Processes, each on a GPU of its own, with `num_envs` environments each."""
     num_envs: int = 0

@@ -125,7 +125,7 @@ class AmpPpo(PPO):
         """
         first = self._options.critic_iterations
         learns = self.iteration >= first
-        if first and learns and not next(self._raw_actor.parameters()).requires_grad:
+        if first and learns and next(self._raw_actor.parameters()) not in self.optimizer.state:  # a checkpoint has it
             self.learning_rate = FIRST_RATE
         self._raw_actor.requires_grad_(learns)
         self.schedule = "adaptive" if learns else "fixed"

@@ -104,7 +104,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.coming_pushes: list[ComingPush] = []
         """Of each kind of push the next ones; each kind puts its own in."""
         if device == "cpu":
-            wp.config.optimization_level = 0  # a CPU only tries training: kernels that compile soon count more there
+            wp.config.optimization_level = 0  # on a CPU Warp only tries training: kernels that compile soon count more
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
         self._given = torch.zeros_like(self.action_manager.action)
 

@@ -19,6 +19,7 @@ from pipeline.training.training_error import TrainingError
 
 SEEN = 100_000_000
 """About what the normalizer of a run of 20 minutes has seen."""
+CURE = "Train on a bundle of the robot that it was trained on, or take another policy."
 GAINS = ("kp", "kd", "default_joint_pos")
 
 
@@ -28,6 +29,7 @@ def begin_with(actor: nn.Module, path: Path, robot: RobotFacts) -> None:
     Raises TrainingError where the file is none, or is of another size, robot or gains.
     """
     given = _arrays(path)
+    _hold_to_numbers(path, given)
     _hold_to_robot(path, given, robot)
     state = actor.state_dict()
     wanted = _wanted(state, given)
@@ -58,6 +60,14 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
         raise TrainingError(f"{path}: is no npz of numbers ({error}).") from error
 
 
+def _hold_to_numbers(path: Path, given: dict[str, np.ndarray]) -> None:
+    for name, value in given.items():
+        if name != "joint_names" and not (np.issubdtype(value.dtype, np.number) and np.isfinite(value).all()):
+            raise TrainingError(f"{path}: '{name}' is not of finite numbers; take another policy.")
+    if "eps" in given and given["eps"].size != 1:
+        raise TrainingError(f"{path}: 'eps' is {given['eps'].shape}; it must be one number.")
+
+
 def _wanted(state: dict[str, Any], given: dict[str, np.ndarray]) -> dict[str, str]:
     """Which array of the file each tensor of the actor is."""
     layers = sorted({int(name.split(".")[1]) for name in state if name.startswith("mlp.")})
@@ -75,13 +85,14 @@ def _hold_to_robot(path: Path, given: dict[str, np.ndarray], robot: RobotFacts) 
     names = tuple(str(name) for name in given["joint_names"])
     if names != tuple(robot.joint_names):
         raise TrainingError(
-            f"{path}: is of the joints {', '.join(names)}; this robot's are in another order, or others."
+            f"{path}: is of the joints {', '.join(names)}; this robot's are in another order, or others. {CURE}"
         )
     for gain in GAINS:
+        if np.shape(given[gain]) != np.shape(getattr(robot, gain)):
+            raise TrainingError(f"{path}: {gain} is {given[gain].shape}; it must be a number for each joint.")
         off = ~np.isclose(np.asarray(given[gain], dtype=float), getattr(robot, gain), rtol=1e-6, atol=1e-9)
         if off.any():
             joint = int(np.flatnonzero(off)[0])
             wanted = getattr(robot, gain)[joint]
-            raise TrainingError(
-                f"{path}: {gain} of '{names[joint]}' is {given[gain][joint]:g}, the robot's {wanted:g}."
-            )
+            told = f"{gain} of '{names[joint]}' is {given[gain][joint]:g}, the robot's {wanted:g}"
+            raise TrainingError(f"{path}: {told}. {CURE}")

@@ -3,6 +3,8 @@
 mjlab's arrays stay what everybody reads and writes. What is written to them (state, controls, forces, fields of the
 model that environments have their own of) is taken up before MuJoCo works; what it works out is written back. So
 rewards, observations and draws are the same code as on a GPU. Arrays not in WRITTEN keep what they were made with.
+
+On a plane both engines step alike; on a heightfield they find other contacts.
 """
 
 from __future__ import annotations

@@ -84,6 +84,7 @@ class TrainingRun:
             wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
+        _hold_to_start(request)
         if request.start_from is not None:
             begin_with(self.algorithm.get_policy(), request.start_from, bundle.robot)
         elif options.init_posture == "clips":
@@ -201,6 +202,18 @@ class TrainingRun:
         if self.rank == 0:
             _write_json(self.request.out / "config.json", self._config())
 
+    def _started_from(self) -> str | None:
+        """Digest of the policy that the run began with. Raises TrainingError where a run that goes on began with
+        another one: the network is its checkpoint's."""
+        given, config = self.request.start_from, self.request.out / "config.json"
+        asked = hashlib.sha256(given.read_bytes()).hexdigest() if given is not None else None
+        if not self.iteration or not config.is_file():
+            return asked
+        begun = json.loads(config.read_text()).get("start_from")
+        if asked not in (None, begun):
+            raise TrainingError(f"{given}: is not what the run in {self.request.out} began with; give another --out.")
+        return begun
+
     def _config(self) -> dict[str, Any]:
         request = self.request
         return {
@@ -212,7 +225,7 @@ class TrainingRun:
             "processes": int(os.getenv("WORLD_SIZE", "1")),
             "device": _device_name(request.device),
             "physics": self.env.physics,
-            "start_from": request.start_from and hashlib.sha256(request.start_from.read_bytes()).hexdigest(),
+            "start_from": self._started_from(),
             "bundle_digest": self.bundle.digest,
             "bundle": self.bundle.about,
             "versions": {
@@ -230,6 +243,22 @@ class TrainingRun:
         steps = self.iteration * request.num_envs * request.options.steps * int(os.getenv("WORLD_SIZE", "1"))
         done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
         _write_json(request.out / "done.json", {**done, "steps_per_s": steps / max(seconds, 1e-9)})
+
+
+def _hold_to_start(request: RunRequest) -> None:
+    """A policy that is gone on with needs a critic that learns alone first, and nothing else does. Raises
+    TrainingError."""
+    alone = request.options.critic_iterations
+    if request.start_from is not None and not alone:
+        raise TrainingError(
+            f"{request.start_from}: has no critic, and by a new one's errors the policy would be lost. Take --preset "
+            "refined_steps, or --set critic_iterations=60."
+        )
+    going = request.resume and newest_checkpoint(request.out / "checkpoints") is not None
+    if alone and request.start_from is None and not going:
+        raise TrainingError(
+            f"option 'critic_iterations' is {alone}, for a policy that is gone on with: name one by --start-from."
+        )
 
 
 def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:

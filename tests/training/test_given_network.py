@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 
 import numpy as np
 import pytest
 import torch
 
+from pipeline.training.amp_ppo import FIRST_RATE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import newest_checkpoint
 from pipeline.training.command import main
@@ -99,6 +102,9 @@ def test_the_critic_learns_alone_at_first(run):
         ({"L0_w": np.zeros((16, 720))}, "'L0_w' is \\(16, 720\\)"),
         ({"kp": "3 twice"}, "kp of '.*' is"),
         ({"joint_names": "turned round"}, "another order"),
+        ({"kd": np.ones(5)}, r"kd is \(5,\)"),
+        ({"L1_b": np.full(256, np.nan)}, "'L1_b' is not of finite numbers"),
+        ({"eps": np.zeros(2)}, "'eps' is"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused(folder, shipped, tmp_path, change, told):
@@ -126,6 +132,51 @@ def test_garbage_is_refused_by_the_command(folder, tmp_path, capsys):
     sets = [f"--set={name}={value}" for name, value in SMALL.items()]
     assert main([*common, *sets, "--preset", "refined_steps", "--start-from", str(path)]) == 2
     assert str(path) in capsys.readouterr().err
-    assert main([*common, *sets, "--start-from", str(tmp_path / "none.npz")]) == 2
+    assert main([*common, *sets, "--preset", "refined_steps", "--start-from", str(tmp_path / "none.npz")]) == 2
     assert "none.npz" in capsys.readouterr().err
     assert newest_checkpoint(tmp_path / "run" / "checkpoints") is None
+
+
+def test_a_given_normalizer_hardly_moves(run, shipped):
+    """It has seen as much as in a run of 20 minutes; a new one would be the first batch's own at once."""
+    moved = run.algorithm.get_policy().obs_normalizer._mean.ravel().numpy() - shipped["mean"]
+    assert 0.0 < np.abs(moved / (shipped["std"] + shipped["eps"])).max() < 1e-3
+
+
+def test_the_actor_begins_at_a_small_rate_also_where_the_run_was_left_before(folder, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    rates: list[float] = []
+    alone = 0
+    for iterations in (2, 3):
+        asked = request(tmp_path, tmp_path / "begin.npz", critic_iterations=2)
+        asked = dataclasses.replace(asked, iterations=iterations, resume=iterations > 2)
+        run = TrainingRun(bundle_for(folder, shipped), asked)
+        run.algorithm.optimizer.register_step_pre_hook(lambda each, *_: rates.append(each.param_groups[0]["lr"]))
+        alone = len(rates)
+        run.train()
+    assert rates[0] == pytest.approx(1e-3)
+    assert FIRST_RATE <= rates[alone] <= 1.5 * FIRST_RATE
+
+
+def test_a_run_keeps_what_it_began_with(folder, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    asked = request(tmp_path, tmp_path / "begin.npz")
+    TrainingRun(bundle_for(folder, shipped), asked).train()
+    config = tmp_path / "config.json"
+    begun = json.loads(config.read_text())["start_from"]
+    assert begun == hashlib.sha256((tmp_path / "begin.npz").read_bytes()).hexdigest()
+    again = dataclasses.replace(asked, start_from=None, resume=True, iterations=3)
+    TrainingRun(bundle_for(folder, shipped), again).train()
+    assert json.loads(config.read_text())["start_from"] == begun
+    write_policy(tmp_path / "other.npz", {**shipped, "L3_b": shipped["L3_b"] + 0.1})
+    other = dataclasses.replace(again, start_from=tmp_path / "other.npz", iterations=4)
+    with pytest.raises(TrainingError, match=r"other\.npz: is not what the run"):
+        TrainingRun(bundle_for(folder, shipped), other).train()
+
+
+def test_a_policy_needs_a_critic_and_a_lonely_critic_a_policy(folder, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    with pytest.raises(TrainingError, match="has no critic"):
+        TrainingRun(bundle_for(folder, shipped), request(tmp_path, tmp_path / "begin.npz", critic_iterations=0))
+    with pytest.raises(TrainingError, match="'critic_iterations' is 60"):
+        TrainingRun(bundle_for(folder, shipped), request(tmp_path, None))

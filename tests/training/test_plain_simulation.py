@@ -113,14 +113,22 @@ def test_a_reset_touches_those_who_are_reset_alone(bundle):
     env = made(bundle, "plain")
     walked(env, 3)
     before = {name: getattr(env.sim.data, name)[:].clone() for name in ("qpos", "qvel", "qacc", "sensordata", "time")}
-    env.sim.data.xfrc_applied[:] = 1.0
+    for name in ("xfrc_applied", "ctrl", "qfrc_applied"):
+        getattr(env.sim.data, name)[:] = 1.0
+    env.sim.forward()
+    before = {name: getattr(env.sim.data, name)[:].clone() for name in before}
     env.sim.reset(torch.tensor([False, True] + [False] * (ENVS - 2)))
     default = torch.from_numpy(env.sim.mj_model.qpos0).float()
     for name, was in before.items():
         now = getattr(env.sim.data, name)[:]
         assert torch.equal(now[[0, *range(2, ENVS)]], was[[0, *range(2, ENVS)]])
         assert torch.equal(now[1], default if name == "qpos" else torch.zeros_like(now[1])), name
-    assert (env.sim.data.xfrc_applied[1] == 0.0).all() and (env.sim.data.xfrc_applied[0] == 1.0).all()
+    for name in ("xfrc_applied", "ctrl", "qfrc_applied"):
+        given = getattr(env.sim.data, name)
+        assert (given[1] == 0.0).all() and (given[0] == 1.0).all(), name
+    env.sim.data.ctrl[1] = 1.0  # as before: it has to be taken up all the same
+    env.sim.forward()
+    assert (env.sim.data.qfrc_actuator[1, 6:] == 1.0).all()
 
 
 def test_the_same_run_has_the_same_bits_whatever_the_threads(bundle):
