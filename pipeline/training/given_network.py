@@ -32,7 +32,7 @@ def begin_with(actor: nn.Module, path: Path, robot: RobotFacts) -> None:
     _hold_to_numbers(path, given)
     _hold_to_robot(path, given, robot)
     state = actor.state_dict()
-    wanted = _wanted(state, given)
+    wanted = _sources(state)
     missing = [name for name in wanted.values() if name not in given]
     if missing:
         raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no policy of ours.")
@@ -68,7 +68,7 @@ def _hold_to_numbers(path: Path, given: dict[str, np.ndarray]) -> None:
         raise TrainingError(f"{path}: 'eps' is {given['eps'].shape}; it must be one number.")
 
 
-def _wanted(state: dict[str, Any], given: dict[str, np.ndarray]) -> dict[str, str]:
+def _sources(state: dict[str, Any]) -> dict[str, str]:
     """Which array of the file each tensor of the actor is."""
     layers = sorted({int(name.split(".")[1]) for name in state if name.startswith("mlp.")})
     wanted = {"obs_normalizer._mean": "mean", "obs_normalizer._std": "std"}

@@ -70,6 +70,7 @@ class TrainingRun:
     """Environment, algorithm and files of a run."""
 
     def __init__(self, bundle: Bundle, request: RunRequest):
+        _hold_to_start(request)
         self.bundle, self.request = bundle, request
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank
@@ -84,7 +85,6 @@ class TrainingRun:
             wrapped, runner_cfg(options, windows, len(bundle.robot.controlled)), None, request.device
         )
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
-        _hold_to_start(request)
         if request.start_from is not None:
             begin_with(self.algorithm.get_policy(), request.start_from, bundle.robot)
         elif options.init_posture == "clips":

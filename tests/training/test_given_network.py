@@ -56,11 +56,10 @@ def bundle_for(folder, arrays):
     return dataclasses.replace(bundle, robot=dataclasses.replace(bundle.robot, **gains))
 
 
-@pytest.fixture(scope="module")
-def run(folder, shipped, tmp_path_factory):
-    out = tmp_path_factory.mktemp("run")
-    write_policy(out / "begin.npz", shipped)
-    return TrainingRun(bundle_for(folder, shipped), request(out, out / "begin.npz"))
+@pytest.fixture
+def run(folder, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    return TrainingRun(bundle_for(folder, shipped), request(tmp_path, tmp_path / "begin.npz"))
 
 
 def test_a_run_begins_with_what_the_policy_answers(run, shipped):
@@ -139,6 +138,7 @@ def test_garbage_is_refused_by_the_command(folder, tmp_path, capsys):
 
 def test_a_given_normalizer_hardly_moves(run, shipped):
     """It has seen as much as in a run of 20 minutes; a new one would be the first batch's own at once."""
+    run.train()
     moved = run.algorithm.get_policy().obs_normalizer._mean.ravel().numpy() - shipped["mean"]
     assert 0.0 < np.abs(moved / (shipped["std"] + shipped["eps"])).max() < 1e-3
 
