@@ -12,6 +12,7 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
 from pipeline.training.discriminator import Discriminator, style_reward
+from pipeline.training.kept_walk import KeptWalk
 from pipeline.training.mirror import MirroredSamples
 from pipeline.training.options import Options
 from pipeline.training.training_error import TrainingError
@@ -21,10 +22,11 @@ FIRST_RATE = 1e-5
 
 
 @contextmanager
-def _tf32() -> Iterator[None]:
-    """Matrix products of the networks in TF32 where there are such units; those of the environment are not."""
+def _fewer_bits(device: str) -> Iterator[None]:
+    """Matrix products of the networks in TF32 on a GPU, of factors in bfloat16 on a processor, where there are such
+    units; those of the environment are not."""
     before = torch.get_float32_matmul_precision()
-    torch.set_float32_matmul_precision("high")
+    torch.set_float32_matmul_precision("high" if device.startswith("cuda") else "medium")
     try:
         yield
     finally:
@@ -60,6 +62,13 @@ class AmpPpo(PPO):
         """Set by the run: the share of the commands that is reached."""
         self._synchronized = False
 
+    def keep_walk(self) -> None:
+        """Stay near what the actor does now as it is told ahead. Raises TrainingError without mirrored samples, in
+        whose place in the loss that comes."""
+        if not isinstance(self.symmetry, MirroredSamples):
+            raise TrainingError("option 'keep' needs option 'symmetry', whose samples it is told with.")
+        self.symmetry.keep(KeptWalk(self._raw_actor, self._options.init_std, self._options.keep))
+
     def _two_rates(self, critic_rate: float) -> torch.optim.Optimizer:
         """rsl-rl's optimizer with the critic in a group of its own: what it says of the rate is the actor's."""
         networks = (self._raw_actor, self._raw_critic)
@@ -73,7 +82,7 @@ class AmpPpo(PPO):
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the networks."""
-        with _tf32():
+        with _fewer_bits(self.device):
             return super().act(obs)
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -108,7 +117,7 @@ class AmpPpo(PPO):
         """The discriminator's gradient steps, then PPO's; exploration is held below its bound."""
         begun = self._now()
         self.desired_kl = self.held_kl()
-        with _tf32():
+        with _fewer_bits(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
             self.explained = explained(self.storage.returns, self.storage.values)

@@ -16,11 +16,6 @@ FAST = (1.0, 2.0)
 """Forward [m/s]."""
 FAST_YAW = 0.5
 """Largest yaw rate of half of the fast commands [rad/s]; the others go straight. For `paper`, no turning."""
-BALANCED = {"turn": 0.10, "side": 0.10, "straight": 0.15}
-"""Shares of commands on one axis alone in the balanced mixture; what is left beside standing, fast and slow ones is on
-all axes."""
-ALONE = ("straight", "side", "turn")
-"""Which of them is on the forward, the lateral and the yaw axis."""
 SLOW = (0.2, 0.4)
 """Speed of slow commands [m/s]."""
 SLEW = 1.0
@@ -37,7 +32,7 @@ def draw_commands(count: int, options: Options, device: str | torch.device) -> t
     normal = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
     kinds = [(options.standing_share, torch.zeros_like(normal)), (options.fast_share, _fast(count, options, device))]
     if options.mixture == "balanced":
-        kinds += [(BALANCED[name], normal * _unit(axis, device)) for axis, name in enumerate(ALONE)]
+        kinds += [(share, normal * _unit(axis, device)) for axis, share in enumerate(options.alone_shares)]
         kinds.append((options.slow_share, _slow(count, device)))
     command, kind, bound = normal, torch.rand(count, device=device)[:, None], 0.0
     for share, drawn in kinds:

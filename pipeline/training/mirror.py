@@ -9,10 +9,8 @@ from rsl_rl.extensions import Symmetry
 from tensordict import TensorDict
 
 from pipeline.training.bundle import RobotFacts
-from pipeline.training.observations import HISTORY
-
-COMMAND = slice(6, 9)
-"""Where the command is in a frame."""
+from pipeline.training.kept_walk import KeptWalk
+from pipeline.training.observations import HISTORY, newest_command
 
 
 class Mirror:
@@ -61,17 +59,28 @@ def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> to
 
 
 class MirroredSamples(Symmetry):
-    """rsl-rl's symmetry without the figure of it, for which the network would be worked out once more a mini-batch."""
+    """rsl-rl's symmetry without the figure of it, for which the network would be worked out once more a mini-batch.
+
+    In its place in the loss, which rsl-rl adds with weight 1, is a `KeptWalk` where there is one.
+    """
+
+    kept: KeptWalk | None = None
+
+    def keep(self, kept: KeptWalk) -> None:
+        """Add a loss from now on."""
+        self.kept, self.use_mirror_loss, self.mirror_loss_coeff = kept, True, 1.0
 
     def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
-        """0."""
-        return torch.zeros((), device=batch.actions.device)
+        """That of the walk that is kept, of the samples that are no mirror images; else 0."""
+        if self.kept is None:
+            return torch.zeros((), device=batch.actions.device)
+        own = slice(0, original_batch_size)
+        return self.kept.loss(actor.output_mean[own], batch.observations[own])
 
 
 def stands(obs: TensorDict) -> torch.Tensor:
     """Whether (n,) the newest command is to stand."""
-    newest = obs["actor"].unflatten(1, (HISTORY, -1))[:, -1]
-    return (newest[:, COMMAND] == 0.0).all(dim=1)
+    return (newest_command(cast(torch.Tensor, obs["actor"])) == 0.0).all(dim=1)
 
 
 def augment(env, obs: TensorDict, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:

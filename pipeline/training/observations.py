@@ -15,6 +15,8 @@ from pipeline.training.foresight import foreseen, signs
 from pipeline.training.masks import replace
 
 HISTORY = 10
+COMMAND = slice(6, 9)
+"""Where the command is in a frame."""
 LARGEST = 100.0
 """Observations are cut here: only a simulation that has come apart gets beyond, which must not reach the network."""
 
@@ -43,6 +45,11 @@ def newest_frame(env) -> torch.Tensor:
         env.action_manager.action,
     )
     return torch.nan_to_num(newest).clamp(-LARGEST, LARGEST)
+
+
+def newest_command(seen: torch.Tensor) -> torch.Tensor:
+    """The command (n, 3) in the newest frame of what the actor sees (n, o)."""
+    return seen.unflatten(1, (HISTORY, -1))[:, -1, COMMAND]
 
 
 def noise_scale(noise: tuple[float, float, float, float], joints: int) -> torch.Tensor:

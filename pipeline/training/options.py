@@ -59,6 +59,9 @@ class Options:
     """Of the commands."""
     slow_share: float = 0.0
     """Of the commands, in the balanced mixture: .2 to .4 m/s forward, back or sideways, nothing else."""
+    alone_shares: tuple[float, float, float] = (0.15, 0.10, 0.10)
+    """Of the commands, in the balanced mixture: forward or back, sideways, or turning alone. What is left beside these,
+    standing, fast and slow ones is on all axes."""
     slew_share: float = 0.0
     """Of the environments, in which a command comes at 1 m/s (rad/s) a second, as robots are told it; else at once."""
     resample_s: tuple[float, float] = (8.0, 12.0)
@@ -273,6 +276,8 @@ class Options:
     """Learning rate of the critic; 0: the actor's, which the divergence holds down, as in rsl-rl."""
     critic_iterations: int = 0
     """For so many iterations the critic learns alone: of a network that is given, it knows nothing at first."""
+    keep: float = 0.0
+    """Weight of staying near what the policy that is gone on with does as it is told ahead (`kept_walk.py`)."""
     foresight: bool = False
     """Whether the critic is told what happens whatever the robot does, the next push first (`foresight.py`)."""
     symmetry: bool = True
@@ -284,6 +289,13 @@ class Options:
         for name, words in WORDS.items():
             if getattr(self, name) not in words:
                 raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
+        kinds = self.standing_share + self.fast_share
+        kinds += self.slow_share + sum(self.alone_shares) if self.mixture == "balanced" else 0.0
+        if kinds > 1.0 + 1e-9:
+            raise TrainingError(
+                f"options 'standing_share', 'fast_share', 'slow_share' and 'alone_shares' are {kinds:.3g} of the "
+                "commands together; they must be 1 at most."
+            )
 
     def changed(self, **values: Any) -> Options:
         """These options with some changed. Raises TrainingError for a name or value that is none."""

@@ -87,6 +87,8 @@ class TrainingRun:
         self.algorithm: AmpPpo = self.runner.alg  # runner_cfg names it
         if request.start_from is not None:
             begin_with(self.algorithm.get_policy(), request.start_from, bundle.robot)
+            if options.keep:
+                self.algorithm.keep_walk()
         elif options.init_posture == "clips":
             begin_at(self.algorithm.get_policy(), first_action(bundle, options, request.seed))
         self.iteration = 0
@@ -254,6 +256,8 @@ def _hold_to_start(request: RunRequest) -> None:
             f"{request.start_from}: has no critic, and by a new one's errors the policy would be lost. Take --preset "
             "refined_steps, or --set critic_iterations=60."
         )
+    if request.options.keep and request.start_from is None:
+        raise TrainingError("option 'keep' is of a policy that is gone on with: name it by --start-from, resuming too.")
     going = request.resume and newest_checkpoint(request.out / "checkpoints") is not None
     if alone and request.start_from is None and not going:
         raise TrainingError(

@@ -51,9 +51,11 @@ def test_a_force_acts_for_a_tenth_of_a_second_and_ends_with_the_episode(env: Amp
     assert seen == {round(FORCE_S / env.step_dt)}
 
 
-@pytest.mark.parametrize("name", ["paper", "long_steps"])
-def test_commands_are_of_each_kind_as_often_as_is_said(name: str):
-    options = preset(name)
+@pytest.mark.parametrize(
+    ("name", "alone"), [("paper", None), ("long_steps", (0.15, 0.10, 0.10)), ("long_steps", (0.05, 0.20, 0.18))]
+)
+def test_commands_are_of_each_kind_as_often_as_is_said(name: str, alone):
+    options = preset(name) if alone is None else preset(name).changed(alone_shares=alone)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         forward, lateral, yaw = draw_commands(100_000, options, "cpu").T
@@ -65,11 +67,17 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str):
         slow = (forward.abs() + lateral.abs() <= SLOW[1]) & (forward.abs() + lateral.abs() >= SLOW[0])
         shares["slow or on one axis at that speed"] = (
             slow & (yaw == 0.0) & ((forward == 0.0) | (lateral == 0.0)),
-            options.slow_share + 0.10 * 0.4 / 1.2 + 0.15 * 0.4 / 1.6,
+            options.slow_share + alone[1] * 0.4 / 1.2 + alone[0] * 0.4 / 1.6,
         )
-        shares["turns alone"] = ((forward == 0.0) & (lateral == 0.0) & (yaw != 0.0), 0.10)
+        shares["turns alone"] = ((forward == 0.0) & (lateral == 0.0) & (yaw != 0.0), alone[2])
     for told, (found, share) in shares.items():
         assert found.float().mean() == pytest.approx(share, abs=0.005), told
+
+
+def test_kinds_of_commands_are_no_more_than_all_of_them():
+    with pytest.raises(TrainingError, match=r"are 1\.05 of the"):
+        preset("long_steps").changed(alone_shares=(0.05, 0.25, 0.20))
+    preset("long_steps").changed(alone_shares=(0.05, 0.25, 0.20), mixture="paper")
 
 
 def test_slewed_commands_come_as_robots_are_told_them(tmp_path_factory, root, robot):

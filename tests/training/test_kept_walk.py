@@ -1,0 +1,136 @@
+"""Staying near a policy that is gone on with, as it is told ahead."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from tensordict import TensorDict
+from torch import nn
+
+from pipeline.training.bundle import read_bundle
+from pipeline.training.kept_walk import KeptWalk, ahead
+from pipeline.training.policy_file import write_policy
+from pipeline.training.presets import preset
+from pipeline.training.run import RunRequest, TrainingRun
+from pipeline.training.training_error import TrainingError
+from tests.factories.training_bundle import small_bundle
+
+SMALL = {"expert_windows": 200, "replay_windows": 200, "discriminator_batch": 32, "discriminator_steps": 2, "steps": 4}
+WALK, TURN = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("command", "share"),
+    [
+        (WALK, 1.0),
+        ((2.0, 0.0, -0.5), 1.0),
+        ((0.3, 0.0, 0.0), 0.5),
+        ((0.6, -0.3, 0.0), 0.5),
+        ((0.6, 0.0, -1.0), 0.5),
+        ((-0.6, 0.0, 0.0), 0.0),
+        ((0.0, 0.6, 0.0), 0.0),
+        (TURN, 0.0),
+        ((0.0, 0.0, 0.0), 0.0),
+    ],
+)
+def test_what_is_ahead(command, share):
+    assert ahead(torch.tensor([command])).item() == pytest.approx(share)
+
+
+class Linear(nn.Module):
+    """Actions of two numbers from what the actor sees."""
+
+    def __init__(self):
+        super().__init__()
+        self.layer = nn.Linear(720, 2)
+
+    def forward(self, obs):
+        return self.layer(obs["actor"])
+
+
+def seen(*commands) -> TensorDict:
+    """Observations (n,) with these newest commands, and another in all older frames."""
+    frames = torch.randn(len(commands), 10, 72, generator=torch.Generator().manual_seed(3))
+    frames[:, :, 6:9] = torch.tensor((0.4, 0.4, 0.4))
+    frames[:, -1, 6:9] = torch.tensor(commands)
+    return TensorDict({"actor": frames.flatten(1)}, batch_size=[len(commands)])
+
+
+def test_it_is_the_divergence_of_equal_deviations_of_those_who_are_told_ahead():
+    actor, obs = Linear(), seen(WALK, TURN)
+    kept = KeptWalk(actor, std=0.2, weight=3.0)
+    mean = actor(obs).detach() + torch.tensor([[0.1, -0.3], [5.0, 5.0]])
+    given, now = (torch.distributions.Normal(at[0], 0.2) for at in (actor(obs), mean))
+    divergence = torch.distributions.kl_divergence(now, given).sum()
+    assert kept.loss(mean, obs).item() == pytest.approx(3.0 * divergence.item() / 2.0, rel=1e-5)
+
+
+def test_the_actor_that_is_kept_stays_as_it_was():
+    actor, obs = Linear(), seen(WALK)
+    before = copy.deepcopy(actor)
+    kept = KeptWalk(actor, std=0.2, weight=1.0)
+    with torch.no_grad():
+        actor.layer.bias += 0.3
+    assert kept.loss(before(obs), obs).item() == 0.0
+    loss = kept.loss(actor(obs), obs)
+    loss.backward()
+    assert loss.item() > 0.0 and (actor.layer.bias.grad > 0.0).all()
+
+
+@pytest.fixture(scope="module")
+def shipped(root):
+    with np.load(root / "robots/t1/policies/walk/policy.npz", allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory, root, robot, shipped):
+    read = read_bundle(small_bundle(tmp_path_factory.mktemp("training"), root, robot))
+    gains = {name: np.asarray(shipped[name], dtype=float) for name in ("kp", "kd", "default_joint_pos")}
+    return dataclasses.replace(read, robot=dataclasses.replace(read.robot, **gains))
+
+
+def made(bundle, out, policy, **changed) -> TrainingRun:
+    options = preset("refined_steps").changed(**SMALL, **{"critic_iterations": 1, "desired_kl": 0.05, **changed})
+    request = RunRequest(
+        out=out,
+        preset="refined_steps",
+        options=options,
+        num_envs=8,
+        device="cpu",
+        seed=1,
+        iterations=12,
+        minutes=None,
+        resume=False,
+        start_from=policy,
+    )
+    return TrainingRun(bundle, request)
+
+
+def strayed(run: TrainingRun, command) -> float:
+    """How far a run's actor is from where it began, for observations with that command."""
+    actor, obs = run.algorithm.get_policy(), seen(*[command] * 64)
+    obs["actor"] = obs["actor"] * 0.3
+    obs["actor"].unflatten(1, (10, -1))[:, :, 6:9] = torch.tensor(command)
+    before = actor(obs).detach()
+    run.train()
+    return (actor(obs).detach() - before).square().mean().item()
+
+
+def test_a_run_that_keeps_its_walk_strays_less_ahead(bundle, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    free = strayed(made(bundle, tmp_path / "free", tmp_path / "begin.npz", keep=0.0), WALK)
+    held = strayed(made(bundle, tmp_path / "held", tmp_path / "begin.npz", keep=1000.0), WALK)
+    assert held < 0.5 * free
+
+
+def test_there_must_be_a_policy_to_keep_and_samples_to_tell_it_with(bundle, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    with pytest.raises(TrainingError, match="'keep' is of a policy"):
+        made(bundle, tmp_path, None, keep=0.1, critic_iterations=0)
+    with pytest.raises(TrainingError, match="'keep' needs option 'symmetry'"):
+        made(bundle, tmp_path, tmp_path / "begin.npz", keep=0.1, symmetry=False)
