@@ -31,7 +31,10 @@ A checkpoint becomes a policy by `python -m pipeline.training.export_policy --ch
 
 from __future__ import annotations
 
+import os
 import sys
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads would spin where MuJoCo's want the processor
 
 from pipeline.training.command import main
 

@@ -107,6 +107,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
             wp.config.optimization_level = 0  # on a CPU Warp only tries training: kernels that compile soon count more
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
         self._given = torch.zeros_like(self.action_manager.action)
+        states_suffice = isinstance(self.sim, PlainSimulation) and not self.trunk_forces.helps
+        self._step_between = self.sim.step_between if states_suffice else self.sim.step
 
         def part(work: Callable[[], None]) -> Captured:
             return Captured(work, device, options.captured)
@@ -183,7 +185,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
         for aim in self._aims:
             self._sim_step_counter += 1
             aim()
-            self.sim.step()
+            if aim is self._aims[-1]:
+                self.sim.step()
+            else:
+                self._step_between()
             self.scene.update(dt=self.physics_dt)
         self.common_step_counter += 1
         self._judge()

@@ -30,6 +30,9 @@ WRITTEN = (
 )
 """Of the data, what MuJoCo works out and is written back; the time too."""
 
+STATE = ("qpos", "qvel")
+"""Of that, what motors act by."""
+
 
 class _Inputs:
     """An array (n, …) that is written from outside, and where each state has its row of it."""
@@ -98,6 +101,10 @@ class PlainSimulation(Simulation):
         """One physics step of all; what else than the state is written back is of its beginning, as in Warp."""
         self._work(mujoco.mj_step)
 
+    def step_between(self) -> None:
+        """One physics step of which nobody reads more than the state: nothing else is written back."""
+        self._work(mujoco.mj_step, STATE)
+
     def forward(self) -> None:
         """Everything that follows from the state."""
         self._work(mujoco.mj_forward)
@@ -124,7 +131,7 @@ class PlainSimulation(Simulation):
             known[:] = [getattr(model, name).reshape(known.shape[1:]) for model in self._models[: len(known)]]
             self._field(name)[:] = known
 
-    def _work(self, work: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> None:
+    def _work(self, work: Callable[[mujoco.MjModel, mujoco.MjData], None], written: tuple[str, ...] = WRITTEN) -> None:
         self._take_up_models()
         for given in self._inputs.values():
             given.take_up()
@@ -136,9 +143,9 @@ class PlainSimulation(Simulation):
 
         with self.nan_guard.watch(self.data):
             list(self._threads.map(some, self._parts))
-        for result in self._outputs.values():
-            result.write()
-        for name in ("qpos", "qvel"):
+        for name in written:
+            self._outputs[name].write()
+        for name in STATE:
             self._inputs[name].know()
         self._time[:] = [state.time for state in self._states]
 

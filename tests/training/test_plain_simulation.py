@@ -138,6 +138,16 @@ def test_the_same_run_has_the_same_bits_whatever_the_threads(bundle):
         assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+@pytest.mark.parametrize("assist", [0.0, 1.0])
+def test_between_control_steps_only_what_is_read_is_written(bundle, monkeypatch, assist):
+    """A hand at the trunk reads links at every physics step."""
+    options = DRAWN.changed(assist=assist)
+    less, more = made(bundle, "plain", options), made(bundle, "plain", options)
+    monkeypatch.setattr(more, "_step_between", more.sim.step)
+    for one, other in zip(walked(less, 6), walked(more, 6), strict=True):
+        assert all(torch.equal(one[name], other[name]) for name in one)
+
+
 def test_one_environment_alone(bundle):
     env = made(bundle, "plain", count=1)
     assert torch.isfinite(walked(env, 3)[-1]["seen"]).all()
