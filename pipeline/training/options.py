@@ -1,4 +1,4 @@
-"""Every number of a training run. `presets.py` says which of them are the paper's and why others differ."""
+"""Every number of a training run. `presets.py` says which of them are the paper's, `reasons.py` why others differ."""
 
 from __future__ import annotations
 

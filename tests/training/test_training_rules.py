@@ -17,9 +17,10 @@ from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, sav
 from pipeline.training.commands import draw_commands
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays
-from pipeline.training.presets import PRESETS, REASONS, preset
+from pipeline.training.presets import PRESETS, preset
 from pipeline.training.pushes import horizontal
 from pipeline.training.ramps import grown
+from pipeline.training.reasons import REASONS
 from pipeline.training.terminations import fallen, stands_though_told
 from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
