@@ -34,7 +34,7 @@ from __future__ import annotations
 import os
 import sys
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads would spin where MuJoCo's want the processor
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's threads spin where MuJoCo's want the processor
 
 from pipeline.training.command import main
 

@@ -22,9 +22,12 @@ FIRST_RATE = 1e-5
 
 
 @contextmanager
-def _fewer_bits(device: str) -> Iterator[None]:
-    """Matrix products of the networks in TF32 on a GPU, of factors in bfloat16 on a processor, where there are such
-    units; those of the environment are not."""
+def _quick_products(device: str) -> Iterator[None]:
+    """Matrix products of the networks in TF32 on a GPU that has it; those of the environment are not.
+
+    On a processor by oneDNN, which takes half the time there. It may round factors to bfloat16 then: with AVX-512 alone
+    it does not, with AMX it was not tried.
+    """
     before = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("high" if device.startswith("cuda") else "medium")
     try:
@@ -53,6 +56,8 @@ class AmpPpo(PPO):
         """Duration of the last update of the networks [s]."""
         self.explained = float("nan")
         """Share of the variance of the last returns that the critic had foreseen."""
+        self.kept = 0.0
+        """Mean of the loss of the walk that is kept, at the last update."""
         self.discriminator = Discriminator(expert, joints, options, self.device) if options.style > 0.0 else None
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
@@ -63,10 +68,8 @@ class AmpPpo(PPO):
         self._synchronized = False
 
     def keep_walk(self) -> None:
-        """Stay near what the actor does now as it is told ahead. Raises TrainingError without mirrored samples, in
-        whose place in the loss that comes."""
-        if not isinstance(self.symmetry, MirroredSamples):
-            raise TrainingError("option 'keep' needs option 'symmetry', whose samples it is told with.")
+        """Stay near what the actor does now as it is told ahead."""
+        assert isinstance(self.symmetry, MirroredSamples), "options with keep have symmetry"
         self.symmetry.keep(KeptWalk(self._raw_actor, self._options.init_std, self._options.keep))
 
     def _two_rates(self, critic_rate: float) -> torch.optim.Optimizer:
@@ -82,7 +85,7 @@ class AmpPpo(PPO):
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the networks."""
-        with _fewer_bits(self.device):
+        with _quick_products(self.device):
             return super().act(obs)
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -117,12 +120,13 @@ class AmpPpo(PPO):
         """The discriminator's gradient steps, then PPO's; exploration is held below its bound."""
         begun = self._now()
         self.desired_kl = self.held_kl()
-        with _fewer_bits(self.device):
+        with _quick_products(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
             self.explained = explained(self.storage.returns, self.storage.values)
             self._let_actor_learn()
             figures = super().update()
+        self.kept = figures.get("symmetry", 0.0)
         self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - begun
         return figures

@@ -32,7 +32,9 @@ def draw_commands(count: int, options: Options, device: str | torch.device) -> t
     normal = torch.stack([_uniform(count, *span, device) for span in NORMAL], dim=1)
     kinds = [(options.standing_share, torch.zeros_like(normal)), (options.fast_share, _fast(count, options, device))]
     if options.mixture == "balanced":
-        kinds += [(share, normal * _unit(axis, device)) for axis, share in enumerate(options.alone_shares)]
+        kinds += [
+            (share, normal * _unit(axis, device)) for axis, share in zip(range(3), options.alone_shares, strict=True)
+        ]
         kinds.append((options.slow_share, _slow(count, device)))
     command, kind, bound = normal, torch.rand(count, device=device)[:, None], 0.0
     for share, drawn in kinds:

@@ -6,7 +6,7 @@ of ended episodes), falls_per_min, stalls_per_min, strays_per_min (each environm
 commanded and the achieved value on its axis, two seconds after the command at the earliest; followed (mean over these
 bins of achieved by commanded), style_share (of the style reward in the blend); mid_steps_per_min (at commands of that
 bin); learning_rate, update_s (of the networks), explained (share of the variance of the returns that the critic had
-foreseen), action_std.
+foreseen), kept (loss of straying from the walk that is kept), action_std.
 """
 
 from __future__ import annotations

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pipeline.training.training_error import TrainingError
@@ -19,6 +21,9 @@ WORDS = {
     "init_posture": ("default", "clips"),
 }
 """Options that are one of some words."""
+
+ANY_LENGTH = ("hidden", "discriminator_hidden")
+"""Options of as many numbers as are given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,6 +205,8 @@ class Options:
     """Largest change of the base's horizontal velocity [m/s], at the start and at the end of the ramp."""
     push_impulse: tuple[float, float] = (0.0, 0.0)
     """Largest impulse of a .1 s force on the trunk [N s], at the start and the end of the ramp; 0: no such pushes."""
+    push_sagittal: float = 0.0
+    """Share of the pushes that come straight from ahead or from behind."""
     push_iterations: int = 1000
     """Length of the ramp."""
 
@@ -277,7 +284,7 @@ class Options:
     critic_iterations: int = 0
     """For so many iterations the critic learns alone: of a network that is given, it knows nothing at first."""
     keep: float = 0.0
-    """Weight of staying near what the policy that is gone on with does as it is told ahead (`kept_walk.py`)."""
+    """Weight of the divergence [nat] from the policy that is gone on with, as it is told ahead (`kept_walk.py`)."""
     foresight: bool = False
     """Whether the critic is told what happens whatever the robot does, the next push first (`foresight.py`)."""
     symmetry: bool = True
@@ -289,12 +296,23 @@ class Options:
         for name, words in WORDS.items():
             if getattr(self, name) not in words:
                 raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
-        kinds = self.standing_share + self.fast_share
-        kinds += self.slow_share + sum(self.alone_shares) if self.mixture == "balanced" else 0.0
-        if kinds > 1.0 + 1e-9:
+        self._hold_to_shares()
+        if not 0.0 <= self.keep < math.inf:
+            raise TrainingError(f"option 'keep' is {self.keep:g}; it must be 0 or more.")
+        if self.keep and not self.symmetry:
+            raise TrainingError("option 'keep' needs option 'symmetry', in whose place in the loss it comes.")
+
+    def _hold_to_shares(self) -> None:
+        """Kinds of commands are shares of all of them."""
+        shares = {"standing_share": self.standing_share, "fast_share": self.fast_share}
+        if self.mixture == "balanced":
+            alone = {f"alone_shares[{axis}]": share for axis, share in enumerate(self.alone_shares)}
+            shares |= {"slow_share": self.slow_share, **alone}
+        told = ", ".join(f"{name} {share:g}" for name, share in shares.items())
+        total = sum(shares.values())
+        if not (min(shares.values()) >= 0.0 and total <= 1.0 + 1e-9):
             raise TrainingError(
-                f"options 'standing_share', 'fast_share', 'slow_share' and 'alone_shares' are {kinds:.3g} of the "
-                "commands together; they must be 1 at most."
+                f"of the commands are {told}, {total:g} together; none may be below 0, nor all above 1."
             )
 
     def changed(self, **values: Any) -> Options:
@@ -304,6 +322,25 @@ class Options:
             if name not in known:
                 raise TrainingError(f"unknown option '{name}'; there are: {', '.join(sorted(known))}")
         return dataclasses.replace(self, **values)
+
+    def hold_to_start(self, start_from: Path | None, going: bool) -> None:
+        """A policy that is gone on with needs a critic that learns alone first, and nothing else does; who keeps a walk
+        needs it at every start. `going`: there is a checkpoint to go on from. Raises TrainingError."""
+        alone = self.critic_iterations
+        if start_from is not None and not alone:
+            raise TrainingError(
+                f"{start_from}: has no critic, and by a new one's errors the policy would be lost. Take --preset "
+                "refined_steps, or --set critic_iterations=60."
+            )
+        if self.keep and start_from is None:
+            raise TrainingError(
+                f"option 'keep' is {self.keep:g}, of a policy that is gone on with: name it by --start-from, also with "
+                "--resume."
+            )
+        if alone and start_from is None and not going:
+            raise TrainingError(
+                f"option 'critic_iterations' is {alone}, for a policy that is gone on with: name one by --start-from."
+            )
 
     def with_texts(self, texts: dict[str, str]) -> Options:
         """These options with some changed, each value given as text in the form of the option's default."""
@@ -316,7 +353,10 @@ def _parse(name: str, text: str, like: Any) -> Any:
         if isinstance(like, bool):
             return {"true": True, "false": False}[text.lower()]
         if isinstance(like, tuple):
-            return tuple(type(like[0])(part) for part in text.split(","))
+            parts = text.split(",")
+            if len(parts) != len(like) and name not in ANY_LENGTH:
+                raise ValueError(len(parts))
+            return tuple(type(like[0])(part) for part in parts)
         return type(like)(text) if like is not None else text
     except (KeyError, ValueError) as error:
         raise TrainingError(f"option '{name}' is '{text}'; it must look like '{like}'.") from error

@@ -1,8 +1,9 @@
 """MuJoCo in the place of MuJoCo Warp where there is no GPU: each environment with a state of its own, in threads.
 
 mjlab's arrays stay what everybody reads and writes. What is written to them (state, controls, forces, fields of the
-model that environments have their own of) is taken up before MuJoCo works; what it works out is written back. So
-rewards, observations and draws are the same code as on a GPU. Arrays not in WRITTEN keep what they were made with.
+model that environments have their own of) is taken up before MuJoCo works; what it works out is written back, of steps
+between control steps the state alone. So rewards, observations and draws are the same code as on a GPU. Arrays not in
+WRITTEN keep what they were made with.
 
 On a plane both engines step alike; on a heightfield they find other contacts.
 """
@@ -102,7 +103,7 @@ class PlainSimulation(Simulation):
         self._work(mujoco.mj_step)
 
     def step_between(self) -> None:
-        """One physics step of which nobody reads more than the state: nothing else is written back."""
+        """One physics step of which nobody reads more than state and time: nothing else is written back."""
         self._work(mujoco.mj_step, STATE)
 
     def forward(self) -> None:

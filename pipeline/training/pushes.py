@@ -34,6 +34,10 @@ class ComingPush:
         self.since_s = torch.full((env.num_envs,), math.inf, device=env.device)
         """How long ago each was last pushed in this episode (n,) [s]."""
         self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
+        self._readings, self._sagittal = env.readings, env.context.options.push_sagittal
+        self._of_heading = torch.zeros_like(self._pushed)
+        """Whose push (n,) is ahead or back of the robot as it is when it begins: `_share_w` is in the frame of its
+        heading then, else in the world."""
         self._drawn(torch.ones_like(self.left_s, dtype=torch.bool))
         env.coming_pushes.append(self)
         env.restarts.append(self._restart)
@@ -42,7 +46,7 @@ class ComingPush:
     def push_w(self) -> torch.Tensor:
         """It (n, 3), in the world and in the unit of the ramp of the largest; 0 where nobody pushes."""
         pushed = self._pushed if self._spared is None else self._pushed & ~self._spared.tracks
-        return self._share_w * self._largest * pushed[:, None]
+        return self._turned() * self._largest * pushed[:, None]
 
     def begins(self) -> tuple[torch.Tensor, torch.Tensor]:
         """A control step later: who (n,) is pushed with this step, and by what (n, 3), of those."""
@@ -53,6 +57,14 @@ class ComingPush:
         self._drawn(now)
         return now, push_w
 
+    def _turned(self) -> torch.Tensor:
+        """Shares (n, 3) in the world."""
+        if not self._sagittal:
+            return self._share_w
+        (x, y, z), (cos, sin) = self._share_w.unbind(dim=1), self._readings.heading_w.unbind(dim=1)
+        turned = torch.stack([x * cos - y * sin, x * sin + y * cos, z], dim=1)
+        return torch.where(self._of_heading[:, None], turned, self._share_w)
+
     def _restart(self, mask: torch.Tensor) -> None:
         """Another episode: nobody was pushed in it yet."""
         replace(self.since_s, mask, math.inf)
@@ -62,7 +74,14 @@ class ComingPush:
         """Draw the next one of some anew."""
         low, high = self._span
         replace(self.left_s, mask, low + (high - low) * torch.rand_like(self.left_s))
-        replace(self._share_w, mask, horizontal(len(mask), mask.device))
+        share = horizontal(len(mask), mask.device)
+        if self._sagittal:
+            chosen = torch.rand(len(mask), device=mask.device) < self._sagittal
+            length = torch.linalg.norm(share, dim=1) * torch.sign(share[:, 0])
+            straight = torch.nn.functional.pad(length[:, None], (0, 2))
+            share = torch.where(chosen[:, None], straight, share)
+            replace(self._of_heading, mask, chosen)
+        replace(self._share_w, mask, share)
 
 
 def recovery_left(env, recovery_s: float) -> torch.Tensor:

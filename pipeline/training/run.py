@@ -70,7 +70,8 @@ class TrainingRun:
     """Environment, algorithm and files of a run."""
 
     def __init__(self, bundle: Bundle, request: RunRequest):
-        _hold_to_start(request)
+        going = request.resume and newest_checkpoint(request.out / "checkpoints") is not None
+        request.options.hold_to_start(request.start_from, going)
         self.bundle, self.request = bundle, request
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank
@@ -185,6 +186,7 @@ class TrainingRun:
             "learning_rate": self.algorithm.learning_rate,
             "update_s": self.algorithm.update_s,
             "explained": self.algorithm.explained,
+            "kept": self.algorithm.kept,
             "action_std": std,
         }
         if self.rank:
@@ -245,24 +247,6 @@ class TrainingRun:
         steps = self.iteration * request.num_envs * request.options.steps * int(os.getenv("WORLD_SIZE", "1"))
         done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
         _write_json(request.out / "done.json", {**done, "steps_per_s": steps / max(seconds, 1e-9)})
-
-
-def _hold_to_start(request: RunRequest) -> None:
-    """A policy that is gone on with needs a critic that learns alone first, and nothing else does. Raises
-    TrainingError."""
-    alone = request.options.critic_iterations
-    if request.start_from is not None and not alone:
-        raise TrainingError(
-            f"{request.start_from}: has no critic, and by a new one's errors the policy would be lost. Take --preset "
-            "refined_steps, or --set critic_iterations=60."
-        )
-    if request.options.keep and request.start_from is None:
-        raise TrainingError("option 'keep' is of a policy that is gone on with: name it by --start-from, resuming too.")
-    going = request.resume and newest_checkpoint(request.out / "checkpoints") is not None
-    if alone and request.start_from is None and not going:
-        raise TrainingError(
-            f"option 'critic_iterations' is {alone}, for a policy that is gone on with: name one by --start-from."
-        )
 
 
 def scheduled(request: RunRequest, iteration: int, seconds: float) -> float:

@@ -67,7 +67,8 @@ def _run(given: argparse.Namespace, arguments: Sequence[str]) -> int:
     arms += [_arm(texts) for texts in given.arm]
     options = preset(given.preset)
     for arm in arms:
-        options.with_texts(dict(_pair(text) for text in (*given.set, *arm.options)))
+        chosen = options.with_texts(dict(_pair(text) for text in (*given.set, *arm.options)))
+        chosen.hold_to_start(given.start_from, going=(given.out / arm.name / "checkpoints").is_dir())
     robot = read_bundle(given.bundle).robot
     request = ArmsRequest(
         bundle=given.bundle.resolve(),

@@ -74,9 +74,22 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str, alone):
         assert found.float().mean() == pytest.approx(share, abs=0.005), told
 
 
-def test_kinds_of_commands_are_no_more_than_all_of_them():
-    with pytest.raises(TrainingError, match=r"are 1\.05 of the"):
-        preset("long_steps").changed(alone_shares=(0.05, 0.25, 0.20))
+@pytest.mark.parametrize(
+    ("alone", "told"),
+    [
+        ("0.05,0.25,0.20", r"alone_shares\[1\] 0\.25, .*1\.05 together"),
+        ("0.05,-0.25,0.20", r"alone_shares\[1\] -0\.25"),
+        ("0.05,nan,0.20", r"nan together"),
+        ("0.05,0.1,0.1,0.1", "must look like"),
+        ("0.05", "must look like"),
+    ],
+)
+def test_kinds_of_commands_are_shares_of_all_of_them(alone, told):
+    with pytest.raises(TrainingError, match=told):
+        preset("long_steps").with_texts({"alone_shares": alone})
+
+
+def test_kinds_that_are_not_drawn_do_not_count():
     preset("long_steps").changed(alone_shares=(0.05, 0.25, 0.20), mixture="paper")
 
 
@@ -151,3 +164,28 @@ def test_a_delay_that_no_target_is_kept_for_is_refused(tmp_path_factory, root, r
     bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("later"), root, robot))
     with pytest.raises(TrainingError, match="'action_lag_steps' is 9"):
         AmpEnvironment(bundle, preset("paper_flat").changed(action_lag_steps=9), 2, "cpu", seed=1)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_some_pushes_come_straight_from_ahead_or_behind(tmp_path_factory, root, robot, share: float):
+    """Of the robot as it faces when the push begins, and not when it was drawn."""
+    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("sagittal"), root, robot))
+    options = preset("long_steps").changed(
+        push_sagittal=share, push_interval_s=(0.3, 0.5), push_iterations=0, quiet_share=0.0
+    )
+    env = AmpEnvironment(bundle, options, 80, "cpu", seed=1)
+    env.reset()
+    ahead, straight, count = 0, 0, 0
+    for _ in range(40):
+        env.sim.data.qvel[:, 5] = 2.0  # they turn
+        before, (cos, sin) = env.trunk_forces.push_w.clone(), env.readings.heading_w.clone().unbind(dim=1)
+        with torch.no_grad():
+            env.step(torch.zeros(80, 21))
+        (x, y, _), begun = env.trunk_forces.push_w.unbind(dim=1), env.episode_length_buf > 0
+        new = begun & (env.trunk_forces.push_w != before).any(dim=1) & (x != 0.0)
+        along, aside = x * cos + y * sin, y * cos - x * sin
+        straight += int((new & (aside.abs() < 0.1 * along.abs())).sum())
+        ahead += int((new & (along > 0.0)).sum())
+        count += int(new.sum())
+    assert count > 60 and 0.3 * count < ahead < 0.7 * count
+    assert straight / count == pytest.approx(share, abs=0.15) if share < 1.0 else straight == count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import csv
 import dataclasses
 
 import numpy as np
@@ -13,7 +14,8 @@ from torch import nn
 
 from pipeline.training.bundle import read_bundle
 from pipeline.training.kept_walk import KeptWalk, ahead
-from pipeline.training.policy_file import write_policy
+from pipeline.training.mirror import MirroredSamples
+from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
 from pipeline.training.run import RunRequest, TrainingRun
 from pipeline.training.training_error import TrainingError
@@ -94,7 +96,7 @@ def bundle(tmp_path_factory, root, robot, shipped):
     return dataclasses.replace(read, robot=dataclasses.replace(read.robot, **gains))
 
 
-def made(bundle, out, policy, **changed) -> TrainingRun:
+def made(bundle, out, policy, iterations: int = 6, resume: bool = False, **changed) -> TrainingRun:
     options = preset("refined_steps").changed(**SMALL, **{"critic_iterations": 1, "desired_kl": 0.05, **changed})
     request = RunRequest(
         out=out,
@@ -103,9 +105,9 @@ def made(bundle, out, policy, **changed) -> TrainingRun:
         num_envs=8,
         device="cpu",
         seed=1,
-        iterations=12,
+        iterations=iterations,
         minutes=None,
-        resume=False,
+        resume=resume,
         start_from=policy,
     )
     return TrainingRun(bundle, request)
@@ -128,9 +130,32 @@ def test_a_run_that_keeps_its_walk_strays_less_ahead(bundle, shipped, tmp_path):
     assert held < 0.5 * free
 
 
-def test_there_must_be_a_policy_to_keep_and_samples_to_tell_it_with(bundle, shipped, tmp_path):
-    write_policy(tmp_path / "begin.npz", shipped)
-    with pytest.raises(TrainingError, match="'keep' is of a policy"):
-        made(bundle, tmp_path, None, keep=0.1, critic_iterations=0)
-    with pytest.raises(TrainingError, match="'keep' needs option 'symmetry'"):
-        made(bundle, tmp_path, tmp_path / "begin.npz", keep=0.1, symmetry=False)
+def test_what_is_kept_is_what_the_run_began_with_also_where_it_goes_on(bundle, shipped, tmp_path):
+    path = tmp_path / "begin.npz"
+    write_policy(path, shipped)
+    made(bundle, tmp_path / "run", path, keep=0.1, iterations=3).train()
+    run = made(bundle, tmp_path / "run", path, keep=0.1, iterations=4, resume=True)
+    obs, symmetry = seen(WALK, TURN), run.algorithm.symmetry
+    assert isinstance(symmetry, MirroredSamples) and symmetry.kept is not None
+    kept = symmetry.kept._actor(obs)
+    torch.testing.assert_close(kept, act(shipped, obs["actor"]), rtol=1e-3, atol=1e-3)
+    assert (run.algorithm.get_policy()(obs) - kept).abs().max() > 1e-4
+    run.train()
+    rows = csv.DictReader((tmp_path / "run" / "curves.csv").read_text().splitlines())
+    alone, *strayed_by = [float(row["kept"]) for row in rows]
+    assert alone < 1e-6 < 1e-4 < max(strayed_by), "nobody strays while the critic learns alone"
+
+
+@pytest.mark.parametrize(
+    ("changed", "resume", "told"),
+    [
+        ({"keep": 0.1, "critic_iterations": 0}, False, "name it by --start-from"),
+        ({"keep": 0.1}, True, "also with --resume"),
+        ({"keep": 0.1, "symmetry": False}, False, "'keep' needs option 'symmetry'"),
+        ({"keep": -1.0}, False, "'keep' is -1; it must be 0 or more"),
+        ({"keep": float("nan")}, False, "'keep' is nan; it must be 0 or more"),
+    ],
+)
+def test_there_must_be_a_policy_to_keep_and_a_way_to(bundle, tmp_path, changed, resume, told):
+    with pytest.raises(TrainingError, match=told):
+        made(bundle, tmp_path, None, resume=resume, **changed)

@@ -65,6 +65,13 @@ print(json.dumps({"named": sorted(named), "ours": ours, "std": sorted(sys.stdlib
     assert [name for name in told["ours"] if name != "pipeline" and not name.startswith("pipeline.training")] == []
 
 
+def test_threads_are_told_to_wait_before_they_are_made():
+    """torch's pool reads how to wait as it loads: what `__main__` imports before that must not bring torch."""
+    code = "import sys, pipeline.training; print('torch' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
 def test_the_papers_commands_are_of_three_kinds_in_its_ranges():
     torch.manual_seed(0)
     command = draw_commands(20_000, Options(), "cpu")
