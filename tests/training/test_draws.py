@@ -59,11 +59,10 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str, alone):
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         forward, lateral, yaw = draw_commands(100_000, options, "cpu").T
-    balanced = options.mixture == "balanced"
     stands = (forward == 0.0) & (lateral == 0.0) & (yaw == 0.0)
     fast = (forward >= FAST[0]) & (lateral == 0.0)
     shares = {"stands": (stands, options.standing_share), "fast": (fast, options.fast_share)}
-    if balanced:
+    if alone is not None:
         slow = (forward.abs() + lateral.abs() <= SLOW[1]) & (forward.abs() + lateral.abs() >= SLOW[0])
         shares["slow or on one axis at that speed"] = (
             slow & (yaw == 0.0) & ((forward == 0.0) | (lateral == 0.0)),
