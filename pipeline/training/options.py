@@ -115,6 +115,9 @@ class Options:
     """`mean_tracking` grows in between these iterations."""
     standing_still: float = 0.0
     """Weight of steps and joint speed while the command is to stand."""
+    right_more: float = 0.0
+    """By how much more the right foot's steps count there: who is alike on both sides can't choose a leg. Takes effect
+    with `mirror_standing` off."""
     single_stance: float = 0.0
     """Weight of the time on one foot (up to .4 s) while walking."""
     single_stance_end_s: float = 0.0

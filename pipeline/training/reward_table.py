@@ -246,9 +246,11 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="standing_still",
-            equation="1[c = 0] (feet in the air + .05 |dq|)",
+            equation="1[c = 0] (feet in the air, the right one counted 1 + right_more times, + .05 |dq|)",
             weight=-options.standing_still,
-            value=lambda env: terms.standing_still(env.command, env.readings.contacts, env.readings.joint_vel),
+            value=lambda env: terms.standing_still(
+                env.command, env.readings.contacts, env.readings.joint_vel, options.right_more
+            ),
             added="tracking alone pays stepping on the spot as well as standing",
         ),
         Term(

@@ -127,10 +127,14 @@ def feet_lateral_distance(command: torch.Tensor, lateral_gap: torch.Tensor) -> t
     return torch.abs(lateral_gap.abs() - FEET_APART) * (command[:, 1].abs() < 0.1)
 
 
-def standing_still(command: torch.Tensor, contacts: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
-    """Feet in the air and a twentieth of the joints' speed [rad/s] while the command is to stand."""
+def standing_still(
+    command: torch.Tensor, contacts: torch.Tensor, joint_vel: torch.Tensor, right_more: float = 0.0
+) -> torch.Tensor:
+    """Feet in the air, the right one counted by `right_more` more, and a twentieth of the joints' speed [rad/s] while
+    the command is to stand. Contacts (n, 2) are those of the left and the right foot."""
     stands = ~told_to_move(command)
-    lifted = 2.0 - contacts.float().sum(dim=1)
+    left, right = (~contacts.bool()).float().unbind(dim=1)
+    lifted = left + (1.0 + right_more) * right
     return stands * (lifted + 0.05 * torch.linalg.norm(joint_vel, dim=1))
 
 

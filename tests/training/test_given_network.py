@@ -21,6 +21,7 @@ from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 SMALL = {"expert_windows": 200, "replay_windows": 200, "discriminator_batch": 32, "discriminator_steps": 2, "steps": 4}
+SMALL |= {"keep": 0.0}  # test_kept_walk.py has that
 
 
 @pytest.fixture(scope="module")

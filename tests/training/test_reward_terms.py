@@ -176,6 +176,12 @@ def test_standing_still_costs_only_while_told_to_stand():
     assert terms.standing_still(command, contacts, speed).tolist() == pytest.approx([1.25, 0.0])
 
 
+def test_standing_the_right_foot_may_count_more():
+    command, speed = torch.zeros(4, 3), torch.zeros(4, 2)
+    contacts = torch.tensor([[True, True], [False, True], [True, False], [False, False]])
+    assert terms.standing_still(command, contacts, speed, 0.5).tolist() == pytest.approx([0.0, 1.0, 1.5, 2.5])
+
+
 def test_time_on_one_foot_is_paid_up_to_its_bound_and_only_on_one():
     command = torch.tensor([[1.0, 0.0, 0.0]] * 3)
     contacts = torch.tensor([[True, False], [True, False], [True, True]])
