@@ -50,6 +50,28 @@ def begin_with(actor: nn.Module, path: Path, robot: RobotFacts) -> None:
     actor.load_state_dict(state)
 
 
+def moved_towards(arrays: dict[str, np.ndarray], path: Path, share: float, robot: RobotFacts) -> dict[str, np.ndarray]:
+    """A policy with `share` of the network of a file and the rest of its own; gains are its own.
+
+    Between a network and the one that it was trained on from, networks walk, and some better than both: Wortsman et
+    al., "Robust fine-tuning of zero-shot models", CVPR 2022. Raises TrainingError where the file is none, or is of
+    another size, robot or gains.
+    """
+    if not 0.0 <= share <= 1.0:
+        raise TrainingError(f"--share is {share:g}; it must be 0 to 1.")
+    given = _arrays(path)
+    _hold_to_numbers(path, given)
+    _hold_to_robot(path, given, robot)
+    mixed = dict(arrays)
+    for name in (each for each in arrays if each in ("mean", "std") or each.startswith("L")):
+        own = arrays[name]
+        if name not in given or np.shape(given[name]) != own.shape:
+            raise TrainingError(f"{path}: '{name}' is not {own.shape} as in the checkpoint; take one of that network.")
+        mean = (1.0 - share) * own.astype(np.float64) + share * given[name].astype(np.float64)
+        mixed[name] = mean.astype(own.dtype)
+    return mixed
+
+
 def _arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as arrays:

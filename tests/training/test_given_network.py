@@ -14,6 +14,7 @@ from pipeline.training.amp_ppo import FIRST_RATE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import newest_checkpoint
 from pipeline.training.command import main
+from pipeline.training.given_network import moved_towards
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
 from pipeline.training.run import RunRequest, TrainingRun
@@ -181,3 +182,25 @@ def test_a_policy_needs_a_critic_and_a_lonely_critic_a_policy(folder, shipped, t
         TrainingRun(bundle_for(folder, shipped), request(tmp_path, tmp_path / "begin.npz", critic_iterations=0))
     with pytest.raises(TrainingError, match="'critic_iterations' is 60"):
         TrainingRun(bundle_for(folder, shipped), request(tmp_path, None))
+
+
+def test_a_policy_is_moved_towards_another(folder, shipped, tmp_path):
+    """The command, between a checkpoint and the policy it went on from: a quarter of the way, layer by layer."""
+    write_policy(tmp_path / "begin.npz", shipped)
+    robot = bundle_for(folder, shipped).robot
+    own = {name: value + 0.4 if name.startswith("L") else value for name, value in shipped.items()}
+    mixed = moved_towards(own, tmp_path / "begin.npz", 0.25, robot)
+    for name, value in shipped.items():
+        if name == "joint_names":
+            assert (mixed[name] == value).all()
+        else:
+            np.testing.assert_allclose(mixed[name], value + 0.3 * name.startswith("L"), rtol=1e-6, atol=1e-6)
+    assert mixed["L0_w"].dtype == shipped["L0_w"].dtype
+    for share, changed, told in (
+        (1.5, {}, "--share is 1.5; it must be 0 to 1"),
+        (0.5, {"L1_b": np.zeros(7)}, r"'L1_b' is not \(256,\)"),
+        (0.5, {"kp": np.ones(23)}, "kp of '.*' is 1"),
+    ):
+        write_policy(tmp_path / "other.npz", {**shipped, **changed})
+        with pytest.raises(TrainingError, match=told):
+            moved_towards(own, tmp_path / "other.npz", share, robot)
