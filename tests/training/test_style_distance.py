@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 import pytest
 import torch
 
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.motion_features import FeatureNormalizer
-from pipeline.training.plain_walk import Walk
+from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
 from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
@@ -47,9 +49,12 @@ def test_windows_near_a_command_are_taken_and_halves_share_no_clip():
 
 def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, root, robot):
     bundle, policy = small_bundle(tmp_path, root, robot), root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
-    features = walked_features(bundle, policy, Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0))
+    walk = Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0)
+    features = walked_features(bundle, policy, walk)
     assert features.shape == (300, 60)
-    assert features[:, 33].mean() == pytest.approx(0.6, abs=0.05)
+    forward = walked(bundle, policy, hashlib.sha256(policy.read_bytes()).hexdigest(), walk)["forward"]
+    assert 0.4 < forward < 0.8
+    assert features[:, 33].mean() == pytest.approx(forward, abs=0.02), "the features' forward velocity is the base's"
     assert np.abs(features[:, 34]).mean() < 0.15
     moved = np.abs(np.diff(features, axis=0)).max(axis=0)
     assert moved.min() > 1e-6, "every joint, hand, foot and velocity changes from step to step"
