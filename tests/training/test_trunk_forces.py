@@ -18,7 +18,8 @@ from pipeline.training.trunk_forces import FORCE_DAMPING, MOMENT, MOMENT_DAMPING
 from tests.factories.training_bundle import small_bundle
 
 ENVS = 6
-HELPED = {"push_impulse": (0.0, 0.0), "reference_share": 0.0, "standing_share": 1.0, "slow_share": 0.0}
+STANDING = {"standing_share": 1.0, "fast_share": 0.0, "slow_share": 0.0, "alone_shares": (0.0, 0.0, 0.0)}
+HELPED = {"push_impulse": (0.0, 0.0), "reference_share": 0.0, **STANDING}
 
 
 def wrench(roll: float, pitch: float, yaw: float, lin_vel_w, ang_vel_b, command):
