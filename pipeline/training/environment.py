@@ -107,7 +107,7 @@ class AmpEnvironment(ManagerBasedRlEnv):
             wp.config.optimization_level = 0  # on a CPU Warp only tries training: kernels that compile soon count more
         super().__init__(environment_cfg(robot, options, num_envs, seed), device)
         self._given = torch.zeros_like(self.action_manager.action)
-        # who reads more than that as motors are told their targets, or as a sensor is updated, must count here
+        # who reads more than the state as motors are told their targets, or as a sensor is updated, must count here
         states_suffice = isinstance(self.sim, PlainSimulation) and not self.trunk_forces.helps
         self._step_between = self.sim.step_between if states_suffice else self.sim.step
 

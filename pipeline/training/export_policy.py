@@ -31,6 +31,8 @@ def main(arguments: Sequence[str]) -> int:
         parser.add_argument(f"--{name}", type=Path, required=True)
     given = parser.parse_args(arguments)
     try:
+        if (given.towards is None) != (given.share == 0.0):
+            raise TrainingError(f"--share is {given.share:g} and --towards {given.towards}: give both or neither.")
         robot = read_bundle(given.bundle).robot
         policy = mean_arrays([policy_arrays(load_checkpoint(path, "cpu"), robot) for path in given.checkpoint])
         if given.towards is not None:

@@ -14,6 +14,7 @@ from pipeline.training.amp_ppo import FIRST_RATE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import newest_checkpoint
 from pipeline.training.command import main
+from pipeline.training.export_policy import main as export
 from pipeline.training.given_network import moved_towards
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
@@ -182,6 +183,20 @@ def test_a_policy_needs_a_critic_and_a_lonely_critic_a_policy(folder, shipped, t
         TrainingRun(bundle_for(folder, shipped), request(tmp_path, tmp_path / "begin.npz", critic_iterations=0))
     with pytest.raises(TrainingError, match="'critic_iterations' is 60"):
         TrainingRun(bundle_for(folder, shipped), request(tmp_path, None))
+
+
+@pytest.mark.parametrize("half", [["--share", "0.1"], ["--towards", "begin.npz"]])
+def test_half_of_what_mixes_two_policies_is_refused(folder, tmp_path, capsys, half):
+    asked = [
+        "--checkpoint",
+        str(tmp_path / "model_000100.pt"),
+        "--bundle",
+        str(folder),
+        "--out",
+        str(tmp_path / "p.npz"),
+    ]
+    assert export([*asked, *half]) == 2
+    assert "give both or neither" in capsys.readouterr().err
 
 
 def test_a_policy_is_moved_towards_another(folder, shipped, tmp_path):
