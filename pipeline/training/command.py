@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import DEFAULT, PRESETS, preset
 from pipeline.training.training_error import TrainingError
 
@@ -37,7 +38,7 @@ def _train(given: argparse.Namespace) -> None:
 
     if given.bundle is None or given.out is None:
         raise TrainingError("--bundle and --out are needed; python -m pipeline.training --help tells more.")
-    options = preset(given.preset).with_texts(_pairs(given.set))
+    options = changed_by_texts(preset(given.preset), _pairs(given.set))
     bundle = read_bundle(given.bundle, options.use_augmented)
     request = RunRequest(
         out=given.out,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pipeline.training.training_error import TrainingError
@@ -21,9 +20,6 @@ WORDS = {
     "init_posture": ("default", "clips"),
 }
 """Options that are one of some words."""
-
-ANY_LENGTH = ("hidden", "discriminator_hidden")
-"""Options of as many numbers as are given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -325,41 +321,3 @@ class Options:
             if name not in known:
                 raise TrainingError(f"unknown option '{name}'; there are: {', '.join(sorted(known))}")
         return dataclasses.replace(self, **values)
-
-    def hold_to_start(self, start_from: Path | None, going: bool) -> None:
-        """A policy that is gone on with needs a critic that learns alone first, and nothing else does; who keeps a walk
-        needs it at every start. `going`: there is a checkpoint to go on from. Raises TrainingError."""
-        alone = self.critic_iterations
-        if start_from is not None and not alone:
-            raise TrainingError(
-                f"{start_from}: has no critic, and by a new one's errors the policy would be lost. Take --preset "
-                "refined_steps, or --set critic_iterations=60."
-            )
-        if self.keep and start_from is None:
-            raise TrainingError(
-                f"option 'keep' is {self.keep:g}, of a policy that is gone on with: name it by --start-from, also with "
-                "--resume."
-            )
-        if alone and start_from is None and not going:
-            raise TrainingError(
-                f"option 'critic_iterations' is {alone}, for a policy that is gone on with: name one by --start-from."
-            )
-
-    def with_texts(self, texts: dict[str, str]) -> Options:
-        """These options with some changed, each value given as text in the form of the option's default."""
-        known = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return self.changed(**{name: _parse(name, text, known.get(name)) for name, text in texts.items()})
-
-
-def _parse(name: str, text: str, like: Any) -> Any:
-    try:
-        if isinstance(like, bool):
-            return {"true": True, "false": False}[text.lower()]
-        if isinstance(like, tuple):
-            parts = text.split(",")
-            if len(parts) != len(like) and name not in ANY_LENGTH:
-                raise ValueError(len(parts))
-            return tuple(type(like[0])(part) for part in parts)
-        return type(like)(text) if like is not None else text
-    except (KeyError, ValueError) as error:
-        raise TrainingError(f"option '{name}' is '{text}'; it must look like '{like}'.") from error

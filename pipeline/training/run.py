@@ -32,6 +32,7 @@ from pipeline.training.observations import beyond_signs
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import preset
+from pipeline.training.start import check_start
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
@@ -71,7 +72,7 @@ class TrainingRun:
 
     def __init__(self, bundle: Bundle, request: RunRequest):
         going = request.resume and newest_checkpoint(request.out / "checkpoints") is not None
-        request.options.hold_to_start(request.start_from, going)
+        check_start(request.options, request.start_from, going)
         self.bundle, self.request = bundle, request
         self.rank = int(os.getenv("RANK", "0"))
         seed = request.seed + 1000 * self.rank

@@ -61,14 +61,16 @@ def _run(given: argparse.Namespace, arguments: Sequence[str]) -> int:
     from pipeline.training.arms import Arm, ArmsRequest
     from pipeline.training.arms_run import ArmsRun
     from pipeline.training.bundle import read_bundle
+    from pipeline.training.option_texts import changed_by_texts
     from pipeline.training.presets import preset
+    from pipeline.training.start import check_start
 
     arms = [Arm(name=f"seed{seed}", seed=seed) for seed in given.seeds or ()]
     arms += [_arm(texts) for texts in given.arm]
     options = preset(given.preset)
     for arm in arms:
-        chosen = options.with_texts(dict(_pair(text) for text in (*given.set, *arm.options)))
-        chosen.hold_to_start(given.start_from, going=(given.out / arm.name / "checkpoints").is_dir())
+        chosen = changed_by_texts(options, dict(_pair(text) for text in (*given.set, *arm.options)))
+        check_start(chosen, given.start_from, going=(given.out / arm.name / "checkpoints").is_dir())
     robot = read_bundle(given.bundle).robot
     request = ArmsRequest(
         bundle=given.bundle.resolve(),

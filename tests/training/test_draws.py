@@ -12,6 +12,7 @@ from pipeline.training.action import SCALE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.commands import FAST, SLEW, SLOW, draw_commands
 from pipeline.training.environment import AmpEnvironment
+from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import preset
 from pipeline.training.pushes import FORCE_S
 from pipeline.training.training_error import TrainingError
@@ -85,7 +86,7 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str, alone):
 )
 def test_kinds_of_commands_are_shares_of_all_of_them(alone, told):
     with pytest.raises(TrainingError, match=told):
-        preset("long_steps").with_texts({"alone_shares": alone})
+        changed_by_texts(preset("long_steps"), {"alone_shares": alone})
 
 
 def test_kinds_that_are_not_drawn_do_not_count():

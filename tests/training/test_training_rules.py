@@ -15,6 +15,7 @@ from pipeline.expert.training_bundle import augmented_by
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.commands import draw_commands
+from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays
 from pipeline.training.presets import PRESETS, preset
@@ -143,18 +144,18 @@ def test_what_differs_from_the_paper_has_a_reason():
 @pytest.mark.parametrize("name", ["slide_of", "tracking_of", "terrain", "init_posture"])
 def test_an_option_that_is_one_of_some_words_is_none_other(name):
     with pytest.raises(TrainingError, match=f"'{name}' is 'center'; it must be"):
-        preset("paper").with_texts({name: "center"})
+        changed_by_texts(preset("paper"), {name: "center"})
 
 
 def test_options_are_read_from_text_in_the_form_of_their_default():
     given = {"style": "0.5", "stall": "true", "hidden": "64,32", "steps": "12", "friction": "0.5,0.9"}
-    options = Options().with_texts(given)
+    options = changed_by_texts(Options(), given)
     assert (options.style, options.stall, options.hidden, options.steps) == (0.5, True, (64, 32), 12)
     assert options.friction == (0.5, 0.9)
     with pytest.raises(TrainingError, match="option 'steps' is 'many'"):
-        Options().with_texts({"steps": "many"})
+        changed_by_texts(Options(), {"steps": "many"})
     with pytest.raises(TrainingError, match=r"unknown option 'stile'; there are: .*style"):
-        Options().with_texts({"stile": "0.5"})
+        changed_by_texts(Options(), {"stile": "0.5"})
     with pytest.raises(TrainingError, match="unknown preset 'papr'; there are: paper"):
         preset("papr")
 
