@@ -257,7 +257,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         UPRIGHT_STEPS,
     ),
     "refined_steps": (
-        "gone on with from a policy: effort, slip, slopes, delays, pushes; after long_steps it made what ships",
+        "going on from a policy: effort, slip, slopes, delays, pushes; after long_steps it made what ships",
         REFINED_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),

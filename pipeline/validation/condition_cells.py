@@ -58,7 +58,7 @@ def _seeded(ground: GroundSpec, seed: int) -> GroundSpec:
 
 
 def condition_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
-    """Forward at 1 m/s and turning at 1 rad/s under each condition; friction and noise standing too."""
+    """Forward at 1 m/s and turning at 1 rad/s under each condition."""
     seeds, cells = tuple(seeds), []
     for name, conditions in _conditions().items():
         for wanted, word in ((Wanted(forward=1.0), "vx +1.0"), (Wanted(yaw_rate=1.0), "yaw +1.0")):

@@ -14,7 +14,7 @@ from tests.factories.training_bundle import small_bundle
 
 PRESET = "gated_style"
 MOVES = torch.tensor([(0.3, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
-TOLD = torch.tensor([(0.31, 0.0, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.33, 0.0), (0.97, 0.0, 0.0), (2.0, 0.0, 0.0)])
+TOLD = torch.tensor([(0.27, 0.0, 0.0), (-0.31, 0.0, 0.0), (0.0, 0.27, 0.0), (0.965, 0.0, 0.0), (1.99, 0.0, 0.0)])
 """What the shipped policy has to be told to walk so."""
 
 
@@ -33,7 +33,7 @@ def walked(bundle, root):
 
 @pytest.mark.parametrize("number", range(len(MOVES)))
 def test_walking_pays_more_than_standing(walked, number):
-    """Even by the policy that ships, which slips and saturates, from rest, and of its first 2 s alone."""
+    """Even from rest, and of the first 2 s alone."""
     assert walked[number].ended == "time"
     stands = standing_pays(preset(PRESET), MOVES)[number].item()
     assert walked[number].total > 1.25 * stands

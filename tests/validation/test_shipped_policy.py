@@ -1,0 +1,100 @@
+"""The policy that ships: its card holds every required bar, its export is whole, faults planted into it are found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.batch import ClipPool
+from pipeline.export.folder import Export, read_export
+from pipeline.export.golden import read_golden, replay
+from pipeline.files import settings
+from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.cross_engine_faults import FAULTS
+from pipeline.validation.deployed import Deployed, deployed
+from pipeline.validation.measure import measure
+from pipeline.validation.suites import full, named
+from pipeline.validation.verdict import Verdict, judge
+from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
+
+CAUGHT_BY = {
+    "gyro in the world frame": "curve vx +0.6 yaw +0.8",
+    "gyro in deg/s": "stand",
+    "left and right swapped": "vx +0.6",
+    "reversed history": "vx +0.6",
+    "wrong joint order": "stand",
+    "action scale halved": "vx +0.6",
+    "60 % torque": "vx +2.0",
+    "half Kp": "stand",
+    "normalizer left out": "vx +0.6",
+}
+"""A cell that shows it; others do too."""
+
+
+@pytest.fixture(scope="module")
+def shipped(root: Path, robot) -> Export:
+    return read_export(root / "robots" / "t1" / "policies" / "walk", robot)
+
+
+@pytest.fixture(scope="module")
+def walking(root: Path, shipped: Export) -> Deployed:
+    return deployed(root / "robots" / "t1", shipped.policy)
+
+
+@pytest.fixture(scope="module")
+def bars(root: Path) -> ValidationSettings:
+    return settings.read(root / "data" / "validation.yaml", ValidationSettings)
+
+
+def test_what_was_measured_of_it_holds_every_required_bar(shipped: Export, bars: ValidationSettings, robot):
+    measured = shipped.card.figures["cells"]
+    assert set(measured) == set(bars.cells) == {cell.name for cell in full(robot)}
+    missed = [
+        (name, figure, measured[name].get(figure), str(bar))
+        for name, cell in bars.cells.items()
+        if cell.required
+        for figure, bar in cell.bars.items()
+        if not bar.holds(measured[name].get(figure, float("nan")))
+    ]
+    assert missed == []
+    assert shipped.card.data["robot_digest"] == bars.reference.robot
+    assert shipped.card.shippable
+
+
+def test_its_golden_vectors_are_what_the_controller_makes_of_their_readings(shipped: Export):
+    golden = read_golden(shipped.folder / "golden.npz")
+    readings = {name: getattr(golden, name) for name in ("gyro_b", "gravity_b", "command", "joint_pos", "joint_vel")}
+    again = replay(shipped.task, shipped.policy, **readings)
+    np.testing.assert_allclose(again.observation, golden.observation, atol=1e-6)
+    np.testing.assert_allclose(again.targets, golden.targets, atol=1e-5)
+
+
+def test_the_vendors_inference_gives_its_golden_targets(shipped: Export, robot):
+    golden = read_golden(shipped.folder / "golden.npz")
+    with vendor_modules(robot) as registered:
+        import_task(shipped.folder / "booster_deploy" / "tasks" / "booster_lab")
+    vendor = VendorPolicy(registered["booster_lab_walk"])
+    for step in range(len(golden.command)):
+        readings = (golden.gyro_b, golden.gravity_b, golden.command, golden.joint_pos, golden.joint_vel)
+        targets = vendor.targets(*(values[step] for values in readings))
+        assert np.abs(targets - golden.targets[step]).max() < 1e-5
+
+
+def test_it_passes_the_cells_that_show_faults(walking: Deployed, bars: ValidationSettings):
+    verdict = _judged(walking, bars, sorted(set(CAUGHT_BY.values())))
+    assert [str(reason) for reason in verdict.reasons] == []
+    assert all(cell.bars.required for cell in verdict.cells)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_planted_into_it_fails_a_required_cell(walking: Deployed, bars: ValidationSettings, fault: str):
+    verdict = _judged(FAULTS[fault](walking), bars, [CAUGHT_BY[fault]])
+    assert not verdict.passed
+    assert {reason.cell for reason in verdict.reasons} == {CAUGHT_BY[fault]}
+
+
+def _judged(one: Deployed, bars: ValidationSettings, cells: list[str]) -> Verdict:
+    found = measure(one, named(one.robot, dict.fromkeys(cells, 1)), ClipPool(workers=1))
+    return judge(found, bars, suite="test", policy="", robot="")
