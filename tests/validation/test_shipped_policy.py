@@ -7,30 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.batch import ClipPool
 from pipeline.export.folder import Export, read_export
 from pipeline.export.golden import read_golden, replay
 from pipeline.files import settings
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.cross_engine_faults import FAULTS
 from pipeline.validation.deployed import Deployed, deployed
-from pipeline.validation.measure import measure
-from pipeline.validation.suites import full, named
-from pipeline.validation.verdict import Verdict, judge
+from pipeline.validation.suites import full
+from tests.factories.planted_faults import CAUGHT_BY, judged
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
-
-CAUGHT_BY = {
-    "gyro in the world frame": "curve vx +0.6 yaw +0.8",
-    "gyro in deg/s": "stand",
-    "left and right swapped": "vx +0.6",
-    "reversed history": "vx +0.6",
-    "wrong joint order": "stand",
-    "action scale halved": "vx +0.6",
-    "60 % torque": "vx +2.0",
-    "half Kp": "stand",
-    "normalizer left out": "vx +0.6",
-}
-"""A cell that shows it; others do too."""
 
 
 @pytest.fixture(scope="module")
@@ -83,18 +68,13 @@ def test_the_vendors_inference_gives_its_golden_targets(shipped: Export, robot):
 
 
 def test_it_passes_the_cells_that_show_faults(walking: Deployed, bars: ValidationSettings):
-    verdict = _judged(walking, bars, sorted(set(CAUGHT_BY.values())))
+    verdict = judged(walking, bars, sorted(set(CAUGHT_BY.values())))
     assert [str(reason) for reason in verdict.reasons] == []
     assert all(cell.bars.required for cell in verdict.cells)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_planted_into_it_fails_a_required_cell(walking: Deployed, bars: ValidationSettings, fault: str):
-    verdict = _judged(FAULTS[fault](walking), bars, [CAUGHT_BY[fault]])
+    verdict = judged(FAULTS[fault](walking), bars, [CAUGHT_BY[fault]])
     assert not verdict.passed
     assert {reason.cell for reason in verdict.reasons} == {CAUGHT_BY[fault]}
-
-
-def _judged(one: Deployed, bars: ValidationSettings, cells: list[str]) -> Verdict:
-    found = measure(one, named(one.robot, dict.fromkeys(cells, 1)), ClipPool(workers=1))
-    return judge(found, bars, suite="test", policy="", robot="")
