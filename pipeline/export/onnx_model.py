@@ -65,15 +65,19 @@ def write_onnx(path: Path, task: DeploymentTask, policy: Policy) -> None:
 def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
     """The model of a file that is whole in itself, and its metadata.
 
-    Raises FileError for what is no ONNX model, is larger than `MAX_BYTES`, keeps its numbers in another file or has
-    operators that no exported policy has.
+    Raises FileError for what can't be read, is no ONNX model, is larger than `MAX_BYTES`, keeps its numbers in another
+    file or has operators that no exported policy has.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the ONNX file of an exported policy.")
     if path.stat().st_size > MAX_BYTES:
         raise FileError(path, f"is larger than {MAX_BYTES} bytes.")
     try:
-        model = onnx.load_model_from_string(path.read_bytes())
+        content = path.read_bytes()
+    except OSError as error:
+        raise FileError(path, f"can't be read ({error.strerror or error}).") from error
+    try:
+        model = onnx.load_model_from_string(content)
         outside = [each.name for each in _tensors(model) if each.data_location == TensorProto.EXTERNAL]
         if outside:
             raise FileError(path, f"keeps {', '.join(outside)} in another file.", "Export it again, in one file.")

@@ -189,6 +189,15 @@ def test_onnx_with_external_numbers_in_a_node_is_refused(tmp_path):
         read_onnx(tmp_path / "bad.onnx")
 
 
+def test_a_disk_that_fails_is_not_called_a_damaged_onnx(files, monkeypatch):
+    def fail(path):
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(type(files[0]), "read_bytes", fail)
+    with pytest.raises(FileError, match=r"can't be read \(Input/output error\)"):
+        read_onnx(files[0])
+
+
 def test_onnx_of_other_operators_is_refused(tmp_path):
     info = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", 3]) for name in ("observation", "action")]
     graph = helper.make_graph([helper.make_node("Tanh", ["observation"], ["action"])], "other", [info[0]], [info[1]])
