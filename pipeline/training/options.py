@@ -18,6 +18,7 @@ WORDS = {
     "tracking_of": ("instant", "mean"),
     "saturation_of": ("limit", "line"),
     "init_posture": ("default", "clips"),
+    "recovery_of": ("effort", "steps"),
 }
 """Options that are one of some words."""
 
@@ -87,6 +88,8 @@ class Options:
     """Weight of the motors' power, summed over the joints [1/W]."""
     power_share: float = 0.0
     """Weight of that power over what is usual at the command (`reward_terms.power_share`)."""
+    power_free: float = 0.0
+    """Share of what is usual below which it costs nothing there, averaged over .4 s; 0: all of it, at the moment's."""
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
@@ -141,8 +144,12 @@ class Options:
     """… grows to 1 between these iterations: what they cost less is free to be learnt first."""
     recovery_s: float = 0.0
     """For this long [s] after a push begins they cost nothing: to catch it takes effort, and may fail."""
+    recovery_of: str = "effort"
+    """`effort`: they alone; `steps`: so do feet that slide and leave the ground though told to stand."""
 
     # Terminations
+    fall_factor: float = 1.0
+    """Of what the paper takes for a fall."""
     max_tilt_deg: float = 60.0
     min_height_m: float = 0.45
     stall: bool = False

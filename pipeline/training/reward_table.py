@@ -19,6 +19,8 @@ ENDS = ("termination", "stalled")
 PENALTY, COST, LATE = "penalty", "cost", "late"
 """Ramps: penalties grow in over the first iterations, what effort costs further on; rewards for the last few per cent
 come when it walks."""
+STEPS = ("feet_slide", "standing_still")
+"""Rows that take something for the steps that catch a push."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +64,8 @@ class TaskReward:
             for ramp in ("", PENALTY, COST, LATE)
         }
         self._recovery_s = env.context.options.recovery_s
+        free = [_ramp(row) == COST or _freed(row, env.context.options) for row in self.rows]
+        self._free = torch.tensor(free, device=env.device)
 
     def values(self, env) -> torch.Tensor:
         """Every row's value, not weighted (n, rows)."""
@@ -77,13 +81,18 @@ class TaskReward:
         self.paid = torch.nan_to_num(self.values(env)) * self.weights(env)
         """What every row paid at the last step (n, rows)."""
         if self._recovery_s:
-            free = recovery_left(env, self._recovery_s)[:, None] > 0.0
-            self.paid = torch.where(free & (self._weights[COST] != 0.0), 0.0, self.paid)
+            recovers = recovery_left(env, self._recovery_s)[:, None] > 0.0
+            self.paid = torch.where(recovers & self._free, 0.0, self.paid)
         return self.paid.sum(dim=1)
 
 
 def _ramp(row: Term) -> str:
     return row.ramp or (PENALTY if row.weight < 0.0 and row.name not in ENDS else "")
+
+
+def _freed(row: Term, options: Options) -> bool:
+    """Whether a row without a price of effort costs nothing after a push either."""
+    return options.recovery_of == "steps" and row.name in STEPS
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
@@ -155,7 +164,12 @@ def _motion(options: Options) -> tuple[Term, ...]:
             weight=-20.0,
             value=lambda env: limit(env.readings.joint_pos, *env.joint_limits),
         ),
-        Term(name="termination", equation="1[terminated]", weight=-200.0, value=lambda env: env.fell.float()),
+        Term(
+            name="termination",
+            equation="1[terminated]",
+            weight=-200.0 * options.fall_factor,
+            value=lambda env: env.fell.float(),
+        ),
     )
 
 
@@ -296,9 +310,10 @@ def _added(options: Options) -> tuple[Term, ...]:
         ),
         Term(
             name="power_share",
-            equation=f"sum |tau dq| / (what is usual at the command + {terms.NOISE_W:g} W)",
+            equation=f"sum |tau dq| / (what is usual at the command + {terms.NOISE_W:g} W); with power_free "
+            "of its mean what is beyond that share of what is usual",
             weight=-options.power_share,
-            value=lambda env: terms.power_share(env.readings.torque, env.readings.joint_vel, env.command),
+            value=_power_share(options),
             added="by the watt a run of 2 m/s is hardly worth being alive, and steps to the side cost little",
             ramp=COST,
         ),
@@ -311,6 +326,12 @@ def _added(options: Options) -> tuple[Term, ...]:
             ramp=COST,
         ),
     )
+
+
+def _power_share(options: Options) -> Callable:
+    if options.power_free:
+        return lambda env: terms.power_excess(env.readings.mean_power, env.command, options.power_free)
+    return lambda env: terms.power_share(env.readings.torque, env.readings.joint_vel, env.command)
 
 
 def _long_step(env, options: Options) -> torch.Tensor:

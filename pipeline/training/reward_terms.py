@@ -76,6 +76,13 @@ def power_share(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Te
     return power(torque, joint_vel) / (NOISE_W + usual_power(command))
 
 
+def power_excess(mean_power: torch.Tensor, command: torch.Tensor, free: float) -> torch.Tensor:
+    """What the averaged power (n,) [W] is beyond the share `free` of what is usual at commands (n, 3), over what
+    `power_share` holds it against."""
+    usual = usual_power(command)
+    return torch.clamp(mean_power - free * usual, min=0.0) / (NOISE_W + usual)
+
+
 def usual_power(command: torch.Tensor) -> torch.Tensor:
     """About what the published walking policy spends on commands (n, 3) [W]: ankle damping 2 N m s/rad on the adapted
     robot, the worst of five seeds. Within a fifth of the mean of both sides: 106 to 110 / 193 / 256 / 371 W at .6 /

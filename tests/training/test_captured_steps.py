@@ -120,6 +120,8 @@ CHANGES: dict[str, dict[str, Any]] = {
         "resample_s": (0.02, 0.06),
         "push_speed": (0.0, 1.0),
         "recovery_s": 0.05,
+        "recovery_of": "steps",
+        "power_free": 0.5,
     },
     "upright_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
 }
@@ -287,5 +289,6 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
         "age of the command": env.velocity_command.age,
         "own command": env.own_command,
         "stance": env.readings.stance_time,
+        "averaged power": env.readings.mean_power,
         "foot set down": env.readings._set_down,
     }

@@ -1,9 +1,10 @@
-"""While a push is caught, effort costs nothing; all else costs what it does, and everybody else pays."""
+"""While a push is caught effort, or steps too, cost nothing; all else costs what it does, and everybody else pays."""
 
 from __future__ import annotations
 
 import math
 
+import pytest
 import torch
 
 from pipeline.training.bundle import read_bundle
@@ -15,6 +16,7 @@ from tests.factories.training_bundle import small_bundle
 ENVS = 6
 RECOVERY_S = 0.1
 EFFORT = ("power", "power_share", "saturation")
+FREE = {"effort": EFFORT, "steps": (*EFFORT, "feet_slide", "standing_still")}
 
 
 def _environment(tmp_path, root, robot, **changed) -> AmpEnvironment:
@@ -32,10 +34,13 @@ def _step(env: AmpEnvironment) -> None:
         env.step(torch.zeros(ENVS, 21))
 
 
-def test_effort_costs_nothing_for_as_long_after_a_push_as_is_asked(tmp_path, root, robot):
-    env = _environment(tmp_path, root, robot, recovery_s=RECOVERY_S)
+@pytest.mark.parametrize("recovery_of", FREE)
+def test_what_is_free_costs_nothing_for_as_long_after_a_push_as_is_asked(tmp_path, root, robot, recovery_of):
+    env = _environment(tmp_path, root, robot, recovery_s=RECOVERY_S, recovery_of=recovery_of)
+    env.velocity_command.give(torch.arange(ENVS), torch.zeros(ENVS, 3))
     task = env.reward_manager.get_term_cfg("task").func
-    effort = torch.tensor([row.name in EFFORT for row in task.rows])
+    effort = torch.tensor([row.name in FREE[recovery_of] for row in task.rows])
+    assert effort.sum() == len(FREE[recovery_of])
     found, values = [], task.values
     task.values = lambda env: found.append(values(env)) or found[-1]
     steps_since = torch.full((ENVS,), 1000)

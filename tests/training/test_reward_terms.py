@@ -74,7 +74,12 @@ def test_power_is_summed_over_joints_whatever_its_sign():
 
 
 @pytest.mark.parametrize(
-    ("option", "row"), [("ang_vel_factor", "ang_vel_xy"), ("feet_apart_factor", "feet_lateral_distance")]
+    ("option", "row"),
+    [
+        ("ang_vel_factor", "ang_vel_xy"),
+        ("feet_apart_factor", "feet_lateral_distance"),
+        ("fall_factor", "termination"),
+    ],
 )
 def test_factors_are_of_the_papers_weights(option: str, row: str):
     weights = []
@@ -83,35 +88,6 @@ def test_factors_are_of_the_papers_weights(option: str, row: str):
         weights.append({each.name: each.weight for each in rows})
     assert {name for name in weights[0] if weights[0][name] != weights[1][name]} == {row}
     assert weights[1][row] == 5.0 * weights[0][row] < 0.0
-
-
-MEASURED_W = {
-    (0.6, 0, 0): (110.2,),
-    (-0.6, 0, 0): (105.6,),
-    (1.0, 0, 0): (192.9,),
-    (1.5, 0, 0): (256.4,),
-    (2.0, 0, 0): (371.3,),
-    (0, 0.6, 0): (85.62, 71.06),
-    (0, 0, 1.0): (48.16, 76.94),
-    (0, 0, 1.5): (68.83, 96.75),
-    (0.6, 0, 0.8): (118.4, 125.9),
-    (1.0, 0, 0.5): (204.3, 204.4),
-}
-"""t1_walk, to the left and to the right, as the bars of `data/validation.yaml` have it: all commands it walks."""
-
-
-def test_the_usual_power_is_near_what_was_measured_on_both_sides():
-    usual = terms.usual_power(torch.tensor(list(MEASURED_W)))
-    assert usual.tolist() == pytest.approx([sum(sides) / len(sides) for sides in MEASURED_W.values()], rel=0.2)
-    assert torch.equal(terms.usual_power(-torch.tensor(list(MEASURED_W))), usual)
-
-
-def test_power_is_held_against_the_command():
-    (row,) = (row for row in table(PRESETS["paper_flat"][1].changed(power_share=1.5)) if row.name == "power_share")
-    command = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    readings = SimpleNamespace(torque=torch.tensor([[116.0], [85.0]]), joint_vel=torch.tensor([[-2.0], [1.0]]))
-    assert row.value(SimpleNamespace(command=command, readings=readings)).tolist() == pytest.approx([1.0, 1.0])
-    assert row.weight == -1.5
 
 
 @pytest.mark.parametrize("sigma2", [0.0, 0.25])
