@@ -59,7 +59,9 @@ def median_speed(given: argparse.Namespace, preset: str, physics: str | None) ->
         command += ["--iterations", str(given.iterations), *(["--physics", physics] if physics else [])]
         if given.device == "cpu":
             command += [text for option in SMALL_CPU for text in ("--set", option)]
-        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        status = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode
+        if status:
+            raise SystemExit(f"the run of {preset} ended with status {status}; what it said is above.")
         rows = list(csv.DictReader((Path(folder) / "curves.csv").read_text().splitlines()))
     counted = rows[WARM_UP:] or rows
     return float(np.median([float(row["steps_per_s"]) for row in counted]))
