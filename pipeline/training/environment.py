@@ -25,6 +25,7 @@ from pipeline.training.motion_features import state_features, window_frames, win
 from pipeline.training.observations import LARGEST
 from pipeline.training.options import Options
 from pipeline.training.plain_simulation import PlainSimulation
+from pipeline.training.power_excess import PowerExcess
 from pipeline.training.pushes import ComingPush
 from pipeline.training.ramps import Ramps
 from pipeline.training.readings import Readings
@@ -136,6 +137,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self.leg_swings = LegSwings(self) if options.full_swing else None
         if self.leg_swings is not None:
             self.restarts.append(self.leg_swings.restart)
+        self.power_excess = PowerExcess(self) if options.power_free else None
+        if self.power_excess is not None:
+            self.restarts.append(self.power_excess.restart)
         super().load_managers()
 
     @property

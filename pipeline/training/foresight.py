@@ -21,7 +21,7 @@ def foreseen(env) -> torch.Tensor:
     whether there is one at all; the force that acts now (n, 2) [N]; of the next command (n, 4): its nearness in time,
     and what it adds to the one of now, times that. Nothing of the next command is told where a clip is tracked. Where
     there are slopes, which way the ground falls (n, 2), as its sine; where commands are slewed, how far they still
-    have to go (n, 3); where rotors are on links, their share (n, 1); where effort after a push costs nothing, how
+    have to go (n, 3); where rotors are on links, their share (n, 1); where a push may be caught at no cost, how
     much of that time is left (n, 1)."""
     pushes = [part for coming in env.coming_pushes for part in _of_push(coming, env.readings.heading_w)]
     acting = _from_heading(env.trunk_forces.push_w, env.readings.heading_w)

@@ -89,7 +89,8 @@ class Options:
     power_share: float = 0.0
     """Weight of that power over what is usual at the command (`reward_terms.power_share`)."""
     power_free: float = 0.0
-    """Share of what is usual below which it costs nothing there, averaged over .4 s; 0: all of it, at the moment's."""
+    """Of what is usual: how much costs nothing there, averaged over .4 s (`power_excess.py`); 0: all of it costs, by
+    the moment's power."""
     slide_factor: float = 1.0
     """Of the paper's feet-slide weight."""
     slide_of: str = "centre"
@@ -145,7 +146,7 @@ class Options:
     recovery_s: float = 0.0
     """For this long [s] after a push begins they cost nothing: to catch it takes effort, and may fail."""
     recovery_of: str = "effort"
-    """`effort`: they alone; `steps`: so do feet that slide and leave the ground though told to stand."""
+    """`effort`: they alone; `steps`: nor do `feet_slide` and `standing_still`."""
 
     # Terminations
     fall_factor: float = 1.0
@@ -307,6 +308,12 @@ class Options:
             raise TrainingError(f"option 'keep' is {self.keep:g}; it must be 0 or more.")
         if self.keep and not self.symmetry:
             raise TrainingError("option 'keep' needs option 'symmetry', in whose place in the loss it comes.")
+        if not 0.0 <= self.power_free < math.inf:
+            raise TrainingError(f"option 'power_free' is {self.power_free:g}; it must be 0 or more.")
+        if self.power_free and not self.power_share:
+            raise TrainingError("option 'power_free' needs option 'power_share', of which it is free.")
+        if self.recovery_of != "effort" and not self.recovery_s:
+            raise TrainingError(f"option 'recovery_of' is '{self.recovery_of}'; it needs 'recovery_s', for how long.")
 
     def _hold_to_shares(self) -> None:
         """Kinds of commands are shares of all of them."""

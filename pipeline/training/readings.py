@@ -16,14 +16,14 @@ from mjlab.utils.lab_api.math import matrix_from_quat
 
 from pipeline.training.masks import replace
 from pipeline.training.plain_walk import AIR_S
-from pipeline.training.reward_terms import power, told_to_move, tracking
+from pipeline.training.reward_terms import told_to_move, tracking
 from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
 """What is that close is the same place [m]."""
 
 MEAN_TIME_S = 0.4
-"""Time constant of the averaged velocity and power."""
+"""Time constant of the averaged velocity."""
 
 CONTACT_FORCE = 1.0
 """Force [N] above which a foot is on the ground."""
@@ -95,7 +95,6 @@ class Readings:
             self._corners = _sole_corners(env.sim.mj_model, shapes, feet).to(env.device)
         self._forces = {name: self._addresses(name) for name in ("feet_contact", "other_contact")}
         self._mean = torch.zeros(env.num_envs, 3, device=env.device)
-        self._mean_power = torch.zeros(env.num_envs, device=env.device)
         self._stance = torch.zeros(env.num_envs, 2, device=env.device)
         self._stood = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
         self._landed = torch.zeros(env.num_envs, 2, dtype=torch.bool, device=env.device)
@@ -191,11 +190,6 @@ class Readings:
         """`velocity` averaged over MEAN_TIME_S (n, 3)."""
         return self._mean
 
-    @property
-    def mean_power(self) -> torch.Tensor:
-        """The joints' power, in sum, averaged over MEAN_TIME_S (n,) [W]; from 0 on in each episode."""
-        return self._mean_power
-
     @_kept
     def tracking(self) -> torch.Tensor:
         """How well the command is followed on each axis (n, 3)."""
@@ -289,11 +283,9 @@ class Readings:
         return self._double
 
     def advance(self) -> None:
-        """Once a control step, before rewards: what is averaged and the times of stances and steps move on."""
+        """Once a control step, before rewards: the averaged velocity and the times of stances and steps move on."""
         self.fresh()
-        share = self._env.step_dt / MEAN_TIME_S
-        self._mean += (torch.nan_to_num(self.velocity) - self._mean) * share
-        self._mean_power += (torch.nan_to_num(power(self.torque, self.joint_vel)) - self._mean_power) * share
+        self._mean += (torch.nan_to_num(self.velocity) - self._mean) * (self._env.step_dt / MEAN_TIME_S)
         self._advance_stances(self.contacts, told_to_move(self._env.command))
 
     def _advance_stances(self, contacts: torch.Tensor, moves: torch.Tensor) -> None:
@@ -319,10 +311,9 @@ class Readings:
         self._set_down.copy_(torch.where(moves, down, -1))
 
     def restart(self, mask: torch.Tensor) -> None:
-        """The averaged velocity of environments that begin an episode is the one they begin with, their power none."""
+        """The averaged velocity of environments that begin an episode is the one they begin with."""
         self.fresh()
         rotation = matrix_from_quat(self.root_quat_w)
         replace(self._mean, mask, velocity_of(rotation, self.lin_vel_w, self.ang_vel_b)[0])
-        replace(self._mean_power, mask, 0.0)
         replace(self._stance, mask, 0.0)
         replace(self._set_down, mask, -1)

@@ -21,6 +21,7 @@ from pipeline.training.observations import HISTORY
 from pipeline.training.options import Options
 from pipeline.training.policy_file import act
 from pipeline.training.pushes import FORCE_S
+from pipeline.training.reward_table import FALL
 from pipeline.training.reward_terms import joint_tracking, tracking
 from pipeline.training.terminations import stands_though_told
 
@@ -107,7 +108,7 @@ def standing_pays(options: Options, commands: torch.Tensor) -> torch.Tensor:
     stalls = options.stall & stands_though_told(commands, still, options)
     steps = torch.where(stalls, round(2.0 * options.stall_s / CONTROL_S) + 1, 1_000_000)
     lasting = CONTROL_S * (1.0 - DISCOUNT**steps) / (1.0 - DISCOUNT)
-    end = DISCOUNT**steps * stalls * 200.0 * options.stall_penalty * CONTROL_S
+    end = DISCOUNT**steps * stalls * -FALL * options.fall_factor * options.stall_penalty * CONTROL_S
     return (split + product + late) * lasting - end
 
 

@@ -14,13 +14,13 @@ from pipeline.training.pushes import recovery_left
 from pipeline.training.readings import CONTACT_FORCE
 from pipeline.training.training_error import TrainingError
 
+FALL = -200.0
+"""The paper's weight of a fall."""
 ENDS = ("termination", "stalled")
 """Rows that an episode ends with: at their full weight from the start."""
 PENALTY, COST, LATE = "penalty", "cost", "late"
 """Ramps: penalties grow in over the first iterations, what effort costs further on; rewards for the last few per cent
 come when it walks."""
-STEPS = ("feet_slide", "standing_still")
-"""Rows that take something for the steps that catch a push."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +35,8 @@ class Term:
     added: str = ""
     """Why it is there, where the paper does not have it; its off-switch is the option of that name set to 0."""
     ramp: str = ""
+    spared: bool = False
+    """Whether it costs nothing while a push is caught (`recovery_s`)."""
 
 
 def table(options: Options) -> tuple[Term, ...]:
@@ -64,8 +66,7 @@ class TaskReward:
             for ramp in ("", PENALTY, COST, LATE)
         }
         self._recovery_s = env.context.options.recovery_s
-        free = [_ramp(row) == COST or _freed(row, env.context.options) for row in self.rows]
-        self._free = torch.tensor(free, device=env.device)
+        self._spared = torch.tensor([row.spared for row in self.rows], device=env.device)
 
     def values(self, env) -> torch.Tensor:
         """Every row's value, not weighted (n, rows)."""
@@ -82,17 +83,12 @@ class TaskReward:
         """What every row paid at the last step (n, rows)."""
         if self._recovery_s:
             recovers = recovery_left(env, self._recovery_s)[:, None] > 0.0
-            self.paid = torch.where(recovers & self._free, 0.0, self.paid)
+            self.paid = torch.where(recovers & self._spared, 0.0, self.paid)
         return self.paid.sum(dim=1)
 
 
 def _ramp(row: Term) -> str:
     return row.ramp or (PENALTY if row.weight < 0.0 and row.name not in ENDS else "")
-
-
-def _freed(row: Term, options: Options) -> bool:
-    """Whether a row without a price of effort costs nothing after a push either."""
-    return options.recovery_of == "steps" and row.name in STEPS
 
 
 def _tracking(options: Options) -> tuple[Term, ...]:
@@ -167,7 +163,7 @@ def _motion(options: Options) -> tuple[Term, ...]:
         Term(
             name="termination",
             equation="1[terminated]",
-            weight=-200.0 * options.fall_factor,
+            weight=FALL * options.fall_factor,
             value=lambda env: env.fell.float(),
         ),
     )
@@ -186,6 +182,7 @@ def _feet(options: Options) -> tuple[Term, ...]:
             equation="sum 1[c_i] |v_i,xy|",
             weight=-0.25 * options.slide_factor,
             value=_slide(options),
+            spared=options.recovery_of == "steps",
         ),
         Term(
             name="feet_force",
@@ -232,7 +229,7 @@ def _added(options: Options) -> tuple[Term, ...]:
         Term(
             name="stalled",
             equation="1[stalled]",
-            weight=-200.0 * options.stall_penalty,
+            weight=FALL * options.fall_factor * options.stall_penalty,
             value=lambda env: env.stalled.float(),
             added="standing till the stall ends it was paid more than trying to walk and falling",
         ),
@@ -266,6 +263,7 @@ def _added(options: Options) -> tuple[Term, ...]:
                 env.command, env.readings.contacts, env.readings.joint_vel, options.right_more
             ),
             added="tracking alone pays stepping on the spot as well as standing",
+            spared=options.recovery_of == "steps",
         ),
         Term(
             name="single_stance",
@@ -307,15 +305,16 @@ def _added(options: Options) -> tuple[Term, ...]:
             value=lambda env: terms.power(env.readings.torque, env.readings.joint_vel),
             added="power is a bar of the evaluation, in sum; the norm over joints hardly sees small ones",
             ramp=COST,
+            spared=True,
         ),
         Term(
             name="power_share",
-            equation=f"sum |tau dq| / (what is usual at the command + {terms.NOISE_W:g} W); with power_free "
-            "of its mean what is beyond that share of what is usual",
+            equation=_power_share_equation(options),
             weight=-options.power_share,
             value=_power_share(options),
             added="by the watt a run of 2 m/s is hardly worth being alive, and steps to the side cost little",
             ramp=COST,
+            spared=True,
         ),
         Term(
             name="saturation",
@@ -324,13 +323,20 @@ def _added(options: Options) -> tuple[Term, ...]:
             value=lambda env: terms.saturation(env.readings.torque, env.motor_limit(options.saturation_of)),
             added="leaves the motors a reserve",
             ramp=COST,
+            spared=True,
         ),
     )
 
 
+def _power_share_equation(options: Options) -> str:
+    beyond = f" - {options.power_free:g} of what is usual" if options.power_free else ""
+    share = f"(sum |tau dq|{beyond}) / (what is usual at the command + {terms.NOISE_W:g} W)"
+    return f"max(0, mean {share})" if options.power_free else share
+
+
 def _power_share(options: Options) -> Callable:
     if options.power_free:
-        return lambda env: terms.power_excess(env.readings.mean_power, env.command, options.power_free)
+        return lambda env: env.power_excess.share
     return lambda env: terms.power_share(env.readings.torque, env.readings.joint_vel, env.command)
 
 

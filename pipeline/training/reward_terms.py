@@ -76,11 +76,11 @@ def power_share(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Te
     return power(torque, joint_vel) / (NOISE_W + usual_power(command))
 
 
-def power_excess(mean_power: torch.Tensor, command: torch.Tensor, free: float) -> torch.Tensor:
-    """What the averaged power (n,) [W] is beyond the share `free` of what is usual at commands (n, 3), over what
-    `power_share` holds it against."""
+def power_over(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Tensor, free: float) -> torch.Tensor:
+    """How far the joints' power (n,) is over the share `free` of what is usual at the command, below 0 where it is
+    under it, held against what `power_share` holds it against."""
     usual = usual_power(command)
-    return torch.clamp(mean_power - free * usual, min=0.0) / (NOISE_W + usual)
+    return (power(torque, joint_vel) - free * usual) / (NOISE_W + usual)
 
 
 def usual_power(command: torch.Tensor) -> torch.Tensor:

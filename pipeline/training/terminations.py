@@ -59,6 +59,8 @@ def _fell(env) -> torch.Tensor:
     env.readings.advance()
     if env.leg_swings is not None:
         env.leg_swings.advance()
+    if env.power_excess is not None:
+        env.power_excess.advance()
     if env.tracked_clip is not None:
         env.tracked_clip.advance()
     options = env.context.options

@@ -200,6 +200,11 @@ def test_a_motor_gives_less_the_faster_it_turns_its_own_way():
     assert terms.motor_limit(torque, speed, limit, endless, endless).tolist() == [[60.0, 60.0]] * 3
 
 
+def test_a_stall_costs_its_share_of_a_fall_whatever_that_costs():
+    weights = {row.name: row.weight for row in table(PRESETS["gated_style"][1].changed(fall_factor=4.0))}
+    assert (weights["termination"], weights["stalled"]) == (-800.0, -400.0)
+
+
 def test_ends_of_episodes_are_not_softened_at_the_start():
     ramps = {row.name: _ramp(row) for row in table(PRESETS["gated_style"][1])}
     assert (ramps["termination"], ramps["stalled"], ramps["feet_slide"]) == ("", "", "penalty")
