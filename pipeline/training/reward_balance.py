@@ -21,7 +21,7 @@ from pipeline.training.observations import HISTORY
 from pipeline.training.options import Options
 from pipeline.training.policy_file import act
 from pipeline.training.pushes import FORCE_S
-from pipeline.training.reward_table import FALL
+from pipeline.training.reward_row import FALL
 from pipeline.training.reward_terms import joint_tracking, tracking
 from pipeline.training.terminations import stands_though_told
 

@@ -11,7 +11,7 @@ import torch
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.presets import PRESETS
-from pipeline.training.reward_table import _ramp, table
+from pipeline.training.reward_table import table
 from pipeline.training.training_error import TrainingError
 
 WEIGHTS = {
@@ -206,7 +206,7 @@ def test_a_stall_costs_its_share_of_a_fall_whatever_that_costs():
 
 
 def test_ends_of_episodes_are_not_softened_at_the_start():
-    ramps = {row.name: _ramp(row) for row in table(PRESETS["gated_style"][1])}
+    ramps = {row.name: row.grows for row in table(PRESETS["gated_style"][1])}
     assert (ramps["termination"], ramps["stalled"], ramps["feet_slide"]) == ("", "", "penalty")
 
 
