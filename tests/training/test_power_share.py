@@ -125,6 +125,7 @@ def test_the_row_pays_what_is_averaged_of_a_running_environment(tmp_path, root, 
     given = torch.Generator().manual_seed(3)
     for _ in range(6):
         env.step(0.3 * torch.randn(3, 21, generator=given))
+    assert env.power_excess is not None
     assert torch.equal(row.value(env), env.power_excess.share)
     assert row.value(env).max() > 0.01
     assert (row.weight, row.ramp, row.spared) == (-20.0, "cost", True)
