@@ -1,8 +1,8 @@
 """What the motors' power is beyond what is usual at the command, averaged over about a step.
 
-Within a step power goes from next to nothing to thrice its mean, so that the moment's can't be held to a bound. What is
-averaged is how far it was over the bound of the command of that time: a new command inherits no debt. Nor does a push,
-while effort costs nothing.
+Power rises and falls within each step, so that the moment's can't be held to a bound. What is averaged is how far it
+was over the bound of the command of that time: a new command inherits no debt. Nor does the end of a recovery, in which
+effort costs nothing.
 """
 
 from __future__ import annotations
