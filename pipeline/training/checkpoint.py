@@ -34,12 +34,16 @@ def save_checkpoint(folder: Path, iteration: int, state: dict[str, Any], environ
 
 
 def load_checkpoint(path: Path, device: str) -> dict[str, Any]:
-    """The state of a file. Raises TrainingError where it can't be read, is no checkpoint, or holds more than tensors
-    and numbers."""
+    """The state of a file. Raises TrainingError where it can't be read, the device has no memory for it, it is no
+    checkpoint, or holds more than tensors and numbers."""
     try:
         state = torch.load(path, map_location=device, weights_only=True)
     except OSError as error:
         raise TrainingError(f"{path}: can't be read ({error.strerror or error}).") from error
+    except (MemoryError, torch.OutOfMemoryError) as error:
+        raise TrainingError(
+            f"{path}: there is no memory left on {device} to load it; end what else runs there."
+        ) from error
     except Exception as error:  # a damaged archive or pickle raises whatever a parser on its way does
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise TrainingError(f"{path}: is no checkpoint of ours and was not loaded ({first}).") from error

@@ -208,6 +208,17 @@ def test_a_checkpoint_that_is_not_there_is_not_called_damaged(tmp_path):
         load_checkpoint(tmp_path / "gone.pt", "cpu")
 
 
+@pytest.mark.parametrize("error", [torch.OutOfMemoryError("CUDA out of memory. Tried 2 MiB\nmore"), MemoryError()])
+def test_a_checkpoint_for_which_there_is_no_memory_is_not_called_damaged(tmp_path, monkeypatch, error):
+    def full(*_, **__):
+        raise error
+
+    monkeypatch.setattr(torch, "load", full)
+    with pytest.raises(TrainingError, match=r"good\.pt: there is no memory left on cpu to load it") as told:
+        load_checkpoint(tmp_path / "good.pt", "cpu")
+    assert "no checkpoint of ours" not in str(told.value)
+
+
 def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
     path = tmp_path / "model_000001.pt"
     torch.save({"weights": torch.ones(1)}, path)
