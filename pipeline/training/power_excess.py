@@ -12,7 +12,7 @@ import torch
 from pipeline.training.masks import replace
 from pipeline.training.pushes import recovery_left
 from pipeline.training.readings import MEAN_TIME_S
-from pipeline.training.reward_terms import power_over
+from pipeline.training.reward_terms import power_share
 
 
 class PowerExcess:
@@ -30,7 +30,7 @@ class PowerExcess:
     def advance(self) -> None:
         """A control step further, after the readings and before rewards."""
         read = self._env.readings
-        over = power_over(read.torque, read.joint_vel, self._env.command, self._options.power_free)
+        over = power_share(read.torque, read.joint_vel, self._env.command, self._options.power_free)
         if self._options.recovery_s:
             over = torch.where(recovery_left(self._env, self._options.recovery_s) > 0.0, 0.0, over)
         self._over += (torch.nan_to_num(over) - self._over) * (self._env.step_dt / MEAN_TIME_S)

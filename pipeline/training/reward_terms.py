@@ -70,15 +70,11 @@ def power(torque: torch.Tensor, joint_vel: torch.Tensor) -> torch.Tensor:
     return (torque * joint_vel).abs().sum(dim=1)
 
 
-def power_share(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Tensor) -> torch.Tensor:
-    """The joints' power (n,) over what is usual at the command and NOISE_W more, of torques and speeds (n, a) [N m,
-    rad/s] and commands (n, 3)."""
-    return power(torque, joint_vel) / (NOISE_W + usual_power(command))
-
-
-def power_over(torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Tensor, free: float) -> torch.Tensor:
-    """How far the joints' power (n,) is over the share `free` of what is usual at the command, below 0 where it is
-    under it, held against what `power_share` holds it against."""
+def power_share(
+    torque: torch.Tensor, joint_vel: torch.Tensor, command: torch.Tensor, free: float = 0.0
+) -> torch.Tensor:
+    """The joints' power (n,) beyond the share `free` of what is usual at the command, below 0 where it is less, over
+    what is usual and NOISE_W more; of torques and speeds (n, a) [N m, rad/s] and commands (n, 3)."""
     usual = usual_power(command)
     return (power(torque, joint_vel) - free * usual) / (NOISE_W + usual)
 
