@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.training.arguments import chosen_device, pairs
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import DEFAULT, PRESETS, preset
 from pipeline.training.training_error import TrainingError
@@ -38,14 +38,14 @@ def _train(given: argparse.Namespace) -> None:
 
     if given.bundle is None or given.out is None:
         raise TrainingError("--bundle and --out are needed; python -m pipeline.training --help tells more.")
-    options = changed_by_texts(preset(given.preset), _pairs(given.set))
+    options = changed_by_texts(preset(given.preset), pairs(given.set))
     bundle = read_bundle(given.bundle, options.use_augmented)
     request = RunRequest(
         out=given.out,
         preset=given.preset,
         options=options,
         num_envs=given.num_envs,
-        device=_device(given.device),
+        device=chosen_device(given.device),
         seed=given.seed,
         iterations=given.iterations,
         minutes=given.minutes,
@@ -54,26 +54,6 @@ def _train(given: argparse.Namespace) -> None:
         start_from=given.start_from,
     )
     TrainingRun(bundle, request).train()
-
-
-def _device(name: str) -> str:
-    """The device, of the process's own rank under torchrun. Raises TrainingError where it is not there."""
-    import torch
-
-    if name == "cpu":
-        return name
-    if not torch.cuda.is_available():
-        raise TrainingError(f"--device is '{name}', but PyTorch finds no GPU here. Use --device cpu.")
-    name = f"cuda:{os.getenv('LOCAL_RANK', '0')}" if name == "cuda" else name
-    torch.cuda.set_device(name)
-    return name
-
-
-def _pairs(texts: Sequence[str]) -> dict[str, str]:
-    for text in texts:
-        if "=" not in text:
-            raise TrainingError(f"--set is '{text}'; it must be NAME=VALUE.")
-    return dict(text.split("=", 1) for text in texts)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -23,14 +23,20 @@ CURE = "Train on a bundle of the robot that it was trained on, or take another p
 GAINS = ("kp", "kd", "default_joint_pos")
 
 
+def network_of(path: Path, robot: RobotFacts) -> dict[str, np.ndarray]:
+    """The arrays of a policy file. Raises TrainingError where it is none, or is of another robot or other gains."""
+    given = _arrays(path)
+    _hold_to_numbers(path, given)
+    _hold_to_robot(path, given, robot)
+    return given
+
+
 def begin_with(actor: nn.Module, path: Path, robot: RobotFacts) -> None:
     """Let an actor answer as the policy of a file does.
 
     Raises TrainingError where the file is none, or is of another size, robot or gains.
     """
-    given = _arrays(path)
-    _hold_to_numbers(path, given)
-    _hold_to_robot(path, given, robot)
+    given = network_of(path, robot)
     state = actor.state_dict()
     wanted = _sources(state)
     missing = [name for name in wanted.values() if name not in given]
@@ -59,9 +65,7 @@ def moved_towards(arrays: dict[str, np.ndarray], path: Path, share: float, robot
     """
     if not 0.0 <= share <= 1.0:
         raise TrainingError(f"--share is {share:g}; it must be 0 to 1.")
-    given = _arrays(path)
-    _hold_to_numbers(path, given)
-    _hold_to_robot(path, given, robot)
+    given = network_of(path, robot)
     mixed = dict(arrays)
     for name in (each for each in arrays if each in ("mean", "std") or each.startswith("L")):
         own = arrays[name]

@@ -87,11 +87,16 @@ class ComingPush:
 def recovery_left(env, recovery_s: float) -> torch.Tensor:
     """How much of the time [s] to recover from the latest push is left (n,): about 1 as it begins, 0 when it is over.
     It is that of the middle of a control step, so that its last step is the last that ends within it."""
+    middle_s = since_push(env) + 0.5 * env.step_dt
+    return (1.0 - middle_s / recovery_s).clamp(min=0.0)
+
+
+def since_push(env) -> torch.Tensor:
+    """How long ago the latest push of any kind began in this episode (n,) [s]; infinite where none did."""
     since_s = [coming.since_s for coming in env.coming_pushes]
     if not since_s:
-        return torch.zeros(env.num_envs, device=env.device)
-    middle_s = torch.stack(since_s).amin(dim=0) + 0.5 * env.step_dt
-    return (1.0 - middle_s / recovery_s).clamp(min=0.0)
+        return torch.full((env.num_envs,), math.inf, device=env.device)
+    return torch.stack(since_s).amin(dim=0)
 
 
 class PushVelocity:

@@ -1,0 +1,92 @@
+"""Teach one network by several policies: `python -m pipeline.training.distil --bundle DIR --out DIR --teacher …`.
+
+    --teacher ROLE=FILE  a policy file (npz) for a role: `other` (needed), `ahead`, `standing`, `pushed`; see teachers.py
+    --start-from FILE    the policy file whose network is begun with; else that of `other`
+    --preset NAME        whose commands, pushes and disturbances robots are taught under, as training ends with them
+    --set NAME=VALUE     change one option of the preset; may be given often
+    --iterations N       of 24 steps of each environment
+    --minutes M          end after M minutes, whichever comes first
+    --memory N           how many of the newest states are learned from
+    --passes P           how often each state is learned from while it is new
+
+The rest as in `python -m pipeline.training`, as are its files and exit status; `curves.csv` has for each role the mean
+square of what the network is off by (`loss_other` …). The policy is a network like any: training can go on from it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's threads spin where MuJoCo's want the processor
+
+from pipeline.training.arguments import chosen_device, pairs
+from pipeline.training.option_texts import changed_by_texts
+from pipeline.training.presets import preset
+from pipeline.training.training_error import TrainingError
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Exit status 0, 2 for a wrong request, 130 when interrupted."""
+    given = _parser().parse_args(arguments)
+    try:
+        _distil(given)
+    except TrainingError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; --resume goes on from the newest checkpoint.", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _distil(given: argparse.Namespace) -> None:
+    from pipeline.training.bundle import read_bundle
+    from pipeline.training.distilled_run import DistilledRun, DistilRequest
+
+    options = changed_by_texts(preset(given.preset), pairs(given.set))
+    teachers = {role: Path(path) for role, path in pairs(given.teacher, "--teacher").items()}
+    request = DistilRequest(
+        out=given.out,
+        preset=given.preset,
+        options=options,
+        teachers=teachers,
+        start_from=given.start_from,
+        num_envs=given.num_envs,
+        device=chosen_device(given.device),
+        seed=given.seed,
+        iterations=given.iterations,
+        minutes=given.minutes,
+        resume=given.resume,
+        memory=given.memory,
+        passes=given.passes,
+        physics=given.physics,
+    )
+    DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m pipeline.training.distil", description="See the module's text.")
+    parser.add_argument("--bundle", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--teacher", action="append", required=True, metavar="ROLE=POLICY")
+    parser.add_argument("--start-from", type=Path, metavar="POLICY")
+    parser.add_argument("--preset", default="refined_steps")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--physics", choices=("warp", "plain"))
+    parser.add_argument("--num-envs", type=int, default=4096)
+    parser.add_argument("--iterations", type=int, default=600)
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--memory", type=int, default=300_000)
+    parser.add_argument("--passes", type=float, default=4.0)
+    parser.add_argument("--resume", action="store_true")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

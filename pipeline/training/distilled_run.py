@@ -1,0 +1,277 @@
+"""One network taught by several policies: a run from its request to its files.
+
+DAgger (Ross et al., "A reduction of imitation learning and structured prediction to no-regret online learning",
+AISTATS 2011): robots of the training environment do what the network says, at first what its teachers say; the
+teachers say at each state what they would do; the network learns that, by least squares, of the newest states.
+Rewards count for nothing here. The memory of states is not in a checkpoint: a run that goes on fills it anew, and so
+ends with other numbers than one that was never interrupted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import math
+import platform
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from pipeline.training.bundle import Bundle
+from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.training.curves import Curves
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.given_network import begin_with
+from pipeline.training.options import Options
+from pipeline.training.policy_file import policy_arrays, write_policy
+from pipeline.training.pushes import since_push
+from pipeline.training.taught_memory import TaughtMemory
+from pipeline.training.teachers import ROLES, Teachers, role_of
+from pipeline.training.training_error import TrainingError
+
+SAVE_EVERY = 100
+STEPS = 24
+"""Of each environment an iteration."""
+NOISE = 0.05
+"""Standard deviation of what is added to the network's actions, so that states around its walk are taught as well."""
+LED_SHARE = 0.2
+"""Share of the run in which the teachers' share of the robots goes from all to none."""
+RATES = (1e-3, 5e-5)
+"""Learning rate at first and at last; between them a half cosine."""
+BATCH = 4096
+LARGEST_GRADIENT = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistilRequest:
+    """What is asked of a run."""
+
+    out: Path
+    preset: str
+    options: Options
+    """Of the environment."""
+    teachers: dict[str, Path]
+    """A policy file for each role that has one of its own."""
+    start_from: Path | None
+    """The policy file whose network is begun with; None: that of `other`."""
+    num_envs: int
+    device: str
+    seed: int
+    iterations: int
+    minutes: float | None
+    resume: bool
+    memory: int
+    """How many of the newest states are learned from."""
+    passes: float
+    """How often a state is learned from, in the mean, in the iteration that it comes with."""
+    physics: str | None = None
+
+
+class DistilledRun:
+    """Environment, teachers, network and files of a run."""
+
+    def __init__(self, bundle: Bundle, request: DistilRequest):
+        self.bundle, self.request = bundle, request
+        if request.memory < BATCH:
+            raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
+        if request.passes <= 0.0:
+            raise TrainingError(f"--passes is {request.passes:g}; it must be over 0.")
+        self.teachers = Teachers(request.teachers, bundle.robot, request.device)
+        self.env = AmpEnvironment(
+            bundle, request.options, request.num_envs, request.device, request.seed, request.physics
+        )
+        self.env.schedule = float(request.options.run_iterations or request.iterations)
+        self.env.go_on()
+        torch.manual_seed(request.seed)
+        self._seen = self._begun()
+        groups = TensorDict(cast(Any, {"actor": self._seen}), batch_size=[request.num_envs])
+        self.student = MLPModel(
+            groups,
+            {"actor": ["actor"]},
+            "actor",
+            len(bundle.robot.controlled),
+            hidden_dims=list(request.options.hidden),
+            activation="elu",
+            obs_normalization=True,
+        ).to(request.device)
+        begin_with(self.student, request.start_from or request.teachers["other"], bundle.robot)
+        self.student.eval()  # the normalizer stays what the first network had
+        self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=RATES[0])
+        self.iteration = 0
+        """How many iterations are done."""
+        if request.resume:
+            self._resume()
+        self.memory = TaughtMemory(request.memory, self._seen.shape[1], len(bundle.robot.controlled), request.device)
+        self._curves = Curves(request.out / "curves.csv", self.iteration)
+
+    def train(self) -> None:
+        """Iterate until the wanted number or time is reached; every hundredth state is kept, and the last."""
+        request, started, before = self.request, time.monotonic(), self._curves.seconds
+        request.out.mkdir(parents=True, exist_ok=True)
+        _write_json(request.out / "config.json", self._config())
+        reason = "iterations"
+        while self.iteration < request.iterations:
+            begun = time.monotonic()
+            passed = before + begun - started
+            if request.minutes is not None and passed > 60.0 * request.minutes:
+                reason = "minutes"
+                break
+            figures = self._iterate(self._share_done(passed))
+            self.iteration += 1
+            now = time.monotonic()
+            steps_per_s = STEPS * request.num_envs / (now - begun)
+            self._curves.add(
+                {"iteration": self.iteration, "seconds": before + now - started, "steps_per_s": steps_per_s, **figures}
+            )
+            losses = " ".join(f"{name} {figures[f'loss_{name}']:.4f}" for name in ROLES)
+            print(
+                f"iteration {self.iteration} of {request.iterations}, {before + now - started:.0f} s: {losses}, "
+                f"{figures['falls_per_min']:.2f} falls a minute",
+                flush=True,
+            )
+            if self.iteration % SAVE_EVERY == 0:
+                self.save()
+            elif self.iteration % 10 == 0:
+                self._curves.write()
+        self.save()
+        seconds = before + time.monotonic() - started
+        steps = self.iteration * STEPS * request.num_envs
+        done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+        _write_json(request.out / "done.json", {**done, "steps_per_s": steps / max(seconds, 1e-9)})
+
+    def save(self) -> None:
+        """Checkpoint, policy and curves."""
+        state = {
+            "actor_state_dict": self.student.state_dict(),
+            "critic_state_dict": {},
+            "optimizer_state_dict": self.optimizer.state_dict(),
+        }
+        out = self.request.out
+        save_checkpoint(out / "checkpoints", self.iteration, state, self.env.common_step_counter)
+        write_policy(out / "policy.npz", policy_arrays(state, self.bundle.robot))
+        self._curves.write()
+
+    def _begun(self) -> torch.Tensor:
+        return self.env.reset()[0]["actor"].clone()
+
+    def _share_done(self, seconds: float) -> float:
+        """How much of the run is over, by iterations or by time, 0..1."""
+        request = self.request
+        by_time = 0.0 if request.minutes is None else seconds / (60.0 * request.minutes)
+        return min(1.0, max(by_time, self.iteration / request.iterations))
+
+    def _iterate(self, done: float) -> dict[str, float]:
+        """Walk, and learn from what the teachers say of it."""
+        rate = RATES[1] + 0.5 * (RATES[0] - RATES[1]) * (1.0 + math.cos(math.pi * done))
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        off, count = self._walk(max(0.0, 1.0 - done / LED_SHARE))
+        loss = self._learn()
+        env_figures = self.env.record.take(self.env.step_dt)
+        figures = {
+            f"loss_{name}": float(off[role] / count[role]) if count[role] else math.nan
+            for role, name in enumerate(ROLES)
+        }
+        return {**figures, "loss": loss, "learning_rate": rate, **env_figures}
+
+    @torch.inference_mode()
+    def _walk(self, led: float) -> tuple[torch.Tensor, torch.Tensor]:
+        """Fill the memory by STEPS steps, a share of the robots led by the teachers; returns sums of squares of what
+        the network was off by, mean over the joints, and counts, of each role (r,)."""
+        env, size = self.env, len(ROLES)
+        off, count = (torch.zeros(size, device=env.device) for _ in range(2))
+        guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
+        for _ in range(STEPS):
+            role = role_of(env.command, since_push(env))
+            told, own = self.teachers.act(self._seen, role), self._answer(self._seen)
+            self.memory.add(self._seen, told)
+            off.index_add_(0, role, torch.square(own - told).mean(dim=1))
+            count.index_add_(0, role, torch.ones_like(role, dtype=torch.float32))
+            own = own + NOISE * torch.randn_like(own)
+            self._seen = env.step(torch.where(guided, told, own))[0]["actor"]
+        return off, count
+
+    def _learn(self) -> float:
+        """Steps of least squares; their mean loss."""
+        request = self.request
+        updates = max(1, round(request.passes * STEPS * request.num_envs / BATCH))
+        total = torch.zeros((), device=request.device)
+        for _ in range(updates):
+            seen, told = self.memory.drawn(BATCH)
+            loss = torch.square(self._answer(seen) - told).mean()
+            self.optimizer.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(self.student.mlp.parameters(), LARGEST_GRADIENT)
+            self.optimizer.step()
+            total += loss.detach()
+        return float(total) / updates
+
+    def _answer(self, seen: torch.Tensor) -> torch.Tensor:
+        return self.student.mlp(self.student.obs_normalizer(seen))
+
+    def _resume(self) -> None:
+        path = newest_checkpoint(self.request.out / "checkpoints")
+        if path is None:
+            return
+        state = load_checkpoint(path, self.request.device)
+        self._hold_to_config()
+        try:
+            self.student.load_state_dict(state["actor_state_dict"])
+            self.optimizer.load_state_dict(state["optimizer_state_dict"])
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+            first = str(error).splitlines()[0]
+            raise TrainingError(f"{path}: is of another network; it can't be gone on from ({first}).") from error
+        self.iteration = int(state["iteration"])
+        self.env.common_step_counter = int(state["environment_steps"])
+
+    def _hold_to_config(self) -> None:
+        """Raises TrainingError where the run was begun with other teachers."""
+        path = self.request.out / "config.json"
+        begun = json.loads(path.read_text()).get("teachers") if path.is_file() else None
+        if begun != self._teachers():
+            raise TrainingError(f"{path}: the run was begun with other teachers; give another --out.")
+
+    def _teachers(self) -> dict[str, str]:
+        """Digest of each role's policy file."""
+        return {role: _digest(path) for role, path in sorted(self.request.teachers.items())}
+
+    def _config(self) -> dict[str, Any]:
+        request = self.request
+        return {
+            "preset": request.preset,
+            "options": dataclasses.asdict(request.options),
+            "teachers": self._teachers(),
+            "start_from": _digest(request.start_from or request.teachers["other"]),
+            "seed": request.seed,
+            "num_envs": request.num_envs,
+            "iterations": request.iterations,
+            "minutes": request.minutes,
+            "memory": request.memory,
+            "passes": request.passes,
+            "device": request.device if request.device == "cpu" else torch.cuda.get_device_name(request.device),
+            "physics": self.env.physics,
+            "bundle_digest": self.bundle.digest,
+            "bundle": self.bundle.about,
+            "versions": {
+                "python": platform.python_version(),
+                "torch": torch.__version__,
+                "numpy": np.__version__,
+            },
+        }
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _write_json(path: Path, values: dict[str, Any]) -> None:
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(values, indent=1, sort_keys=True) + "\n")
+    part.replace(path)

@@ -1,0 +1,80 @@
+"""Several policies that teach one network, each where it is the better one: which of them a robot listens to.
+
+Roles, the first that holds: `pushed` for PUSHED_S after a push began, `standing` when told to stand, `ahead` when told
+to walk mainly forward at a figure that the motions have, `other` for the rest. A role without a teacher of its own is
+`other`'s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pipeline.training.bundle import RobotFacts
+from pipeline.training.given_network import network_of
+from pipeline.training.training_error import TrainingError
+
+ROLES = ("other", "ahead", "standing", "pushed")
+"""Each goes before those named earlier."""
+PUSHED_S = 1.0
+"""How long after its beginning a push is answered [s]."""
+AHEAD_M_S, ASIDE_M_S, TURN_RAD_S = 0.55, 0.3, 1.0
+"""Ahead is this fast at least, this fast aside and turning this fast at most."""
+
+
+def role_of(command: torch.Tensor, since_s: torch.Tensor) -> torch.Tensor:
+    """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,)."""
+    forward, lateral, yaw = command.unbind(dim=1)
+    ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= TURN_RAD_S)
+    role = ahead.long()
+    role = torch.where((command == 0.0).all(dim=1), ROLES.index("standing"), role)
+    return torch.where(since_s < PUSHED_S, ROLES.index("pushed"), role)
+
+
+class Teachers:
+    """The networks of policy files, by role."""
+
+    def __init__(self, paths: Mapping[str, Path], robot: RobotFacts, device: str):
+        """Raises TrainingError for a role that is none, without `other`, and for a file that is no policy for this
+        robot and its gains."""
+        unknown = [role for role in paths if role not in ROLES]
+        if unknown:
+            raise TrainingError(f"--teacher names '{unknown[0]}'; roles are {', '.join(ROLES)}.")
+        if "other" not in paths:
+            raise TrainingError("--teacher other=POLICY is needed: who teaches where nobody else does.")
+        self._networks = {role: _Network(network_of(path, robot), path, device) for role, path in paths.items()}
+        self._taken = torch.tensor([ROLES.index(role if role in paths else "other") for role in ROLES], device=device)
+
+    def act(self, observation: torch.Tensor, role: torch.Tensor) -> torch.Tensor:
+        """What (n, a) the teachers of roles (n,) do at what the actor sees (n, o)."""
+        taken = self._taken[role]
+        first, *others = self._networks.items()
+        action = first[1](observation)
+        action = torch.where((taken == ROLES.index(first[0]))[:, None], action, torch.nan)
+        for name, network in others:
+            action = torch.where((taken == ROLES.index(name))[:, None], network(observation), action)
+        return action
+
+
+class _Network:
+    """A policy file's network on a device."""
+
+    def __init__(self, arrays: Mapping[str, np.ndarray], path: Path, device: str):
+        def tensor(name: str) -> torch.Tensor:
+            if name not in arrays:
+                raise TrainingError(f"{path}: lacks '{name}'; it is no policy of ours.")
+            return torch.from_numpy(np.asarray(arrays[name], dtype=np.float32)).to(device)
+
+        count = sum(name.startswith("L") and name.endswith("_w") for name in arrays)
+        self._mean, self._scale = tensor("mean"), tensor("std") + float(arrays["eps"])
+        self._layers = [(tensor(f"L{number}_w").T.contiguous(), tensor(f"L{number}_b")) for number in range(count)]
+
+    def __call__(self, observation: torch.Tensor) -> torch.Tensor:
+        value = (observation - self._mean) / self._scale
+        for number, (weight, bias) in enumerate(self._layers):
+            value = value @ weight + bias
+            value = torch.nn.functional.elu(value) if number < len(self._layers) - 1 else value
+        return value
