@@ -70,7 +70,7 @@ class AmpPpo(PPO):
     def keep_walk(self) -> None:
         """Stay near what the actor does now as it is told ahead."""
         assert isinstance(self.symmetry, MirroredSamples), "options with keep have symmetry"
-        self.symmetry.keep(KeptWalk(self._raw_actor, self._options.init_std, self._options.keep))
+        self.symmetry.keep(KeptWalk(self._raw_actor, self._options.init_std, self._options.keep, self._options.keep_of))
 
     def _two_rates(self, critic_rate: float) -> torch.optim.Optimizer:
         """rsl-rl's optimizer with the critic in a group of its own: what it says of the rate is the actor's."""

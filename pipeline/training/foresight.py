@@ -33,6 +33,11 @@ def foreseen(env) -> torch.Tensor:
     return torch.cat([*pushes, acting, *_of_command(env), *slope, *slewed, *rotors, *recovery], dim=1)
 
 
+def recovery_told(critic: torch.Tensor) -> torch.Tensor:
+    """How much (n,) of the time to recover from a push is left, of what a critic (n, c) with foresight sees."""
+    return critic[:, -1]
+
+
 def signs(env) -> torch.Tensor:
     """By what each of these numbers is multiplied in a mirror (k,)."""
     push, acting, command = [1.0, 1.0, -1.0, 1.0], [1.0, -1.0], [1.0, 1.0, -1.0, -1.0]

@@ -19,6 +19,7 @@ WORDS = {
     "saturation_of": ("limit", "line"),
     "init_posture": ("default", "clips"),
     "recovery_of": ("effort", "steps"),
+    "keep_of": ("ahead", "unpushed"),
 }
 """Options that are one of some words."""
 
@@ -291,7 +292,9 @@ class Options:
     critic_iterations: int = 0
     """For so many iterations the critic learns alone: of a network that is given, it knows nothing at first."""
     keep: float = 0.0
-    """Weight of the divergence [nat] from the policy that is gone on with, as it is told ahead (`kept_walk.py`)."""
+    """Weight of the divergence [nat] from the policy that is gone on with (`kept_walk.py`) …"""
+    keep_of: str = "ahead"
+    """… as it is told `ahead`, or as it is `unpushed` for `recovery_s`."""
     foresight: bool = False
     """Whether the critic is told what happens whatever the robot does, the next push first (`foresight.py`)."""
     symmetry: bool = True
@@ -308,6 +311,8 @@ class Options:
             raise TrainingError(f"option 'keep' is {self.keep:g}; it must be 0 or more.")
         if self.keep and not self.symmetry:
             raise TrainingError("option 'keep' needs option 'symmetry', in whose place in the loss it comes.")
+        if self.keep_of == "unpushed" and not (self.recovery_s and self.foresight):
+            raise TrainingError("option 'keep_of' is 'unpushed'; it needs 'recovery_s' and 'foresight', who tell when.")
         if not 0.0 <= self.power_free < math.inf:
             raise TrainingError(f"option 'power_free' is {self.power_free:g}; it must be 0 or more.")
         if self.power_free and not self.power_share:

@@ -1,4 +1,4 @@
-"""Staying near a policy that is gone on with, as it is told ahead."""
+"""Staying near a policy that is gone on with, as it is told ahead or as it is unpushed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from pipeline.training.bundle import read_bundle
-from pipeline.training.kept_walk import KeptWalk, ahead
+from pipeline.training.kept_walk import KeptWalk, ahead, share_kept
 from pipeline.training.mirror import MirroredSamples
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
@@ -69,6 +69,14 @@ def test_it_is_the_divergence_of_equal_deviations_of_those_who_are_told_ahead():
     given, now = (torch.distributions.Normal(at[0], 0.2) for at in (actor(obs), mean))
     divergence = torch.distributions.kl_divergence(now, given).sum()
     assert kept.loss(mean, obs).item() == pytest.approx(3.0 * divergence.item() / 2.0, rel=1e-5)
+
+
+def test_or_of_those_whom_nobody_pushed_lately():
+    actor, obs = Linear(), seen(TURN, WALK)
+    obs["critic"] = torch.tensor([[9.0, 0.0], [0.0, 0.01]])
+    kept = KeptWalk(actor, std=0.5, weight=3.0, of="unpushed")
+    mean = actor(obs).detach() + torch.tensor([[0.1, -0.3], [5.0, 5.0]])
+    assert kept.loss(mean, obs).item() == pytest.approx(3.0 * (0.1**2 + 0.3**2) / (2.0 * 0.5**2) / 2.0, rel=1e-5)
 
 
 def test_the_actor_that_is_kept_stays_as_it_was():
@@ -147,12 +155,28 @@ def test_what_is_kept_is_what_the_run_began_with_also_where_it_goes_on(bundle, s
     assert alone < 1e-6 < 1e-4 < max(strayed_by), "nobody strays while the critic learns alone"
 
 
+def test_the_critic_is_told_last_of_a_push_that_was(bundle, shipped, tmp_path):
+    write_policy(tmp_path / "begin.npz", shipped)
+    changed = {"push_interval_s": (0.1, 0.2), "push_impulse": (20.0, 20.0), "recovery_s": 0.06, "quiet_share": 0.5}
+    env = made(bundle, tmp_path / "run", tmp_path / "begin.npz", keep=0.1, keep_of="unpushed", **changed).env
+    env.reset()
+    told = []
+    for _ in range(20):
+        seen_now = env.step(torch.zeros_like(env.action_manager.action))[0]["critic"]
+        since_s = torch.stack([coming.since_s for coming in env.coming_pushes]).amin(dim=0)
+        kept = share_kept("unpushed", TensorDict({"critic": seen_now}, batch_size=[8]))
+        torch.testing.assert_close(kept, (since_s > 0.05 + 1e-6).float())
+        told.append(kept)
+    assert 0.0 < torch.stack(told).mean() < 1.0
+
+
 @pytest.mark.parametrize(
     ("changed", "resume", "told"),
     [
         ({"keep": 0.1, "critic_iterations": 0}, False, "name it by --start-from"),
         ({"keep": 0.1}, True, "also with --resume"),
         ({"keep": 0.1, "symmetry": False}, False, "'keep' needs option 'symmetry'"),
+        ({"keep": 0.1, "keep_of": "unpushed", "foresight": False}, False, "it needs 'recovery_s' and 'foresight'"),
         ({"keep": -1.0}, False, "'keep' is -1; it must be 0 or more"),
         ({"keep": float("nan")}, False, "'keep' is nan; it must be 0 or more"),
     ],
