@@ -1,6 +1,6 @@
 """Teach one network by several policies: `python -m pipeline.training.distil --bundle DIR --out DIR --teacher …`.
 
-    --teacher ROLE=FILE  a policy file (npz) for a role: `other` (needed), `ahead`, `standing`, `pushed`; see teachers.py
+    --teacher ROLE=FILE  a policy file (npz) for a role: `other` (needed), `ahead`, `standing`, `pushed` (teachers.py)
     --start-from FILE    the policy file whose network is begun with; else that of `other`
     --preset NAME        whose commands, pushes and disturbances robots are taught under, as training ends with them
     --set NAME=VALUE     change one option of the preset; may be given often
@@ -9,8 +9,9 @@
     --memory N           how many of the newest states are learned from
     --passes P           how often each state is learned from while it is new
 
-The rest as in `python -m pipeline.training`, as are its files and exit status; `curves.csv` has for each role the mean
-square of what the network is off by (`loss_other` …). The policy is a network like any: training can go on from it.
+The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
+each role the mean square of what the network is off by (`loss_other` …). The policy is a network like any: training can
+go on from it.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
     from pipeline.training.distilled_run import DistilledRun, DistilRequest
 
+    if os.getenv("WORLD_SIZE", "1") != "1":
+        raise TrainingError("distil runs in one process, on one device; start it without torchrun.")
     options = changed_by_texts(preset(given.preset), pairs(given.set))
     teachers = {role: Path(path) for role, path in pairs(given.teacher, "--teacher").items()}
     request = DistilRequest(

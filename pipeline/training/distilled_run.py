@@ -81,8 +81,8 @@ class DistilledRun:
         self.bundle, self.request = bundle, request
         if request.memory < BATCH:
             raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
-        if request.passes <= 0.0:
-            raise TrainingError(f"--passes is {request.passes:g}; it must be over 0.")
+        if not 0.0 < request.passes < math.inf:
+            raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
         self.teachers = Teachers(request.teachers, bundle.robot, request.device)
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics
@@ -242,13 +242,25 @@ class DistilledRun:
         """Digest of each role's policy file."""
         return {role: _digest(path) for role, path in sorted(self.request.teachers.items())}
 
+    def _started_from(self) -> str:
+        """Digest of the policy that the run began with. Raises TrainingError where a run that goes on began with
+        another one: the network is its checkpoint's."""
+        given, path = self.request.start_from, self.request.out / "config.json"
+        asked = _digest(given or self.request.teachers["other"])
+        if not self.iteration or not path.is_file():
+            return asked
+        begun = json.loads(path.read_text()).get("start_from")
+        if given is not None and asked != begun:
+            raise TrainingError(f"{given}: is not what the run in {self.request.out} began with; give another --out.")
+        return begun
+
     def _config(self) -> dict[str, Any]:
         request = self.request
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
             "teachers": self._teachers(),
-            "start_from": _digest(request.start_from or request.teachers["other"]),
+            "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,
             "iterations": request.iterations,

@@ -15,8 +15,10 @@ class TaughtMemory:
         """How many are in it."""
 
     def add(self, seen: torch.Tensor, told: torch.Tensor) -> None:
-        """Put states (n, o) and what was told of them (n, a) in the places of the oldest."""
+        """Put states (n, o) and what was told of them (n, a) in the places of the oldest; the last of them if
+        they are too many."""
         size = len(self._seen)
+        seen, told = seen[-size:], told[-size:]
         at = (self._next + torch.arange(len(seen), device=seen.device)) % size
         self._seen[at], self._told[at] = seen.half(), told
         self._next = (self._next + len(seen)) % size

@@ -8,6 +8,7 @@ to walk mainly forward at a figure that the motions have, `other` for the rest. 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import torch
 
 from pipeline.training.bundle import RobotFacts
 from pipeline.training.given_network import network_of
+from pipeline.training.observations import HISTORY
 from pipeline.training.training_error import TrainingError
 
 ROLES = ("other", "ahead", "standing", "pushed")
@@ -39,13 +41,13 @@ class Teachers:
 
     def __init__(self, paths: Mapping[str, Path], robot: RobotFacts, device: str):
         """Raises TrainingError for a role that is none, without `other`, and for a file that is no policy for this
-        robot and its gains."""
+        robot, its gains and what its actor sees and does."""
         unknown = [role for role in paths if role not in ROLES]
         if unknown:
             raise TrainingError(f"--teacher names '{unknown[0]}'; roles are {', '.join(ROLES)}.")
         if "other" not in paths:
             raise TrainingError("--teacher other=POLICY is needed: who teaches where nobody else does.")
-        self._networks = {role: _Network(network_of(path, robot), path, device) for role, path in paths.items()}
+        self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
         self._taken = torch.tensor([ROLES.index(role if role in paths else "other") for role in ROLES], device=device)
 
     def act(self, observation: torch.Tensor, role: torch.Tensor) -> torch.Tensor:
@@ -59,18 +61,46 @@ class Teachers:
         return action
 
 
+def _teacher(path: Path, robot: RobotFacts) -> dict[str, np.ndarray]:
+    """The arrays of a policy file, each of the shape that it must have."""
+    arrays = network_of(path, robot)
+    count = max(1, _layers(arrays))
+    layers = [f"L{number}_{part}" for number in range(count) for part in "wb"]
+    missing = [name for name in ("mean", "std", *layers) if name not in arrays]
+    if missing:
+        raise TrainingError(f"{path}: lacks {', '.join(missing)}; it is no policy of ours.")
+    seen, told = HISTORY * (9 + 3 * len(robot.policy_joints)), len(robot.controlled)
+    inner = [len(np.atleast_1d(arrays[f"L{number}_w"])) for number in range(count - 1)]
+    sizes = [seen, *inner, told]
+    wanted: dict[str, tuple[int, ...]] = {"mean": (seen,), "std": (seen,)}
+    for number, (into, out) in enumerate(pairwise(sizes)):
+        wanted |= {f"L{number}_w": (out, into), f"L{number}_b": (out,)}
+    for name, shape in wanted.items():
+        if arrays[name].shape != shape:
+            raise TrainingError(
+                f"{path}: '{name}' is {arrays[name].shape}; it must be {shape}, of an actor that sees {seen} numbers "
+                f"and moves {told} joints. Take another policy."
+            )
+    if not (arrays["std"] + arrays["eps"] > 0.0).all():
+        raise TrainingError(f"{path}: 'std' and 'eps' must be over 0 together: what is seen is divided by them.")
+    return arrays
+
+
+def _layers(arrays: Mapping[str, np.ndarray]) -> int:
+    return sum(name.startswith("L") and name.endswith("_w") for name in arrays)
+
+
 class _Network:
     """A policy file's network on a device."""
 
-    def __init__(self, arrays: Mapping[str, np.ndarray], path: Path, device: str):
+    def __init__(self, arrays: Mapping[str, np.ndarray], device: str):
         def tensor(name: str) -> torch.Tensor:
-            if name not in arrays:
-                raise TrainingError(f"{path}: lacks '{name}'; it is no policy of ours.")
             return torch.from_numpy(np.asarray(arrays[name], dtype=np.float32)).to(device)
 
-        count = sum(name.startswith("L") and name.endswith("_w") for name in arrays)
-        self._mean, self._scale = tensor("mean"), tensor("std") + float(arrays["eps"])
-        self._layers = [(tensor(f"L{number}_w").T.contiguous(), tensor(f"L{number}_b")) for number in range(count)]
+        self._mean, self._scale = tensor("mean"), tensor("std") + arrays["eps"].item()
+        self._layers = [
+            (tensor(f"L{number}_w").T.contiguous(), tensor(f"L{number}_b")) for number in range(_layers(arrays))
+        ]
 
     def __call__(self, observation: torch.Tensor) -> torch.Tensor:
         value = (observation - self._mean) / self._scale

@@ -1,0 +1,227 @@
+"""One network taught by several policies, on the CPU: what it learns, its files, going on, and wrong requests."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.training import distil
+from pipeline.training.bundle import read_bundle
+from pipeline.training.checkpoint import load_checkpoint
+from pipeline.training.command import main as train
+from pipeline.training.distilled_run import BATCH, RATES, STEPS, DistilledRun, DistilRequest
+from pipeline.training.export_policy import main as export
+from pipeline.training.given_network import network_of
+from pipeline.training.observations import newest_command
+from pipeline.training.option_texts import changed_by_texts
+from pipeline.training.policy_file import write_policy
+from pipeline.training.presets import preset
+from pipeline.training.teachers import ROLES
+from tests.factories.training_bundle import small_bundle
+
+ENVS, ITERATIONS = 8, 12
+APART = 0.5
+"""By how much the teacher of who stands does something else, at every joint."""
+HALF_STAND = ["standing_share=.5", "alone_shares=.1,.1,.1", "fast_share=.1", "quiet_share=.5", "quiet_pushed=0"]
+SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=2", "steps=4"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, root, robot):
+    """A bundle; the shipped policy with its robot's gains, and one that differs by its last bias."""
+    folder = tmp_path_factory.mktemp("distil")
+    facts = read_bundle(small_bundle(folder, root, robot)).robot
+    with np.load(root / "robots/t1/policies/walk/policy.npz", allow_pickle=False) as arrays:
+        shipped = {name: arrays[name] for name in arrays.files}
+    shipped |= {name: getattr(facts, name) for name in ("kp", "kd", "default_joint_pos")}
+    write_policy(folder / "walks.npz", shipped)
+    write_policy(folder / "stands.npz", {**shipped, "L3_b": shipped["L3_b"] + np.float32(APART)})
+    return folder
+
+
+def asked(folder, out, *more: str) -> list[str]:
+    """Arguments of a small run; what is named again in `more` counts."""
+    few = ["--device", "cpu", "--num-envs", str(ENVS), "--memory", str(BATCH), "--passes", "60"]
+    sets = [f"--set={text}" for text in HALF_STAND]
+    teachers = ["--teacher", f"other={folder / 'walks.npz'}", "--teacher", f"standing={folder / 'stands.npz'}"]
+    return ["--bundle", str(folder / "bundle"), "--out", str(out), *few, *sets, *teachers, *more]
+
+
+def read_json(path):
+    return json.loads(path.read_text())
+
+
+def digest(path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def taught(folder):
+    out = folder / "taught"
+    assert distil.main(asked(folder, out, "--iterations", str(ITERATIONS))) == 0
+    return out
+
+
+def test_the_loss_of_who_stands_falls(taught):
+    """The network begins as `other` is, so that it is off by APART where robots stand, and by nothing elsewhere."""
+    rows = list(csv.DictReader((taught / "curves.csv").read_text().splitlines()))
+    assert [int(row["iteration"]) for row in rows] == list(range(1, ITERATIONS + 1))
+    loss = {name: [float(row[name]) for row in rows] for name in ("loss", *(f"loss_{role}" for role in ROLES))}
+    assert loss["loss_standing"][0] == pytest.approx(APART**2, rel=1e-3)
+    assert loss["loss_other"][0] == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan([loss["loss_ahead"][0], loss["loss_pushed"][0]]).all()
+    assert np.mean(loss["loss_standing"][-3:]) < 0.3 * loss["loss_standing"][0]
+    assert np.mean(loss["loss"][-3:]) < 0.5 * loss["loss"][0]
+    rates = [float(row["learning_rate"]) for row in rows]
+    assert rates[0] == pytest.approx(RATES[0])
+    assert rates == sorted(rates, reverse=True) and RATES[1] < rates[-1] < 0.1 * RATES[0]
+
+
+def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
+    """Of the states of one walk it learns both: in the middle between the two it would be off by a quarter of APART**2
+    in each role."""
+    request = DistilRequest(
+        out=tmp_path,
+        preset="refined_steps",
+        options=changed_by_texts(preset("refined_steps"), dict(text.split("=") for text in HALF_STAND)),
+        teachers={"other": folder / "walks.npz", "standing": folder / "stands.npz"},
+        start_from=None,
+        num_envs=ENVS,
+        device="cpu",
+        seed=1,
+        iterations=1,
+        minutes=None,
+        resume=False,
+        memory=BATCH,
+        passes=40 * BATCH / (STEPS * ENVS),
+    )
+    run = DistilledRun(read_bundle(folder / "bundle"), request)
+    run._walk(led=1.0)
+    assert run.memory.filled == STEPS * ENVS
+    run._learn()
+    seen, told = run.memory.drawn(2000)
+    with torch.no_grad():
+        off = torch.square(run._answer(seen) - told).mean(dim=1)
+    stands = (newest_command(seen) == 0.0).all(dim=1)
+    assert 0.05 < stands.float().mean() < 0.95
+    for member in (stands, ~stands):
+        assert off[member].mean() < 0.1 * APART**2
+
+
+def test_a_run_leaves_the_files_of_training(folder, taught):
+    found = sorted(path.relative_to(taught).as_posix() for path in taught.rglob("*") if path.is_file())
+    newest = f"checkpoints/model_{ITERATIONS:06d}.pt"
+    assert found == [newest, "config.json", "curves.csv", "done.json", "policy.npz"]
+    done, config = read_json(taught / "done.json"), read_json(taught / "config.json")
+    assert (done["reason"], done["iterations"], done["steps"]) == ("iterations", ITERATIONS, ITERATIONS * STEPS * ENVS)
+    walks, stands = digest(folder / "walks.npz"), digest(folder / "stands.npz")
+    assert config["teachers"] == {"other": walks, "standing": stands}
+    assert config["start_from"] == walks
+    assert config["options"]["standing_share"] == 0.5
+    assert (config["preset"], config["memory"], config["passes"]) == ("refined_steps", BATCH, 60.0)
+    assert load_checkpoint(taught / newest, "cpu")["environment_steps"] == ITERATIONS * STEPS
+
+
+def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):
+    path = taught / "checkpoints" / f"model_{ITERATIONS:06d}.pt"
+    bundle = str(folder / "bundle")
+    assert export(["--checkpoint", str(path), "--bundle", bundle, "--out", str(tmp_path / "policy.npz")]) == 0
+    assert (tmp_path / "policy.npz").read_bytes() == (taught / "policy.npz").read_bytes()
+
+
+def test_training_goes_on_from_its_policy(folder, taught, tmp_path):
+    """The critic learns alone at first, so that after two iterations the network is still the given one."""
+    policy = taught / "policy.npz"
+    given = network_of(policy, read_bundle(folder / "bundle").robot)
+    begun = network_of(folder / "walks.npz", read_bundle(folder / "bundle").robot)
+    np.testing.assert_array_equal(given["mean"], begun["mean"])
+    assert np.abs(given["L0_w"] - begun["L0_w"]).max() > 1e-3
+    sets = [f"--set={text}" for text in (*SMALL, "keep=0")]
+    arguments = ["--bundle", str(folder / "bundle"), "--out", str(tmp_path), "--preset", "refined_steps", *sets]
+    arguments += ["--device", "cpu", "--num-envs", "4", "--iterations", "2", "--start-from", str(policy)]
+    assert train(arguments) == 0
+    assert read_json(tmp_path / "config.json")["start_from"] == digest(policy)
+    with np.load(tmp_path / "policy.npz") as gone_on:
+        for number in range(4):
+            for part in "wb":
+                np.testing.assert_array_equal(gone_on[f"L{number}_{part}"], given[f"L{number}_{part}"])
+
+
+def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_path, capsys):
+    begin = ["--start-from", str(folder / "stands.npz")]
+    outs = tmp_path / "a", tmp_path / "b"
+    for out in outs:
+        assert distil.main(asked(folder, out, "--iterations", "2", *begin)) == 0
+    left = (outs[0] / "policy.npz").read_bytes()
+    assert left == (outs[1] / "policy.npz").read_bytes()
+    assert read_json(outs[0] / "config.json")["start_from"] == digest(folder / "stands.npz")
+
+    out = outs[0]
+    on = ["--resume", "--iterations", "5"]
+    assert distil.main(asked(folder, out, *on, "--minutes", "1e-6")) == 0
+    done = read_json(out / "done.json")
+    assert (done["reason"], done["iterations"]) == ("minutes", 2)
+    assert (out / "policy.npz").read_bytes() == left
+
+    config = (out / "config.json").read_bytes()
+    capsys.readouterr()
+    for other, told in (
+        (["--teacher", f"pushed={folder / 'stands.npz'}"], "was begun with other teachers; give another --out"),
+        (["--start-from", str(folder / "walks.npz")], "walks.npz: is not what the run"),
+    ):
+        assert distil.main(asked(folder, out, *on, *other)) == 2
+        assert told in capsys.readouterr().err
+    assert (out / "config.json").read_bytes() == config
+    assert (out / "policy.npz").read_bytes() == left
+
+    assert distil.main(asked(folder, out, "--resume", "--iterations", "3")) == 0
+    assert "iteration 3 of 3" in capsys.readouterr().out
+    rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
+    assert [int(row["iteration"]) for row in rows] == [1, 2, 3]
+    assert read_json(out / "done.json")["steps"] == 3 * STEPS * ENVS
+    assert read_json(out / "config.json")["start_from"] == digest(folder / "stands.npz")
+    assert load_checkpoint(out / "checkpoints" / "model_000003.pt", "cpu")["environment_steps"] == 3 * STEPS
+    assert (out / "policy.npz").read_bytes() != left
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (["--teacher", "walks.npz"], "--teacher is 'walks.npz'; it must be NAME=VALUE"),
+        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, standing, pushed"),
+        (["--teacher", "pushed=gone.npz"], "gone.npz: can't be read"),
+        (["--teacher", "pushed=robot.xml"], "robot.xml: is no npz of numbers"),
+        (["--start-from", "robot.xml"], "robot.xml: is no npz of numbers"),
+        (["--memory", str(BATCH - 1)], f"--memory is {BATCH - 1}; it must hold a batch of {BATCH} states"),
+        (["--passes", "0"], "--passes is 0; it must be a number over 0"),
+        (["--passes", "nan"], "--passes is nan; it must be a number over 0"),
+        (["--preset", "none"], "unknown preset 'none'"),
+        (["--set", "hidden"], "--set is 'hidden'; it must be NAME=VALUE"),
+        (["--set", "no_such=1"], "no_such"),
+        (["--bundle", "nowhere"], "bundle.json: the file is missing"),
+        (["--device", "cuda"], "--device is 'cuda', but PyTorch finds no GPU here"),
+    ],
+)
+def test_wrong_requests_are_told_in_a_sentence(folder, tmp_path, monkeypatch, capsys, more, told):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.chdir(folder / "bundle")
+    assert distil.main(asked(folder, tmp_path / "run", *more)) == 2
+    error = capsys.readouterr().err
+    assert told in error and "Traceback" not in error
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_without_a_teacher_for_the_rest_or_in_several_processes_is_refused(folder, tmp_path, monkeypatch, capsys):
+    arguments = ["--bundle", str(folder / "bundle"), "--out", str(tmp_path / "run"), "--device", "cpu"]
+    arguments += ["--teacher", f"ahead={folder / 'walks.npz'}"]
+    assert distil.main(arguments) == 2
+    assert "--teacher other=POLICY is needed" in capsys.readouterr().err
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    assert distil.main(asked(folder, tmp_path / "run")) == 2
+    assert "start it without torchrun" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
