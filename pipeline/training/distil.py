@@ -7,6 +7,8 @@
     --iterations N       of 24 steps of each environment
     --minutes M          end after M minutes, whichever comes first
     --memory N           how many of the newest states are learned from
+    --pushed-s T         how long after it began a push is answered by who teaches that [s]
+    --ahead-turn W       who teaches the walk ahead does so up to this yaw rate [rad/s]
     --passes P           how often each state is learned from while it is new
 
 The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
@@ -47,6 +49,7 @@ def main(arguments: Sequence[str]) -> int:
 def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
     from pipeline.training.distilled_run import DistilledRun, DistilRequest
+    from pipeline.training.teachers import Borders
 
     if os.getenv("WORLD_SIZE", "1") != "1":
         raise TrainingError("distil runs in one process, on one device; start it without torchrun.")
@@ -66,6 +69,7 @@ def _distil(given: argparse.Namespace) -> None:
         resume=given.resume,
         memory=given.memory,
         passes=given.passes,
+        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
@@ -87,6 +91,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--memory", type=int, default=300_000)
     parser.add_argument("--passes", type=float, default=4.0)
+    parser.add_argument("--pushed-s", type=float, default=1.0)
+    parser.add_argument("--ahead-turn", type=float, default=1.0)
     parser.add_argument("--resume", action="store_true")
     return parser
 

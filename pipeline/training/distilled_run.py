@@ -15,7 +15,7 @@ import json
 import math
 import platform
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -33,7 +33,7 @@ from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.pushes import since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Teachers, role_of
+from pipeline.training.teachers import ROLES, Borders, Teachers, role_of
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
@@ -71,6 +71,8 @@ class DistilRequest:
     """How many of the newest states are learned from."""
     passes: float
     """How often a state is learned from, in the mean, in the iteration that it comes with."""
+    borders: Borders = field(default_factory=Borders)
+    """Of the roles."""
     physics: str | None = None
 
 
@@ -189,7 +191,7 @@ class DistilledRun:
         off, count = (torch.zeros(size, device=env.device) for _ in range(2))
         guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
         for _ in range(STEPS):
-            role = role_of(env.command, since_push(env))
+            role = role_of(env.command, since_push(env), self.request.borders)
             told, own = self.teachers.act(self._seen, role), self._answer(self._seen)
             self.memory.add(self._seen, told)
             off.index_add_(0, role, torch.square(own - told).mean(dim=1))
@@ -260,6 +262,7 @@ class DistilledRun:
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
             "teachers": self._teachers(),
+            "borders": dataclasses.asdict(request.borders),
             "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,

@@ -1,6 +1,6 @@
 """Several policies that teach one network, each where it is the better one: which of them a robot listens to.
 
-Roles, the first that holds: `pushed` for PUSHED_S after a push began, `standing` when told to stand, `ahead` when told
+Roles, the first that holds: `pushed` for a second after a push began, `standing` when told to stand, `ahead` when told
 to walk mainly forward at a figure that the motions have, `other` for the rest. A role without a teacher of its own is
 `other`'s.
 """
@@ -8,6 +8,7 @@ to walk mainly forward at a figure that the motions have, `other` for the rest. 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,19 +22,32 @@ from pipeline.training.training_error import TrainingError
 
 ROLES = ("other", "ahead", "standing", "pushed")
 """Each goes before those named earlier."""
-PUSHED_S = 1.0
-"""How long after its beginning a push is answered [s]."""
-AHEAD_M_S, ASIDE_M_S, TURN_RAD_S = 0.55, 0.3, 1.0
-"""Ahead is this fast at least, this fast aside and turning this fast at most."""
+AHEAD_M_S, ASIDE_M_S = 0.55, 0.3
+"""Ahead is this fast at least and this fast aside at most."""
 
 
-def role_of(command: torch.Tensor, since_s: torch.Tensor) -> torch.Tensor:
+@dataclass(frozen=True, kw_only=True)
+class Borders:
+    """Where a role begins and ends, as far as a run may choose."""
+
+    pushed_s: float = 1.0
+    """How long after its beginning a push is answered [s]."""
+    turn_rad_s: float = 1.0
+    """Ahead is turning this fast at most."""
+
+    def __post_init__(self) -> None:
+        for name, value in (("--pushed-s", self.pushed_s), ("--ahead-turn", self.turn_rad_s)):
+            if not value >= 0.0:
+                raise TrainingError(f"{name} is {value:g}; it must be 0 or more.")
+
+
+def role_of(command: torch.Tensor, since_s: torch.Tensor, borders: Borders) -> torch.Tensor:
     """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,)."""
     forward, lateral, yaw = command.unbind(dim=1)
-    ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= TURN_RAD_S)
+    ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
     role = ahead.long()
     role = torch.where((command == 0.0).all(dim=1), ROLES.index("standing"), role)
-    return torch.where(since_s < PUSHED_S, ROLES.index("pushed"), role)
+    return torch.where(since_s < borders.pushed_s, ROLES.index("pushed"), role)
 
 
 class Teachers:

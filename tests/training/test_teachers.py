@@ -15,7 +15,7 @@ from pipeline.training.bundle import read_bundle
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.pushes import ComingPush, since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Teachers, role_of
+from pipeline.training.teachers import ROLES, Borders, Teachers, role_of
 from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
@@ -77,14 +77,26 @@ def written(folder, facts, *roles: str, hidden: tuple[int, ...] = (8, 5)):
     ],
 )
 def test_whose_a_state_is(command, since_s, role):
-    found = role_of(torch.tensor([command, command]), torch.tensor([since_s, since_s]))
+    found = role_of(torch.tensor([command, command]), torch.tensor([since_s, since_s]), Borders())
     assert [ROLES[place] for place in found.tolist()] == [role, role]
 
 
 def test_each_robot_of_a_batch_has_a_role_of_its_own():
     command = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    found = role_of(command, torch.tensor([LONG_AGO, LONG_AGO, LONG_AGO, 0.5]))
+    found = role_of(command, torch.tensor([LONG_AGO, LONG_AGO, LONG_AGO, 0.5]), Borders())
     assert [ROLES[place] for place in found.tolist()] == ["standing", "other", "ahead", "pushed"]
+
+
+def test_a_run_may_put_the_borders_of_pushed_and_ahead_elsewhere():
+    command = torch.tensor([[1.0, 0.0, 0.3], [1.0, 0.0, -0.31], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    found = role_of(command, torch.tensor([LONG_AGO, LONG_AGO, 1.98, 2.0]), Borders(pushed_s=2.0, turn_rad_s=0.3))
+    assert [ROLES[place] for place in found.tolist()] == ["ahead", "other", "pushed", "standing"]
+
+
+@pytest.mark.parametrize("wrong", [{"pushed_s": -0.1}, {"turn_rad_s": float("nan")}])
+def test_borders_below_nothing_are_refused(wrong):
+    with pytest.raises(TrainingError, match="it must be 0 or more"):
+        Borders(**wrong)
 
 
 @pytest.mark.parametrize("own", [ROLES, ("pushed", "other"), ("other", "standing"), ("other",)])
