@@ -235,6 +235,35 @@ SETTLED_STEPS = CAUGHT_STEPS.changed(
     full_swing=12.0,
 )
 
+BRACED_STEPS = REFINED_STEPS.changed(
+    keep=0.5,
+    keep_of="unpushed",
+    desired_kl=0.015,
+    final_kl=0.003,
+    init_std=0.3,
+    recovery_of="steps",
+    fall_factor=6.0,
+    push_impulse=(70.0, 75.0),
+    push_iterations=400,
+    push_interval_s=(2.0, 4.5),
+    push_sagittal=0.3,
+    quiet_share=0.3,
+    quiet_pushed=0.8,
+    standing_share=0.2,
+    fast_share=0.05,
+    slow_share=0.25,
+    alone_shares=(0.35, 0.05, 0.05),
+    action_lag_steps=4,
+    rotor_link_share=0.15,
+    slope_share=0.1,
+    slope_deg=5.0,
+    power_share=0.0,
+    saturation=3.0,
+    slide_factor=20.0,
+    mean_tracking=10.0,
+    style=0.0,
+)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -294,6 +323,10 @@ PRESETS: dict[str, tuple[str, Options]] = {
     "refined_steps": (
         "going on from a policy: effort, slip, slopes, delays, pushes; after long_steps it made what ships",
         REFINED_STEPS,
+    ),
+    "braced_steps": (
+        "going on from a policy that walks as it should: pushes alone are learnt, the walk of the unpushed is kept",
+        BRACED_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

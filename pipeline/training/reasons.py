@@ -25,6 +25,7 @@ REASONS = {
     "critic_iterations": "a policy file has no critic; by a new one's errors a policy that walks was lost in 3 updates",
     "critic_rate": "at the rate that small batches leave an actor critics lag (explained .6)",
     "keep": "without it policies that were gone on with lost up to .8 m/s of 2.0 as they learnt to turn at less power",
+    "keep_of": "pushes learnt beside all else cost gait, or were not learnt: a walk's other half need not change",
     "alone_shares": "what was to be learnt anew are turns, side steps and steps back",
     "epochs": "three take less time than five; which learns better was not compared",
     "final_iterations": "run_iterations stretch to another share of a run where a critic learns alone first",
