@@ -31,6 +31,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
+from pipeline.training.presets import changed_from
 from pipeline.training.pushes import since_push
 from pipeline.training.taught_memory import TaughtMemory
 from pipeline.training.teachers import ROLES, Borders, Teachers, role_of
@@ -261,6 +262,7 @@ class DistilledRun:
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
+            "changed": changed_from(request.preset, request.options),
             "teachers": self._teachers(),
             "borders": dataclasses.asdict(request.borders),
             "start_from": self._started_from(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from pipeline.training.options import Options
@@ -335,6 +336,12 @@ PRESETS: dict[str, tuple[str, Options]] = {
 
 DEFAULT = "long_steps"
 """What is trained where nothing else is asked for: the best policy so far began so, and `refined_steps` went on."""
+
+
+def changed_from(name: str, options: Options) -> dict[str, Any]:
+    """The options that differ from a preset's."""
+    of_preset, given = dataclasses.asdict(preset(name)), dataclasses.asdict(options)
+    return {key: value for key, value in given.items() if value != of_preset[key]}
 
 
 def preset(name: str) -> Options:

@@ -31,7 +31,7 @@ from pipeline.training.mirror import Mirror
 from pipeline.training.observations import beyond_signs
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
-from pipeline.training.presets import preset
+from pipeline.training.presets import changed_from
 from pipeline.training.start import check_start
 from pipeline.training.training_error import TrainingError
 
@@ -224,7 +224,7 @@ class TrainingRun:
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
-            "changed": _changed(request.preset, request.options),
+            "changed": changed_from(request.preset, request.options),
             "seed": request.seed,
             "num_envs": request.num_envs,
             "processes": int(os.getenv("WORLD_SIZE", "1")),
@@ -297,12 +297,6 @@ def runner_cfg(options: Options, windows: torch.Tensor, joints: int) -> dict[str
             "joints": joints,
         },
     }
-
-
-def _changed(name: str, options: Options) -> dict[str, Any]:
-    """The options in which a run differs from its preset."""
-    of_preset, given = dataclasses.asdict(preset(name)), dataclasses.asdict(options)
-    return {key: value for key, value in given.items() if value != of_preset[key]}
 
 
 def _line(row: dict[str, float], iterations: int) -> str:
