@@ -1,6 +1,6 @@
 """Teach one network by several policies: `python -m pipeline.training.distil --bundle DIR --out DIR --teacher …`.
 
-    --teacher ROLE=FILE  a policy file (npz) for a role: `other` (needed), `ahead`, `standing`, `pushed` (teachers.py)
+    --teacher ROLE=FILE  a policy file (npz) for a role: `other`, needed; `ahead`, `fast`, `standing`, `pushed`
     --start-from FILE    the policy file whose network is begun with; else that of `other`
     --preset NAME        whose commands, pushes and disturbances robots are taught under, as training ends with them
     --set NAME=VALUE     change one option of the preset; may be given often
@@ -9,6 +9,7 @@
     --memory N           how many of the newest states are learned from
     --pushed-s T         how long after it began a push is answered by who teaches that [s]
     --ahead-turn W       who teaches the walk ahead does so up to this yaw rate [rad/s]
+    --fast V             the walk ahead is fast from this speed on [m/s]
     --passes P           how often each state is learned from while it is new
 
 The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
@@ -69,7 +70,7 @@ def _distil(given: argparse.Namespace) -> None:
         resume=given.resume,
         memory=given.memory,
         passes=given.passes,
-        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn),
+        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn, fast_m_s=given.fast),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
@@ -93,6 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--passes", type=float, default=4.0)
     parser.add_argument("--pushed-s", type=float, default=1.0)
     parser.add_argument("--ahead-turn", type=float, default=1.0)
+    parser.add_argument("--fast", type=float, default=0.85)
     parser.add_argument("--resume", action="store_true")
     return parser
 

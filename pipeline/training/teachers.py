@@ -1,8 +1,8 @@
 """Several policies that teach one network, each where it is the better one: which of them a robot listens to.
 
 Roles, the first that holds: `pushed` for a second after a push began, `standing` when told to stand, `ahead` when told
-to walk mainly forward at a figure that the motions have, `other` for the rest. A role without a teacher of its own is
-`other`'s.
+to walk mainly forward, and of these `fast` from .85 m/s on, `other` for the rest. A role without a teacher of its own
+is `other`'s, `fast` that of `ahead`.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from pipeline.training.given_network import network_of
 from pipeline.training.observations import HISTORY
 from pipeline.training.training_error import TrainingError
 
-ROLES = ("other", "ahead", "standing", "pushed")
+ROLES = ("other", "ahead", "fast", "standing", "pushed")
 """Each goes before those named earlier."""
+STANDS_IN = {"fast": "ahead"}
+"""Who teaches a role that has no teacher of its own; else, and where that has none either, it is `other`."""
 AHEAD_M_S, ASIDE_M_S = 0.55, 0.3
 """Ahead is this fast at least and this fast aside at most."""
 
@@ -34,9 +36,15 @@ class Borders:
     """How long after its beginning a push is answered [s]."""
     turn_rad_s: float = 1.0
     """Ahead is turning this fast at most."""
+    fast_m_s: float = 0.85
+    """Ahead from this speed on is fast."""
 
     def __post_init__(self) -> None:
-        for name, value in (("--pushed-s", self.pushed_s), ("--ahead-turn", self.turn_rad_s)):
+        for name, value in (
+            ("--pushed-s", self.pushed_s),
+            ("--ahead-turn", self.turn_rad_s),
+            ("--fast", self.fast_m_s),
+        ):
             if not value >= 0.0:
                 raise TrainingError(f"{name} is {value:g}; it must be 0 or more.")
 
@@ -45,9 +53,15 @@ def role_of(command: torch.Tensor, since_s: torch.Tensor, borders: Borders) -> t
     """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,)."""
     forward, lateral, yaw = command.unbind(dim=1)
     ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
-    role = ahead.long()
+    role = ahead.long() + (ahead & (forward >= borders.fast_m_s)).long()
     role = torch.where((command == 0.0).all(dim=1), ROLES.index("standing"), role)
     return torch.where(since_s < borders.pushed_s, ROLES.index("pushed"), role)
+
+
+def _taught(role: str, paths: Mapping[str, Path]) -> str:
+    """The role whose teacher teaches a role."""
+    stand_in = STANDS_IN.get(role, "other")
+    return next((each for each in (role, stand_in) if each in paths), "other")
 
 
 class Teachers:
@@ -62,7 +76,7 @@ class Teachers:
         if "other" not in paths:
             raise TrainingError("--teacher other=POLICY is needed: who teaches where nobody else does.")
         self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
-        self._taken = torch.tensor([ROLES.index(role if role in paths else "other") for role in ROLES], device=device)
+        self._taken = torch.tensor([ROLES.index(_taught(role, paths)) for role in ROLES], device=device)
 
     def act(self, observation: torch.Tensor, role: torch.Tensor) -> torch.Tensor:
         """What (n, a) the teachers of roles (n,) do at what the actor sees (n, o)."""

@@ -193,7 +193,7 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     ("more", "told"),
     [
         (["--teacher", "walks.npz"], "--teacher is 'walks.npz'; it must be NAME=VALUE"),
-        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, standing, pushed"),
+        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, standing, pushed"),
         (["--teacher", "pushed=gone.npz"], "gone.npz: can't be read"),
         (["--teacher", "pushed=robot.xml"], "robot.xml: is no npz of numbers"),
         (["--start-from", "robot.xml"], "robot.xml: is no npz of numbers"),
