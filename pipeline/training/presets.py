@@ -322,7 +322,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
         UPRIGHT_STEPS,
     ),
     "refined_steps": (
-        "going on from a policy: effort, slip, slopes, delays, pushes; after long_steps it made what ships",
+        "going on from a policy: effort, slip, slopes, delays, pushes; after long_steps it made refined_j",
         REFINED_STEPS,
     ),
     "braced_steps": (
@@ -335,7 +335,7 @@ PRESETS: dict[str, tuple[str, Options]] = {
 
 
 DEFAULT = "long_steps"
-"""What is trained where nothing else is asked for: the best policy so far began so, and `refined_steps` went on."""
+"""What is trained where nothing else is asked for: policies that ship began so, and `refined_steps` went on."""
 
 
 def changed_from(name: str, options: Options) -> dict[str, Any]:
