@@ -57,6 +57,13 @@ def posture_rows(options: Options) -> tuple[Term, ...]:
             added="whatever is paid for long steps, the gait that is found first has quick ones, and stays",
         ),
         Term(
+            name="track_joints",
+            equation="mean over joints of the mean of 1 / (1 + dq^2 / w^2), w .1 and .4, from the clip that is tracked",
+            weight=options.track_joints if options.tracked else 0.0,
+            value=lambda env: env.tracked_clip.each_near,
+            added="forearms .6 rad off hid knees that bent by half of the clips' in the sum that track_clip pays",
+        ),
+        Term(
             name="lean",
             equation="|g_xy - clips' g_xy|^2, theirs the mean at that command",
             weight=-options.lean,

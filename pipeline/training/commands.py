@@ -18,6 +18,8 @@ FAST_YAW = 0.5
 """Largest yaw rate of half of the fast commands [rad/s]; the others go straight. For `paper`, no turning."""
 SLOW = (0.2, 0.4)
 """Speed of slow commands [m/s]."""
+ASIDE, TURN = 0.2, 0.3
+"""Most to the side [m/s] and of turning [rad/s] in half of the commands ahead."""
 SLEW = 1.0
 """How fast a command changes where it is slewed [m/s^2, rad/s^2]."""
 OLD_S = 10.0
@@ -36,6 +38,8 @@ def draw_commands(count: int, options: Options, device: str | torch.device) -> t
             (share, normal * _unit(axis, device)) for axis, share in zip(range(3), options.alone_shares, strict=True)
         ]
         kinds.append((options.slow_share, _slow(count, device)))
+        if options.ahead_share:
+            kinds.append((options.ahead_share, _ahead(count, options, device)))
     command, kind, bound = normal, torch.rand(count, device=device)[:, None], 0.0
     for share, drawn in kinds:
         command = torch.where((kind >= bound) & (kind < bound + share), drawn, command)
@@ -53,6 +57,14 @@ def _slow(count: int, device: str | torch.device) -> torch.Tensor:
     signed = _uniform(count, *SLOW, device) * torch.where(direction % 2 == 0, 1.0, -1.0)
     ahead = direction < 2
     return torch.stack([signed * ahead, signed * ~ahead, torch.zeros_like(signed)], dim=1)
+
+
+def _ahead(count: int, options: Options, device: str | torch.device) -> torch.Tensor:
+    """Forward, half of them with a little to the side and of turning."""
+    forward = _uniform(count, *options.ahead_speeds, device)
+    beside = torch.stack([_uniform(count, -most, most, device) for most in (ASIDE, TURN)], dim=1)
+    bent = torch.rand(count, 1, device=device) < 0.5
+    return torch.cat([forward[:, None], beside * bent], dim=1)
 
 
 def _fast(count: int, options: Options, device: str | torch.device) -> torch.Tensor:

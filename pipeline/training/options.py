@@ -65,6 +65,10 @@ class Options:
     alone_shares: tuple[float, float, float] = (0.15, 0.10, 0.10)
     """Of the commands, in the balanced mixture: forward or back, sideways, or turning alone. What is left beside these,
     standing, fast and slow ones is on all axes."""
+    ahead_share: float = 0.0
+    """Of the commands, in the balanced mixture: forward at …"""
+    ahead_speeds: tuple[float, float] = (0.5, 1.8)
+    """… these speeds [m/s], half of them straight, the others with a little to the side and of turning."""
     slew_share: float = 0.0
     """Of the environments, in which a command comes at 1 m/s (rad/s) a second, as robots are told it; else at once."""
     resample_s: tuple[float, float] = (8.0, 12.0)
@@ -185,6 +189,8 @@ class Options:
     """… between these iterations."""
     track_clip: float = 10.0
     """Weight of being near the clip that is tracked."""
+    track_joints: float = 0.0
+    """Weight of each joint's own nearness to that clip's, on average: what one joint lacks hides no other."""
     tracked_pushed: bool = True
     """Whether who tracks a clip is pushed as others are: a foot that catches a push leaves the clip."""
     tracked_by_clip: bool = False
@@ -213,6 +219,8 @@ class Options:
     """Largest change of the base's horizontal velocity [m/s], at the start and at the end of the ramp."""
     push_impulse: tuple[float, float] = (0.0, 0.0)
     """Largest impulse of a .1 s force on the trunk [N s], at the start and the end of the ramp; 0: no such pushes."""
+    push_least: float = 0.2
+    """A push is at least this share of the largest one."""
     push_sagittal: float = 0.0
     """Share of the pushes that come straight from ahead or from behind."""
     push_iterations: int = 1000
@@ -307,6 +315,13 @@ class Options:
             if getattr(self, name) not in words:
                 raise TrainingError(f"option '{name}' is '{getattr(self, name)}'; it must be {' or '.join(words)}.")
         self._hold_to_shares()
+        if not 0.0 <= self.push_least <= 1.0:
+            raise TrainingError(f"option 'push_least' is {self.push_least:g}; it must be a share, 0 to 1.")
+        slowest, fastest = self.ahead_speeds
+        if not 0.0 <= slowest <= fastest:
+            raise TrainingError(
+                f"option 'ahead_speeds' is {slowest:g} to {fastest:g} m/s; it must be forward, the slowest first."
+            )
         if not 0.0 <= self.keep < math.inf:
             raise TrainingError(f"option 'keep' is {self.keep:g}; it must be 0 or more.")
         if self.keep and not self.symmetry:
@@ -325,7 +340,7 @@ class Options:
         shares = {"standing_share": self.standing_share, "fast_share": self.fast_share}
         if self.mixture == "balanced":
             alone = {f"alone_shares[{axis}]": share for axis, share in enumerate(self.alone_shares)}
-            shares |= {"slow_share": self.slow_share, **alone}
+            shares |= {"slow_share": self.slow_share, "ahead_share": self.ahead_share, **alone}
         told = ", ".join(f"{name} {share:g}" for name, share in shares.items())
         total = sum(shares.values())
         if not (min(shares.values()) >= 0.0 and total <= 1.0 + 1e-9):

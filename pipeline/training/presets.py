@@ -265,6 +265,41 @@ BRACED_STEPS = REFINED_STEPS.changed(
     style=0.0,
 )
 
+TRACED_STEPS = CAUGHT_STEPS.changed(
+    **{
+        **GOING_ON,
+        "standing_share": 0.08,
+        "fast_share": 0.05,
+        "slow_share": 0.02,
+        "quiet_share": 0.3,
+        "init_std": 0.35,
+        "std_iterations": (700, 1350),
+        "push_impulse": (0.0, 25.0),
+        "action_lag_steps": 6,
+        "slope_share": 0.15,
+        "slope_deg": 6.0,
+        "saturation": 4.0,
+        "slide_factor": 40.0,
+    },
+    alone_shares=(0.02, 0.02, 0.02),
+    ahead_share=0.75,
+    desired_kl=0.02,
+    final_kl=0.003,
+    std_end=0.3,
+    power_share=5.0,
+    power_free=1.1,
+    cost_start=1.0,
+    cost_iterations=(0, 0),
+    mean_tracking=8.0,
+    penalty_iterations=0,
+    style=0.4,
+    assist=0.0,
+    tracked=0.75,
+    tracked_end=0.75,
+    track_clip=5.0,
+    track_joints=25.0,
+)
+
 PRESETS: dict[str, tuple[str, Options]] = {
     "paper": ("the paper's setting: heightfield, torque-speed motors, its rewards and pushes", PAPER),
     "paper_flat": ("the same on a plane", FLAT),
@@ -328,6 +363,10 @@ PRESETS: dict[str, tuple[str, Options]] = {
     "braced_steps": (
         "going on from a policy that walks as it should: pushes alone are learnt, the walk of the unpushed is kept",
         BRACED_STEPS,
+    ),
+    "traced_steps": (
+        "going on from caught_steps: nothing but the clips' walk ahead, each joint held to theirs, for a teacher of it",
+        TRACED_STEPS,
     ),
     "no_amp": ("the same without the discriminator, for comparison", TRACKING_AMP.changed(style=0.0)),
 }

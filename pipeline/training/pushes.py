@@ -10,14 +10,12 @@ from pipeline.training.masks import replace
 
 FORCE_S = 0.1
 """How long a force acts [s]."""
-LEAST_SHARE = 0.2
-"""A push is at least this share of the largest one."""
 
 
-def horizontal(count: int, device: str | torch.device) -> torch.Tensor:
-    """Vectors (count, 3) in random horizontal directions, as shares of the largest push."""
+def horizontal(count: int, least: float, device: str | torch.device) -> torch.Tensor:
+    """Vectors (count, 3) in random horizontal directions, as shares of the largest push, `least` at least."""
     angle = 2.0 * math.pi * torch.rand(count, device=device)
-    length = LEAST_SHARE + (1.0 - LEAST_SHARE) * torch.rand(count, device=device)
+    length = least + (1.0 - least) * torch.rand(count, device=device)
     return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
 
 
@@ -35,6 +33,7 @@ class ComingPush:
         """How long ago each was last pushed in this episode (n,) [s]."""
         self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
         self._readings, self._sagittal = env.readings, env.context.options.push_sagittal
+        self._least = env.context.options.push_least
         self._of_heading = torch.zeros_like(self._pushed)
         """Whose push (n,) is ahead or back of the robot as it is when it begins: `_share_w` is in the frame of its
         heading then, else in the world."""
@@ -74,7 +73,7 @@ class ComingPush:
         """Draw the next one of some anew."""
         low, high = self._span
         replace(self.left_s, mask, low + (high - low) * torch.rand_like(self.left_s))
-        share = horizontal(len(mask), mask.device)
+        share = horizontal(len(mask), self._least, mask.device)
         if self._sagittal:
             chosen = torch.rand(len(mask), device=mask.device) < self._sagittal
             length = torch.linalg.norm(share, dim=1) * torch.sign(share[:, 0])

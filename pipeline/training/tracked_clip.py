@@ -21,6 +21,8 @@ JOINTS, ENDS, UP = 0.5, 0.05, 0.02
 the vertical as the trunk sees it (unit vectors: 8 degrees)."""
 SPREADS = (1.33, 0.91)
 """These widths of a walk at .6 m/s in sums of the variances of its joints, hands and feet."""
+EACH = (0.1, 0.4)
+"""Widths of the two bells by which each joint's own nearness is told, from near and from afar [rad]."""
 AGAIN = 4
 """Control steps after which the nearest frame is looked for."""
 END_STRAY = (0.2, 0.07)
@@ -46,6 +48,14 @@ def nearness(
     default pose a run's frames are 10 away in that sum. `widths`: others than the first two (…)."""
     away = torch.square(away_joints).sum(dim=-1) / widths[0] + torch.square(away_ends).sum(dim=-1) / widths[1]
     return 1.0 / (1.0 + (away if away_up is None else away + torch.square(away_up).sum(dim=-1) / UP))
+
+
+def each_near(away_joints: torch.Tensor) -> torch.Tensor:
+    """Mean over joints of how near each is to where it should be, by differences (…, a) [rad]: the mean of two bells
+    1 / (1 + dq^2 / w^2). A sum in one bell, as in `nearness`, is flat in all joints while one of them is far off: the
+    turned forearms of a run, .6 rad from a policy's, hid its knees."""
+    bells = [1.0 / (1.0 + torch.square(away_joints / width)) for width in EACH]
+    return torch.stack(bells).mean(dim=0).mean(dim=-1)
 
 
 def widths_of(expert: ExpertFrames) -> tuple[np.ndarray, np.ndarray]:
@@ -86,6 +96,8 @@ class TrackedClip:
         """Which environments track a clip."""
         self.near = torch.zeros(count, device=device)
         """How near each is to its clip, 0..1; 0 where it has none."""
+        self.each_near = torch.zeros(count, device=device)
+        """How near its joints are to the clip's, each by itself, 0..1; 0 where it has none."""
         self.strayed = torch.zeros(count, dtype=torch.bool, device=device)
         """Who was too far from its clip when it was last looked at."""
         self.over = torch.zeros(count, dtype=torch.bool, device=device)
@@ -128,6 +140,7 @@ class TrackedClip:
         lean = up - self._up_b[self._at]
         near = self._nearness(self._at, joints, ends_b, lean if self._lean_counts else None)
         self.near.copy_(torch.nan_to_num(near) * self.tracks)
+        self.each_near.copy_(torch.nan_to_num(each_near(joints - self._joints[self._at])) * self.tracks)
         furthest = torch.linalg.norm(off.unflatten(1, (4, 3)), dim=2).amax(dim=1)
         still, by_speed = END_STRAY
         bound = still + by_speed * torch.linalg.norm(self._command[self._at, :2], dim=1)

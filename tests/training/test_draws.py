@@ -10,7 +10,7 @@ import torch
 
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import read_bundle
-from pipeline.training.commands import FAST, SLEW, SLOW, draw_commands
+from pipeline.training.commands import ASIDE, FAST, SLEW, SLOW, TURN, draw_commands
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import preset
@@ -87,6 +87,31 @@ def test_commands_are_of_each_kind_as_often_as_is_said(name: str, alone):
 def test_kinds_of_commands_are_shares_of_all_of_them(alone, told):
     with pytest.raises(TrainingError, match=told):
         changed_by_texts(preset("long_steps"), {"alone_shares": alone})
+
+
+def test_commands_ahead_are_as_fast_as_is_said_and_half_of_them_straight():
+    options = preset("long_steps").changed(ahead_share=0.3, ahead_speeds=(2.1, 2.4), fast_share=0.1)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        command = draw_commands(50_000, options, "cpu")
+    ahead = command[command[:, 0] > 2.0]
+    assert len(ahead) == pytest.approx(0.3 * 50_000, rel=0.03)
+    assert [float(ahead[:, 0].min()), float(ahead[:, 0].max())] == pytest.approx([2.1, 2.4], abs=1e-3)
+    assert (ahead[:, 1:] == 0.0).all(dim=1).float().mean() == pytest.approx(0.5, abs=0.02)
+    assert ahead[:, 1:].abs().amax(dim=0).tolist() == pytest.approx([ASIDE, TURN], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"push_least": "1.2"}, "'push_least' is 1.2; it must be a share"),
+        ({"ahead_speeds": "1.5,0.5"}, "'ahead_speeds' is 1.5 to 0.5"),
+        ({"ahead_share": "0.9"}, "ahead_share 0.9"),
+    ],
+)
+def test_shares_and_speeds_that_can_not_be_meant_are_refused(changes, told):
+    with pytest.raises(TrainingError, match=told):
+        changed_by_texts(preset("long_steps"), changes)
 
 
 def test_kinds_that_are_not_drawn_do_not_count():

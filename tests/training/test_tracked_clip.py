@@ -18,7 +18,7 @@ from pipeline.training.observations import critic_frame
 from pipeline.training.options import Options
 from pipeline.training.presets import preset
 from pipeline.training.ramps import Ramps
-from pipeline.training.tracked_clip import AGAIN, END_STRAY, TrackedClip, nearness
+from pipeline.training.tracked_clip import AGAIN, EACH, END_STRAY, TrackedClip, each_near, nearness
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21
@@ -87,6 +87,29 @@ def test_nearness_halves_at_its_widths():
     up = torch.zeros(4, 3)
     up[3, 0] = 0.02**0.5
     assert nearness(*away, up).tolist() == pytest.approx([1.0, 0.5, 0.5, 0.5])
+
+
+def test_each_joint_is_near_by_itself():
+    away = torch.zeros(4, JOINTS)
+    away[1, 3], away[2, 3], away[3, 3:5] = EACH[0], EACH[1], 1e6
+    narrow, wide = 1.0 / (1.0 + (EACH[1] / EACH[0]) ** 2), 1.0 / (1.0 + (EACH[0] / EACH[1]) ** 2)
+    lost = [0.0, 1.0 - 0.5 * (0.5 + wide), 1.0 - 0.5 * (narrow + 0.5), 2.0]
+    assert each_near(away).tolist() == pytest.approx([1.0 - part / JOINTS for part in lost])
+
+
+def test_a_joint_that_is_far_off_hides_no_other():
+    """Turned forearms .6 rad from the clip's took four fifths of what a bent knee was paid in one bell."""
+    gained = {}
+    for forearm in (0.0, 0.6):
+        straight, bent = torch.zeros(1, JOINTS), torch.zeros(1, JOINTS)
+        straight[0, [3, 7]], straight[0, 13], bent[0, [3, 7]] = forearm, 0.25, forearm
+        ends = torch.zeros(1, 12)
+        gained[forearm] = [
+            float((worth(bent) - worth(straight))[0])
+            for worth in (each_near, lambda away, ends=ends: nearness(away, ends))
+        ]
+    assert gained[0.6][0] == pytest.approx(gained[0.0][0])
+    assert gained[0.6][1] < 0.2 * gained[0.0][1]
 
 
 @pytest.mark.parametrize(("trunk", "near"), [(False, 1.0), (True, 0.5)])
@@ -179,7 +202,14 @@ def test_who_is_too_far_from_it_strays(expert, end_m, height_m, tilt, strays):
     assert not clip.strayed[0], "who tracks none strays from none"
 
 
-OPTIONS = {"tracked": 1.0, "tracked_end": 0.2, "assist": 1.0, "reference_share": 0.5, "reference_command_share": 0.0}
+OPTIONS = {
+    "track_joints": 20.0,
+    "tracked": 1.0,
+    "tracked_end": 0.2,
+    "assist": 1.0,
+    "reference_share": 0.5,
+    "reference_command_share": 0.0,
+}
 CALM = {"push_impulse": (0.0, 0.0), "noise": (0.0, 0.0, 0.0, 0.0), "stall": False}
 
 
@@ -235,6 +265,10 @@ def test_the_critic_is_told_of_the_clip_and_the_reward_pays_nearness(env):
     going = ~env.reset_buf
     assert (clip.near[going] > 0.7).float().mean() > 0.8
     paid = task.weights(env)[at] * clip.near
+    assert task.paid[going, at].tolist() == pytest.approx(paid[going].tolist(), rel=1e-5)
+    at = [row.name for row in task.rows].index("track_joints")
+    assert (clip.each_near[going] > 0.7).float().mean() > 0.8
+    paid = 20.0 * clip.each_near
     assert task.paid[going, at].tolist() == pytest.approx(paid[going].tolist(), rel=1e-5)
 
 

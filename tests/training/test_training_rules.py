@@ -124,12 +124,15 @@ def test_tilted_low_or_not_a_number_is_fallen():
 
 def test_pushes_are_horizontal_in_all_directions_and_grow():
     torch.manual_seed(0)
-    push = 60.0 * horizontal(5000, "cpu")
+    push = 60.0 * horizontal(5000, 0.2, "cpu")
     length = push.norm(dim=1)
     assert (push[:, 2] == 0.0).all()
     assert length.max() <= 60.0 + 1e-3
     assert length.min() >= 12.0 - 1e-3
     assert push.mean(dim=0).abs().max() < 1.5
+    hard = horizontal(5000, 0.75, "cpu").norm(dim=1)
+    assert hard.min() == pytest.approx(0.75, abs=1e-3)
+    assert hard.mean() == pytest.approx(0.875, abs=5e-3)
     assert [grown((0.0, 60.0), at, 600) for at in (0, 300, 600, 900)] == [0.0, 30.0, 60.0, 60.0]
 
 
