@@ -1,6 +1,7 @@
 """Teach one network by several policies: `python -m pipeline.training.distil --bundle DIR --out DIR --teacher …`.
 
-    --teacher ROLE=FILE  a policy file (npz) for a role: `other`, needed; `ahead`, `fast`, `standing`, `pushed`
+    --teacher ROLE=FILE  a policy file (npz) for a role: `other`, needed; `ahead`, `fast`, `run`, `sloped`,
+                         `standing`, `pushed`
     --start-from FILE    the policy file whose network is begun with; else that of `other`
     --preset NAME        whose commands, pushes and disturbances robots are taught under, as training ends with them
     --set NAME=VALUE     change one option of the preset; may be given often
@@ -9,7 +10,12 @@
     --memory N           how many of the newest states are learned from
     --pushed-s T         how long after it began a push is answered by who teaches that [s]
     --ahead-turn W       who teaches the walk ahead does so up to this yaw rate [rad/s]
-    --fast V             the walk ahead is fast from this speed on [m/s]
+    --fast V, --run V    the walk ahead is fast, and a run, from this speed on [m/s]
+    --walks ROLE=T:W,…   how fast the teacher of a role walks, W, when it is told T [m/s]; it is told what makes it walk
+                         as fast as the robot is told to; may be given for each role
+    --both-sides ROLE    the teacher of a role answers as it and its mirror image do, on average; may be given often
+    --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
+                         given often
     --passes P           how often each state is learned from while it is new
 
 The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
@@ -20,6 +26,7 @@ go on from it.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -70,7 +77,10 @@ def _distil(given: argparse.Namespace) -> None:
         resume=given.resume,
         memory=given.memory,
         passes=given.passes,
-        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn, fast_m_s=given.fast),
+        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn, fast_m_s=given.fast, run_m_s=given.run),
+        both_sides=tuple(given.both_sides),
+        walks=pairs(given.walks, "--walks"),
+        clip_joints=tuple(given.clip_joint),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
@@ -95,6 +105,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--pushed-s", type=float, default=1.0)
     parser.add_argument("--ahead-turn", type=float, default=1.0)
     parser.add_argument("--fast", type=float, default=0.85)
+    parser.add_argument("--run", type=float, default=math.inf)
+    parser.add_argument("--walks", action="append", default=[], metavar="ROLE=TOLD:WALKED,…")
+    parser.add_argument("--both-sides", action="append", default=[], metavar="ROLE")
+    parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
     parser.add_argument("--resume", action="store_true")
     return parser
 

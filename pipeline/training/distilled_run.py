@@ -26,6 +26,7 @@ from tensordict import TensorDict
 
 from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.training.clip_teacher import ClipTeacher
 from pipeline.training.curves import Curves
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
@@ -34,7 +35,7 @@ from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import changed_from
 from pipeline.training.pushes import since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, role_of
+from pipeline.training.teachers import ROLES, Borders, Teachers, role_of, walks_ahead
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
@@ -74,6 +75,12 @@ class DistilRequest:
     """How often a state is learned from, in the mean, in the iteration that it comes with."""
     borders: Borders = field(default_factory=Borders)
     """Of the roles."""
+    walks: dict[str, str] = field(default_factory=dict)
+    """How fast the teacher of a role walks as it is told (`walked_speeds.py`)."""
+    clip_joints: tuple[str, ...] = ()
+    """Joints, by parts of their names, that are told by the clips as robots walk ahead (`clip_teacher.py`)."""
+    both_sides: tuple[str, ...] = ()
+    """Roles whose teachers answer as they and their mirror images do, on average."""
     physics: str | None = None
 
 
@@ -86,10 +93,11 @@ class DistilledRun:
             raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
         if not 0.0 < request.passes < math.inf:
             raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
-        self.teachers = Teachers(request.teachers, bundle.robot, request.device)
+        self.teachers = Teachers(request.teachers, bundle.robot, request.device, request.walks, request.both_sides)
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics
         )
+        self.clip_teacher = ClipTeacher(self.env, request.clip_joints) if request.clip_joints else None
         self.env.schedule = float(request.options.run_iterations or request.iterations)
         self.env.go_on()
         torch.manual_seed(request.seed)
@@ -192,13 +200,17 @@ class DistilledRun:
         off, count = (torch.zeros(size, device=env.device) for _ in range(2))
         guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
         for _ in range(STEPS):
-            role = role_of(env.command, since_push(env), self.request.borders)
+            role = role_of(env.command, since_push(env), self.request.borders, self.teachers.sloped(env))
             told, own = self.teachers.act(self._seen, role), self._answer(self._seen)
+            if self.clip_teacher is not None:
+                told = self.clip_teacher.tell(told, env.command, walks_ahead(role))
             self.memory.add(self._seen, told)
             off.index_add_(0, role, torch.square(own - told).mean(dim=1))
             count.index_add_(0, role, torch.ones_like(role, dtype=torch.float32))
             own = own + NOISE * torch.randn_like(own)
-            self._seen = env.step(torch.where(guided, told, own))[0]["actor"]
+            done = torch.where(guided, told, own)
+            done = done if self.clip_teacher is None else self.clip_teacher.done(told, done)
+            self._seen = env.step(done)[0]["actor"]
         return off, count
 
     def _learn(self) -> float:
@@ -258,13 +270,16 @@ class DistilledRun:
         return begun
 
     def _config(self) -> dict[str, Any]:
-        request = self.request
+        request, borders = self.request, dataclasses.asdict(self.request.borders)
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
             "changed": changed_from(request.preset, request.options),
             "teachers": self._teachers(),
-            "borders": dataclasses.asdict(request.borders),
+            "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
+            "walks": request.walks,
+            "both_sides": list(request.both_sides),
+            "clip_joints": list(request.clip_joints),
             "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,

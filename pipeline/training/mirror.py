@@ -47,6 +47,10 @@ class Mirror:
         """Of actions (n, a) in the network's order."""
         return _mirrored(actions, self._action)
 
+    def seen(self, seen: torch.Tensor) -> torch.Tensor:
+        """Of what the actor sees (n, o)."""
+        return _mirrored(seen, self._actor)
+
     def observations(self, obs: TensorDict) -> TensorDict:
         """Of the groups `actor` and `critic`."""
         both = {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)}

@@ -1,13 +1,15 @@
 """Several policies that teach one network, each where it is the better one: which of them a robot listens to.
 
-Roles, the first that holds: `pushed` for a second after a push began, `standing` when told to stand, `ahead` when told
-to walk mainly forward, and of these `fast` from .85 m/s on, `other` for the rest. A role without a teacher of its own
-is `other`'s, `fast` that of `ahead`.
+Roles, the first that holds: `pushed` for a second after a push began, `standing` when told to stand, `sloped` when told
+to walk mainly forward on ground that slopes, where that has a teacher; `ahead` when told so elsewhere, and of these
+`fast` from .85 m/s on and `run` from where a run says so; `other` for the rest. A role without a teacher of its own is
+`other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,12 +19,14 @@ import torch
 
 from pipeline.training.bundle import RobotFacts
 from pipeline.training.given_network import network_of
+from pipeline.training.mirror import Mirror
 from pipeline.training.observations import HISTORY
 from pipeline.training.training_error import TrainingError
+from pipeline.training.walked_speeds import WalkedSpeeds
 
-ROLES = ("other", "ahead", "fast", "standing", "pushed")
+ROLES = ("other", "ahead", "fast", "run", "sloped", "standing", "pushed")
 """Each goes before those named earlier."""
-STANDS_IN = {"fast": "ahead"}
+STANDS_IN = {"run": "fast", "fast": "ahead"}
 """Who teaches a role that has no teacher of its own; else, and where that has none either, it is `other`."""
 AHEAD_M_S, ASIDE_M_S = 0.55, 0.3
 """Ahead is this fast at least and this fast aside at most."""
@@ -37,56 +41,99 @@ class Borders:
     turn_rad_s: float = 1.0
     """Ahead is turning this fast at most."""
     fast_m_s: float = 0.85
-    """Ahead from this speed on is fast."""
+    """Ahead from this speed on is fast …"""
+    run_m_s: float = math.inf
+    """… and from this one on run."""
 
     def __post_init__(self) -> None:
         for name, value in (
             ("--pushed-s", self.pushed_s),
             ("--ahead-turn", self.turn_rad_s),
             ("--fast", self.fast_m_s),
+            ("--run", self.run_m_s),
         ):
             if not value >= 0.0:
                 raise TrainingError(f"{name} is {value:g}; it must be 0 or more.")
 
 
-def role_of(command: torch.Tensor, since_s: torch.Tensor, borders: Borders) -> torch.Tensor:
-    """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,)."""
+def role_of(
+    command: torch.Tensor, since_s: torch.Tensor, borders: Borders, sloped: torch.Tensor | None = None
+) -> torch.Tensor:
+    """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,);
+    `sloped`: who (n,) walks on ground that slopes, where that is a role of its own."""
     forward, lateral, yaw = command.unbind(dim=1)
     ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
-    role = ahead.long() + (ahead & (forward >= borders.fast_m_s)).long()
+    role = ahead.long()
+    for border in (borders.fast_m_s, max(borders.fast_m_s, borders.run_m_s)):
+        role += (ahead & (forward >= border)).long()
+    if sloped is not None:
+        role = torch.where(ahead & sloped, ROLES.index("sloped"), role)
     role = torch.where((command == 0.0).all(dim=1), ROLES.index("standing"), role)
     return torch.where(since_s < borders.pushed_s, ROLES.index("pushed"), role)
 
 
+def walks_ahead(role: torch.Tensor) -> torch.Tensor:
+    """Which of the roles (n,) are walks ahead, no runs."""
+    return (role == ROLES.index("ahead")) | (role == ROLES.index("fast"))
+
+
 def _taught(role: str, paths: Mapping[str, Path]) -> str:
     """The role whose teacher teaches a role."""
-    stand_in = STANDS_IN.get(role, "other")
-    return next((each for each in (role, stand_in) if each in paths), "other")
+    while role not in paths:
+        role = STANDS_IN.get(role, "other")
+    return role
 
 
 class Teachers:
     """The networks of policy files, by role."""
 
-    def __init__(self, paths: Mapping[str, Path], robot: RobotFacts, device: str):
-        """Raises TrainingError for a role that is none, without `other`, and for a file that is no policy for this
-        robot, its gains and what its actor sees and does."""
+    def __init__(
+        self,
+        paths: Mapping[str, Path],
+        robot: RobotFacts,
+        device: str,
+        walks: Mapping[str, str] | None = None,
+        both_sides: Sequence[str] = (),
+    ):
+        """`walks`: how fast the teacher of a role walks as it is told (`walked_speeds.py`). `both_sides`: roles whose
+        teacher answers as it and its mirror image do, on average, and so walks straight.
+
+        Raises TrainingError for a role that is none, or has no teacher but a speed, without `other`, and for a file
+        that is no policy for this robot, its gains and what its actor sees and does."""
         unknown = [role for role in paths if role not in ROLES]
         if unknown:
             raise TrainingError(f"--teacher names '{unknown[0]}'; roles are {', '.join(ROLES)}.")
         if "other" not in paths:
             raise TrainingError("--teacher other=POLICY is needed: who teaches where nobody else does.")
+        for named, roles in (("--walks", tuple(walks or {})), ("--both-sides", both_sides)):
+            strangers = [role for role in roles if role not in paths]
+            if strangers:
+                raise TrainingError(f"{named} names '{strangers[0]}', which has no --teacher of its own.")
+        self._speeds = {role: WalkedSpeeds(text) for role, text in (walks or {}).items()}
         self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
+        self._mirrors = dict.fromkeys(both_sides, Mirror(robot, device) if both_sides else None)
         self._taken = torch.tensor([ROLES.index(_taught(role, paths)) for role in ROLES], device=device)
+
+    def sloped(self, env) -> torch.Tensor | None:
+        """Who (n,) walks on ground that slopes, where that has a teacher and ground slopes."""
+        return None if "sloped" not in self._networks or env.slopes is None else ~env.slopes.level
 
     def act(self, observation: torch.Tensor, role: torch.Tensor) -> torch.Tensor:
         """What (n, a) the teachers of roles (n,) do at what the actor sees (n, o)."""
         taken = self._taken[role]
-        first, *others = self._networks.items()
-        action = first[1](observation)
-        action = torch.where((taken == ROLES.index(first[0]))[:, None], action, torch.nan)
-        for name, network in others:
-            action = torch.where((taken == ROLES.index(name))[:, None], network(observation), action)
+        told = {name: self._answer(name, observation) for name in self._networks}
+        action = torch.full_like(next(iter(told.values())), torch.nan)
+        for name, each in told.items():
+            action = torch.where((taken == ROLES.index(name))[:, None], each, action)
         return action
+
+    def _answer(self, role: str, observation: torch.Tensor) -> torch.Tensor:
+        network = self._networks[role]
+        seen = self._speeds[role].seen_as(observation) if role in self._speeds else observation
+        mirror = self._mirrors.get(role)
+        if mirror is None:
+            return network(seen)
+        return 0.5 * (network(seen) + mirror.actions(network(mirror.seen(seen))))
 
 
 def _teacher(path: Path, robot: RobotFacts) -> dict[str, np.ndarray]:

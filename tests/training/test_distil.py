@@ -127,6 +127,14 @@ def test_a_run_leaves_the_files_of_training(folder, taught):
     assert load_checkpoint(taught / newest, "cpu")["environment_steps"] == ITERATIONS * STEPS
 
 
+def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
+    more = ["--walks", "other=1:1.1", "--both-sides", "other", "--clip-joint", "Elbow", "--iterations", "1"]
+    assert distil.main(asked(folder, tmp_path, *more)) == 0
+    config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
+    assert (config["walks"], config["both_sides"], config["clip_joints"]) == ({"other": "1:1.1"}, ["other"], ["Elbow"])
+    assert config["borders"] == {"pushed_s": 1.0, "turn_rad_s": 1.0, "fast_m_s": 0.85, "run_m_s": None}
+
+
 def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):
     path = taught / "checkpoints" / f"model_{ITERATIONS:06d}.pt"
     bundle = str(folder / "bundle")
@@ -193,7 +201,11 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     ("more", "told"),
     [
         (["--teacher", "walks.npz"], "--teacher is 'walks.npz'; it must be NAME=VALUE"),
-        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, standing, pushed"),
+        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, run, sloped,"),
+        (["--clip-joint", "Tail"], "--clip-joint is 'Tail', which no joint has in its name"),
+        (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),
+        (["--walks", "other=1:1,.5:2"], "must grow from pair to pair"),
+        (["--walks", "ahead=1:1"], "--walks names 'ahead', which has no --teacher of its own"),
         (["--teacher", "pushed=gone.npz"], "gone.npz: can't be read"),
         (["--teacher", "pushed=robot.xml"], "robot.xml: is no npz of numbers"),
         (["--start-from", "robot.xml"], "robot.xml: is no npz of numbers"),

@@ -12,10 +12,11 @@ import pytest
 import torch
 
 from pipeline.training.bundle import read_bundle
+from pipeline.training.mirror import Mirror
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.pushes import ComingPush, since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, role_of
+from pipeline.training.teachers import ROLES, Borders, Teachers, role_of, walks_ahead
 from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
@@ -99,22 +100,83 @@ def test_a_run_may_put_the_borders_of_pushed_and_ahead_elsewhere():
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "other", "pushed", "standing"]
 
 
+def test_a_run_begins_where_it_is_said_and_nowhere_unless_it_is():
+    command = torch.tensor([[1.19, 0.0, 0.0], [1.2, 0.0, 0.0], [1.75, 0.0, 0.0], [2.0, 0.0, 1.5]])
+    long_ago = torch.full((4,), LONG_AGO)
+    found = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.75))
+    assert [ROLES[place] for place in found.tolist()] == ["ahead", "fast", "run", "other"]
+    assert walks_ahead(found).tolist() == [True, True, False, False]
+    assert "run" not in [ROLES[place] for place in role_of(command, long_ago, Borders()).tolist()]
+    below = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.0))
+    assert [ROLES[place] for place in below.tolist()] == ["ahead", "run", "run", "other"], "a run is fast"
+
+
+def test_on_slopes_who_walks_ahead_has_a_role_of_its_own_where_it_has_a_teacher(facts, tmp_path):
+    command = torch.tensor([[0.6, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.6, 0.0, 0.0]])
+    since_s, slopes = torch.tensor([LONG_AGO] * 4 + [0.1]), torch.tensor([True] * 5)
+    found = role_of(command, since_s, Borders(), slopes)
+    assert [ROLES[place] for place in found.tolist()] == ["sloped", "sloped", "other", "standing", "pushed"]
+    found = role_of(command, since_s, Borders(), ~slopes)
+    assert [ROLES[place] for place in found.tolist()] == ["ahead", "fast", "other", "standing", "pushed"]
+    _, paths = written(tmp_path, facts, "other", "sloped")
+    env = SimpleNamespace(slopes=SimpleNamespace(level=torch.tensor([True, False])))
+    teachers = Teachers(paths, facts, "cpu")
+    assert teachers.sloped(env).tolist() == [False, True]
+    assert teachers.sloped(SimpleNamespace(slopes=None)) is None
+    assert Teachers({"other": paths["other"]}, facts, "cpu").sloped(env) is None
+
+
 @pytest.mark.parametrize("wrong", [{"pushed_s": -0.1}, {"turn_rad_s": float("nan")}, {"fast_m_s": -1.0}])
 def test_borders_below_nothing_are_refused(wrong):
     with pytest.raises(TrainingError, match="it must be 0 or more"):
         Borders(**wrong)
 
 
-@pytest.mark.parametrize("own", [ROLES, ("pushed", "other"), ("other", "standing"), ("ahead", "other"), ("other",)])
+@pytest.mark.parametrize(
+    "own",
+    [
+        ROLES,
+        ("pushed", "other"),
+        ("other", "fast"),
+        ("other", "run", "ahead"),
+        ("other", "standing"),
+        ("ahead", "other"),
+        ("other",),
+    ],
+)
 def test_a_role_is_answered_by_its_own_policy_or_by_that_which_stands_in(facts, tmp_path, own):
     arrays, paths = written(tmp_path, facts, *own)
     seen = 2.0 * torch.randn(40, SEEN, generator=torch.Generator().manual_seed(4))
     role = torch.arange(40) % len(ROLES)
     told = Teachers(paths, facts, "cpu").act(seen, role)
     for number, place in enumerate(role.tolist()):
-        instead = "ahead" if ROLES[place] == "fast" and "ahead" in own else "other"
-        of_role = arrays[ROLES[place] if ROLES[place] in own else instead]
+        asked = {"run": ("run", "fast", "ahead"), "fast": ("fast", "ahead")}.get(ROLES[place], (ROLES[place],))
+        of_role = arrays[next((each for each in asked if each in own), "other")]
         torch.testing.assert_close(told[number], act(of_role, seen[number : number + 1])[0], rtol=1e-5, atol=1e-5)
+
+
+def test_who_walks_too_fast_is_told_less(facts, tmp_path):
+    arrays, paths = written(tmp_path, facts, "other", "ahead")
+    seen = torch.randn(2, SEEN, generator=torch.Generator().manual_seed(5))
+    slower = seen.clone()
+    for frame in range(10):
+        seen[:, 72 * frame + 6], slower[:, 72 * frame + 6] = 0.6 + 0.01 * frame, 0.5 + 0.01 * frame / 1.2
+    told = Teachers(paths, facts, "cpu", {"ahead": ".5:.6,1.0:1.2"}).act(seen, torch.tensor([0, 1]))
+    torch.testing.assert_close(told[0], act(arrays["other"], seen[:1])[0], rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(told[1], act(arrays["ahead"], slower[1:])[0], rtol=1e-5, atol=1e-5)
+
+
+def test_a_teacher_of_both_sides_answers_alike_on_both(facts, tmp_path):
+    _, paths = written(tmp_path, facts, "other", "ahead")
+    teachers, mirror = Teachers(paths, facts, "cpu", None, ("ahead",)), Mirror(facts, "cpu")
+    seen = torch.randn(4, SEEN, generator=torch.Generator().manual_seed(6))
+    for role, alike in ((1, True), (0, False)):
+        place = torch.full((4,), role)
+        told, other = teachers.act(seen, place), mirror.actions(teachers.act(mirror.seen(seen), place))
+        assert torch.allclose(told, other, atol=1e-5) == alike
+    plain = Teachers(paths, facts, "cpu").act(seen, torch.ones(4, dtype=torch.long))
+    mean = 0.5 * (plain + mirror.actions(Teachers(paths, facts, "cpu").act(mirror.seen(seen), torch.ones(4).long())))
+    torch.testing.assert_close(teachers.act(seen, torch.ones(4).long()), mean, rtol=1e-5, atol=1e-5)
 
 
 def test_a_policy_without_inner_layers_can_teach(facts, tmp_path):
@@ -126,8 +188,12 @@ def test_a_policy_without_inner_layers_can_teach(facts, tmp_path):
 
 def test_roles_that_are_none_and_no_teacher_for_the_rest_are_refused(facts, tmp_path):
     _, paths = written(tmp_path, facts, "other", "ahead")
-    with pytest.raises(TrainingError, match="--teacher names 'behind'; roles are other, ahead, fast, standing, pushed"):
+    with pytest.raises(TrainingError, match="--teacher names 'behind'; roles are other, ahead, fast, run, sloped"):
         Teachers({**paths, "behind": paths["ahead"]}, facts, "cpu")
+    with pytest.raises(TrainingError, match="--walks names 'fast', which has no --teacher"):
+        Teachers(paths, facts, "cpu", {"fast": "1:1"})
+    with pytest.raises(TrainingError, match="--both-sides names 'pushed', which has no --teacher"):
+        Teachers(paths, facts, "cpu", None, ("pushed",))
     with pytest.raises(TrainingError, match="--teacher other=POLICY is needed"):
         Teachers({"ahead": paths["ahead"]}, facts, "cpu")
     with pytest.raises(TrainingError, match=r"gone\.npz: can't be read"):
@@ -219,7 +285,7 @@ def test_any_state_is_as_likely_as_any_other():
 def pushed_env(pushed: tuple[bool, ...], *kinds_m_s: float) -> SimpleNamespace:
     """A stand-in whose robots are pushed by each kind in turn, at .1 s, .2 s and so on."""
     env = SimpleNamespace(num_envs=len(pushed), device="cpu", step_dt=0.02, pushed=torch.tensor(pushed))
-    options = SimpleNamespace(push_interval_s=(5.0, 5.0), push_sagittal=0.0, tracked_pushed=True)
+    options = SimpleNamespace(push_interval_s=(5.0, 5.0), push_least=0.2, push_sagittal=0.0, tracked_pushed=True)
     env.context, env.readings, env.tracked_clip = SimpleNamespace(options=options), SimpleNamespace(), None
     env.coming_pushes, env.restarts = [], []
     for kind, largest in enumerate(kinds_m_s):
