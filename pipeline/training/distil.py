@@ -9,11 +9,13 @@
     --minutes M          end after M minutes, whichever comes first
     --memory N           how many of the newest states are learned from
     --pushed-s T         how long after it began a push is answered by who teaches that [s]
+    --unsteady-deg A     who leans more than this counts as pushed just then
     --ahead-turn W       who teaches the walk ahead does so up to this yaw rate [rad/s]
     --fast V, --run V    the walk ahead is fast, and a run, from this speed on [m/s]
     --walks ROLE=T:W,…   how fast the teacher of a role walks, W, when it is told T [m/s]; it is told what makes it walk
                          as fast as the robot is told to; may be given for each role
     --both-sides ROLE    the teacher of a role answers as it and its mirror image do, on average; may be given often
+    --with-error ROLE    the teacher of a role is told what the velocity lacks on top of the command; may be given often
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
     --passes P           how often each state is learned from while it is new
@@ -77,7 +79,14 @@ def _distil(given: argparse.Namespace) -> None:
         resume=given.resume,
         memory=given.memory,
         passes=given.passes,
-        borders=Borders(pushed_s=given.pushed_s, turn_rad_s=given.ahead_turn, fast_m_s=given.fast, run_m_s=given.run),
+        borders=Borders(
+            pushed_s=given.pushed_s,
+            unsteady_deg=given.unsteady_deg,
+            turn_rad_s=given.ahead_turn,
+            fast_m_s=given.fast,
+            run_m_s=given.run,
+        ),
+        with_error=tuple(given.with_error),
         both_sides=tuple(given.both_sides),
         walks=pairs(given.walks, "--walks"),
         clip_joints=tuple(given.clip_joint),
@@ -103,11 +112,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--memory", type=int, default=300_000)
     parser.add_argument("--passes", type=float, default=4.0)
     parser.add_argument("--pushed-s", type=float, default=1.0)
+    parser.add_argument("--unsteady-deg", type=float, default=math.inf)
     parser.add_argument("--ahead-turn", type=float, default=1.0)
     parser.add_argument("--fast", type=float, default=0.85)
     parser.add_argument("--run", type=float, default=math.inf)
     parser.add_argument("--walks", action="append", default=[], metavar="ROLE=TOLD:WALKED,…")
     parser.add_argument("--both-sides", action="append", default=[], metavar="ROLE")
+    parser.add_argument("--with-error", action="append", default=[], metavar="ROLE")
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
     parser.add_argument("--resume", action="store_true")
     return parser

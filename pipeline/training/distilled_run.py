@@ -33,9 +33,8 @@ from pipeline.training.given_network import begin_with
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import changed_from
-from pipeline.training.pushes import since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, role_of, walks_ahead
+from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, role_of, walks_ahead
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
@@ -77,6 +76,8 @@ class DistilRequest:
     """Of the roles."""
     walks: dict[str, str] = field(default_factory=dict)
     """How fast the teacher of a role walks as it is told (`walked_speeds.py`)."""
+    with_error: tuple[str, ...] = ()
+    """Roles whose teachers are told what the velocity lacks on top of the command."""
     clip_joints: tuple[str, ...] = ()
     """Joints, by parts of their names, that are told by the clips as robots walk ahead (`clip_teacher.py`)."""
     both_sides: tuple[str, ...] = ()
@@ -93,10 +94,13 @@ class DistilledRun:
             raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
         if not 0.0 < request.passes < math.inf:
             raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
-        self.teachers = Teachers(request.teachers, bundle.robot, request.device, request.walks, request.both_sides)
+        self.teachers = Teachers(
+            request.teachers, bundle.robot, request.device, request.walks, request.both_sides, request.with_error
+        )
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics
         )
+        self._unsteady = Unsteadiness(self.env, request.borders.unsteady_deg)
         self.clip_teacher = ClipTeacher(self.env, request.clip_joints) if request.clip_joints else None
         self.env.schedule = float(request.options.run_iterations or request.iterations)
         self.env.go_on()
@@ -200,8 +204,9 @@ class DistilledRun:
         off, count = (torch.zeros(size, device=env.device) for _ in range(2))
         guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
         for _ in range(STEPS):
-            role = role_of(env.command, since_push(env), self.request.borders, self.teachers.sloped(env))
-            told, own = self.teachers.act(self._seen, role), self._answer(self._seen)
+            role = role_of(env.command, self._unsteady.since(), self.request.borders, self.teachers.sloped(env))
+            error = env.command - env.readings.mean_velocity
+            told, own = self.teachers.act(self._seen, role, error), self._answer(self._seen)
             if self.clip_teacher is not None:
                 told = self.clip_teacher.tell(told, env.command, walks_ahead(role))
             self.memory.add(self._seen, told)
@@ -279,6 +284,7 @@ class DistilledRun:
             "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
             "walks": request.walks,
             "both_sides": list(request.both_sides),
+            "with_error": list(request.with_error),
             "clip_joints": list(request.clip_joints),
             "start_from": self._started_from(),
             "seed": request.seed,

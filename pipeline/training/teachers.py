@@ -1,9 +1,9 @@
 """Several policies that teach one network, each where it is the better one: which of them a robot listens to.
 
-Roles, the first that holds: `pushed` for a second after a push began, `standing` when told to stand, `sloped` when told
-to walk mainly forward on ground that slopes, where that has a teacher; `ahead` when told so elsewhere, and of these
-`fast` from .85 m/s on and `run` from where a run says so; `other` for the rest. A role without a teacher of its own is
-`other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
+Roles, the first that holds: `pushed` for a second after a push began, or after who leans too far where a run says so;
+`standing` when told to stand; `sloped` when told to walk mainly forward on ground that slopes, where that has a
+teacher; `ahead` when told so elsewhere, and of these `fast` from .85 m/s on and `run` from where a run says so; `other`
+for the rest. A role without a teacher of its own is `other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from pipeline.training.bundle import RobotFacts
 from pipeline.training.given_network import network_of
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import HISTORY
+from pipeline.training.pushes import since_push
 from pipeline.training.training_error import TrainingError
-from pipeline.training.walked_speeds import WalkedSpeeds
+from pipeline.training.walked_speeds import WalkedSpeeds, corrected
 
 ROLES = ("other", "ahead", "fast", "run", "sloped", "standing", "pushed")
 """Each goes before those named earlier."""
@@ -38,6 +39,8 @@ class Borders:
 
     pushed_s: float = 1.0
     """How long after its beginning a push is answered [s]."""
+    unsteady_deg: float = math.inf
+    """Who leans more than this, on ground that does not slope, counts as pushed just then [deg]."""
     turn_rad_s: float = 1.0
     """Ahead is turning this fast at most."""
     fast_m_s: float = 0.85
@@ -51,6 +54,7 @@ class Borders:
             ("--ahead-turn", self.turn_rad_s),
             ("--fast", self.fast_m_s),
             ("--run", self.run_m_s),
+            ("--unsteady-deg", self.unsteady_deg),
         ):
             if not value >= 0.0:
                 raise TrainingError(f"{name} is {value:g}; it must be 0 or more.")
@@ -77,6 +81,25 @@ def walks_ahead(role: torch.Tensor) -> torch.Tensor:
     return (role == ROLES.index("ahead")) | (role == ROLES.index("fast"))
 
 
+class Unsteadiness:
+    """How long ago each of N environments was last pushed in this episode, or leant beyond a bound."""
+
+    def __init__(self, env, bound_deg: float):
+        self._env = env
+        self._least = math.sin(math.radians(bound_deg)) if bound_deg < 90.0 else math.inf
+        self._leant_s = torch.full((env.num_envs,), math.inf, device=env.device)
+
+    def since(self) -> torch.Tensor:
+        """That [s] (n,); once a control step, before it. Where the ground slopes nobody counts as leaning."""
+        env = self._env
+        leans = torch.linalg.norm(env.readings.gravity_b[:, :2], dim=1) > self._least
+        if env.slopes is not None:
+            leans &= env.slopes.level
+        waited = torch.where(env.episode_length_buf == 0, math.inf, self._leant_s + env.step_dt)
+        self._leant_s = torch.where(leans, 0.0, waited)
+        return torch.minimum(since_push(env), self._leant_s)
+
+
 def _taught(role: str, paths: Mapping[str, Path]) -> str:
     """The role whose teacher teaches a role."""
     while role not in paths:
@@ -94,9 +117,11 @@ class Teachers:
         device: str,
         walks: Mapping[str, str] | None = None,
         both_sides: Sequence[str] = (),
+        with_error: Sequence[str] = (),
     ):
         """`walks`: how fast the teacher of a role walks as it is told (`walked_speeds.py`). `both_sides`: roles whose
-        teacher answers as it and its mirror image do, on average, and so walks straight.
+        teacher answers as it and its mirror image do, on average, and so walks straight. `with_error`: roles whose
+        teacher is told what the velocity lacks on top of the command.
 
         Raises TrainingError for a role that is none, or has no teacher but a speed, without `other`, and for a file
         that is no policy for this robot, its gains and what its actor sees and does."""
@@ -105,31 +130,38 @@ class Teachers:
             raise TrainingError(f"--teacher names '{unknown[0]}'; roles are {', '.join(ROLES)}.")
         if "other" not in paths:
             raise TrainingError("--teacher other=POLICY is needed: who teaches where nobody else does.")
-        for named, roles in (("--walks", tuple(walks or {})), ("--both-sides", both_sides)):
+        for named, roles in (
+            ("--walks", tuple(walks or {})),
+            ("--both-sides", both_sides),
+            ("--with-error", with_error),
+        ):
             strangers = [role for role in roles if role not in paths]
             if strangers:
                 raise TrainingError(f"{named} names '{strangers[0]}', which has no --teacher of its own.")
         self._speeds = {role: WalkedSpeeds(text) for role, text in (walks or {}).items()}
         self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
         self._mirrors = dict.fromkeys(both_sides, Mirror(robot, device) if both_sides else None)
+        self._with_error = frozenset(with_error)
         self._taken = torch.tensor([ROLES.index(_taught(role, paths)) for role in ROLES], device=device)
 
     def sloped(self, env) -> torch.Tensor | None:
         """Who (n,) walks on ground that slopes, where that has a teacher and ground slopes."""
         return None if "sloped" not in self._networks or env.slopes is None else ~env.slopes.level
 
-    def act(self, observation: torch.Tensor, role: torch.Tensor) -> torch.Tensor:
-        """What (n, a) the teachers of roles (n,) do at what the actor sees (n, o)."""
+    def act(self, observation: torch.Tensor, role: torch.Tensor, error: torch.Tensor | None = None) -> torch.Tensor:
+        """What (n, a) the teachers of roles (n,) do at what the actor sees (n, o); `error`: by how much the command is
+        over the averaged velocity (n, 3), for those who are corrected by it."""
         taken = self._taken[role]
-        told = {name: self._answer(name, observation) for name in self._networks}
+        told = {name: self._answer(name, observation, error) for name in self._networks}
         action = torch.full_like(next(iter(told.values())), torch.nan)
         for name, each in told.items():
             action = torch.where((taken == ROLES.index(name))[:, None], each, action)
         return action
 
-    def _answer(self, role: str, observation: torch.Tensor) -> torch.Tensor:
+    def _answer(self, role: str, seen: torch.Tensor, error: torch.Tensor | None) -> torch.Tensor:
         network = self._networks[role]
-        seen = self._speeds[role].seen_as(observation) if role in self._speeds else observation
+        seen = corrected(seen, error) if role in self._with_error and error is not None else seen
+        seen = self._speeds[role].seen_as(seen) if role in self._speeds else seen
         mirror = self._mirrors.get(role)
         if mirror is None:
             return network(seen)

@@ -128,11 +128,29 @@ def test_a_run_leaves_the_files_of_training(folder, taught):
 
 
 def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
-    more = ["--walks", "other=1:1.1", "--both-sides", "other", "--clip-joint", "Elbow", "--iterations", "1"]
+    more = [
+        "--walks",
+        "other=1:1.1",
+        "--both-sides",
+        "other",
+        "--with-error",
+        "other",
+        "--clip-joint",
+        "Elbow",
+        "--iterations",
+        "1",
+    ]
     assert distil.main(asked(folder, tmp_path, *more)) == 0
     config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
     assert (config["walks"], config["both_sides"], config["clip_joints"]) == ({"other": "1:1.1"}, ["other"], ["Elbow"])
-    assert config["borders"] == {"pushed_s": 1.0, "turn_rad_s": 1.0, "fast_m_s": 0.85, "run_m_s": None}
+    assert config["borders"] == {
+        "pushed_s": 1.0,
+        "turn_rad_s": 1.0,
+        "fast_m_s": 0.85,
+        "run_m_s": None,
+        "unsteady_deg": None,
+    }
+    assert config["with_error"] == ["other"]
 
 
 def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):

@@ -16,8 +16,9 @@ from pipeline.training.mirror import Mirror
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.pushes import ComingPush, since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, role_of, walks_ahead
+from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, role_of, walks_ahead
 from pipeline.training.training_error import TrainingError
+from pipeline.training.walked_speeds import corrected
 from tests.factories.training_bundle import small_bundle
 
 SEEN, TOLD = 720, 21
@@ -126,7 +127,44 @@ def test_on_slopes_who_walks_ahead_has_a_role_of_its_own_where_it_has_a_teacher(
     assert Teachers({"other": paths["other"]}, facts, "cpu").sloped(env) is None
 
 
-@pytest.mark.parametrize("wrong", [{"pushed_s": -0.1}, {"turn_rad_s": float("nan")}, {"fast_m_s": -1.0}])
+def test_who_leans_counts_as_pushed_until_it_has_not_leant_for_as_long():
+    """Three robots: one leans for a step, one on a slope, one is pushed and begins another episode."""
+    down = torch.tensor([[0.0, 0.0, -1.0]] * 3)
+    env = SimpleNamespace(
+        num_envs=3,
+        device="cpu",
+        step_dt=0.02,
+        episode_length_buf=torch.tensor([5, 5, 5]),
+        readings=SimpleNamespace(gravity_b=down.clone()),
+        slopes=SimpleNamespace(level=torch.tensor([True, False, True])),
+        coming_pushes=[SimpleNamespace(since_s=torch.tensor([LONG_AGO, LONG_AGO, 0.5]))],
+    )
+    unsteady = Unsteadiness(env, 10.0)
+    assert unsteady.since().tolist() == [LONG_AGO, LONG_AGO, 0.5]
+    env.readings.gravity_b[:2, 0] = 0.18
+    assert unsteady.since().tolist() == [0.0, LONG_AGO, 0.5]
+    env.readings.gravity_b[:2, 0] = 0.17
+    assert [unsteady.since()[0].item() for _ in range(3)] == pytest.approx([0.02, 0.04, 0.06])
+    env.episode_length_buf[:] = 0
+    assert unsteady.since()[0] == LONG_AGO
+    env.readings.gravity_b[:, 1] = 0.9
+    assert Unsteadiness(env, LONG_AGO).since().tolist() == [LONG_AGO, LONG_AGO, 0.5], "where nobody asks nobody leans"
+
+
+def test_what_the_velocity_lacks_is_told_to_those_who_are_corrected_alone(facts, tmp_path):
+    arrays, paths = written(tmp_path, facts, "other", "ahead")
+    seen = torch.randn(2, SEEN, generator=torch.Generator().manual_seed(7))
+    error = torch.tensor([[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    told = Teachers(paths, facts, "cpu", with_error=("ahead",)).act(seen, torch.tensor([0, 1]), error)
+    torch.testing.assert_close(told[0], act(arrays["other"], seen[:1])[0], rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(told[1], act(arrays["ahead"], corrected(seen, error)[1:])[0], rtol=1e-5, atol=1e-5)
+    with pytest.raises(TrainingError, match="--with-error names 'fast', which has no --teacher"):
+        Teachers(paths, facts, "cpu", with_error=("fast",))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"unsteady_deg": -1.0}, {"pushed_s": -0.1}, {"turn_rad_s": float("nan")}, {"fast_m_s": -1.0}]
+)
 def test_borders_below_nothing_are_refused(wrong):
     with pytest.raises(TrainingError, match="it must be 0 or more"):
         Borders(**wrong)
