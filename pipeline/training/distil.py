@@ -18,6 +18,7 @@
     --with-error ROLE    the teacher of a role is told what the velocity lacks on top of the command; may be given often
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
+    --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`
     --passes P           how often each state is learned from while it is new
 
 The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
@@ -86,6 +87,7 @@ def _distil(given: argparse.Namespace) -> None:
             fast_m_s=given.fast,
             run_m_s=given.run,
         ),
+        clip_roles=tuple(given.clip_role) or ("ahead", "fast"),
         with_error=tuple(given.with_error),
         both_sides=tuple(given.both_sides),
         walks=pairs(given.walks, "--walks"),
@@ -118,6 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--run", type=float, default=math.inf)
     parser.add_argument("--walks", action="append", default=[], metavar="ROLE=TOLD:WALKED,…")
     parser.add_argument("--both-sides", action="append", default=[], metavar="ROLE")
+    parser.add_argument("--clip-role", action="append", default=[], metavar="ROLE")
     parser.add_argument("--with-error", action="append", default=[], metavar="ROLE")
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
     parser.add_argument("--resume", action="store_true")

@@ -34,7 +34,7 @@ from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import changed_from
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, role_of, walks_ahead
+from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, is_of, role_of
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
@@ -76,6 +76,8 @@ class DistilRequest:
     """Of the roles."""
     walks: dict[str, str] = field(default_factory=dict)
     """How fast the teacher of a role walks as it is told (`walked_speeds.py`)."""
+    clip_roles: tuple[str, ...] = ("ahead", "fast")
+    """In which roles they are."""
     with_error: tuple[str, ...] = ()
     """Roles whose teachers are told what the velocity lacks on top of the command."""
     clip_joints: tuple[str, ...] = ()
@@ -94,6 +96,9 @@ class DistilledRun:
             raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
         if not 0.0 < request.passes < math.inf:
             raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
+        strangers = [role for role in request.clip_roles if role not in ROLES]
+        if strangers or not request.clip_roles:
+            raise TrainingError(f"--clip-role is '{(*strangers, '')[0]}'; roles are {', '.join(ROLES)}.")
         self.teachers = Teachers(
             request.teachers, bundle.robot, request.device, request.walks, request.both_sides, request.with_error
         )
@@ -200,15 +205,15 @@ class DistilledRun:
     def _walk(self, led: float) -> tuple[torch.Tensor, torch.Tensor]:
         """Fill the memory by STEPS steps, a share of the robots led by the teachers; returns sums of squares of what
         the network was off by, mean over the joints, and counts, of each role (r,)."""
-        env, size = self.env, len(ROLES)
+        env, request, size = self.env, self.request, len(ROLES)
         off, count = (torch.zeros(size, device=env.device) for _ in range(2))
         guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
         for _ in range(STEPS):
-            role = role_of(env.command, self._unsteady.since(), self.request.borders, self.teachers.sloped(env))
+            role = role_of(env.command, self._unsteady.since(), request.borders, self.teachers.sloped(env))
             error = env.command - env.readings.mean_velocity
             told, own = self.teachers.act(self._seen, role, error), self._answer(self._seen)
             if self.clip_teacher is not None:
-                told = self.clip_teacher.tell(told, env.command, walks_ahead(role))
+                told = self.clip_teacher.tell(told, env.command, is_of(role, request.clip_roles))
             self.memory.add(self._seen, told)
             off.index_add_(0, role, torch.square(own - told).mean(dim=1))
             count.index_add_(0, role, torch.ones_like(role, dtype=torch.float32))
@@ -286,6 +291,7 @@ class DistilledRun:
             "both_sides": list(request.both_sides),
             "with_error": list(request.with_error),
             "clip_joints": list(request.clip_joints),
+            "clip_roles": list(request.clip_roles),
             "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,

@@ -76,9 +76,9 @@ def role_of(
     return torch.where(since_s < borders.pushed_s, ROLES.index("pushed"), role)
 
 
-def walks_ahead(role: torch.Tensor) -> torch.Tensor:
-    """Which of the roles (n,) are walks ahead, no runs."""
-    return (role == ROLES.index("ahead")) | (role == ROLES.index("fast"))
+def is_of(role: torch.Tensor, names: Sequence[str]) -> torch.Tensor:
+    """Which of the roles (n,) are among some."""
+    return torch.stack([role == ROLES.index(name) for name in names]).any(dim=0)
 
 
 class Unsteadiness:

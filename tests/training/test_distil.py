@@ -221,6 +221,7 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--teacher", "walks.npz"], "--teacher is 'walks.npz'; it must be NAME=VALUE"),
         (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, run, sloped,"),
         (["--clip-joint", "Tail"], "--clip-joint is 'Tail', which no joint has in its name"),
+        (["--clip-role", "behind"], "--clip-role is 'behind'; roles are other, ahead"),
         (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),
         (["--walks", "other=1:1,.5:2"], "must grow from pair to pair"),
         (["--walks", "ahead=1:1"], "--walks names 'ahead', which has no --teacher of its own"),

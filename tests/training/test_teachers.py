@@ -16,7 +16,7 @@ from pipeline.training.mirror import Mirror
 from pipeline.training.policy_file import act, write_policy
 from pipeline.training.pushes import ComingPush, since_push
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, role_of, walks_ahead
+from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, is_of, role_of
 from pipeline.training.training_error import TrainingError
 from pipeline.training.walked_speeds import corrected
 from tests.factories.training_bundle import small_bundle
@@ -106,13 +106,13 @@ def test_a_run_begins_where_it_is_said_and_nowhere_unless_it_is():
     long_ago = torch.full((4,), LONG_AGO)
     found = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.75))
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "fast", "run", "other"]
-    assert walks_ahead(found).tolist() == [True, True, False, False]
+    assert is_of(found, ("ahead", "fast")).tolist() == [True, True, False, False]
     assert "run" not in [ROLES[place] for place in role_of(command, long_ago, Borders()).tolist()]
     below = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.0))
     assert [ROLES[place] for place in below.tolist()] == ["ahead", "run", "run", "other"], "a run is fast"
 
 
-def test_on_slopes_who_walks_ahead_has_a_role_of_its_own_where_it_has_a_teacher(facts, tmp_path):
+def test_on_slopes_who_is_of_has_a_role_of_its_own_where_it_has_a_teacher(facts, tmp_path):
     command = torch.tensor([[0.6, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.6, 0.0, 0.0]])
     since_s, slopes = torch.tensor([LONG_AGO] * 4 + [0.1]), torch.tensor([True] * 5)
     found = role_of(command, since_s, Borders(), slopes)
