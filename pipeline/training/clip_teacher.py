@@ -44,7 +44,7 @@ class ClipTeacher:
         taken = tuple(name for name in robot.controlled if any(part in name for part in parts))
         self._told = torch.tensor([robot.policy_joints.index(name) for name in taken], device=device)
         joints = expert.frames[:, 7 + np.array([robot.controlled.index(name) for name in taken])]
-        place = np.stack([joints[_frames_of(expert, speed)].mean(axis=0) for speed in SPEEDS])
+        place = np.stack([joints[_frames_of(expert, speed)].mean(axis=0) for speed in SPEEDS.tolist()])
         action = (place - robot.default_joint_pos[robot.index(taken)]) / SCALE
         self._action = torch.from_numpy(action).float().to(device)
         self._led_astray = torch.zeros(env.num_envs, dtype=torch.bool, device=device)
