@@ -33,7 +33,7 @@ class ComingPush:
         """How long ago each was last pushed in this episode (n,) [s]."""
         self._share_w = torch.zeros(env.num_envs, 3, device=env.device)
         self._readings, self._sagittal = env.readings, env.context.options.push_sagittal
-        self._least = env.context.options.push_least
+        self._least_share = env.context.options.push_least
         self._of_heading = torch.zeros_like(self._pushed)
         """Whose push (n,) is ahead or back of the robot as it is when it begins: `_share_w` is in the frame of its
         heading then, else in the world."""
@@ -73,7 +73,7 @@ class ComingPush:
         """Draw the next one of some anew."""
         low, high = self._span
         replace(self.left_s, mask, low + (high - low) * torch.rand_like(self.left_s))
-        share = horizontal(len(mask), self._least, mask.device)
+        share = horizontal(len(mask), self._least_share, mask.device)
         if self._sagittal:
             chosen = torch.rand(len(mask), device=mask.device) < self._sagittal
             length = torch.linalg.norm(share, dim=1) * torch.sign(share[:, 0])

@@ -42,6 +42,7 @@ REASONS = {
     "tracked": "held, but not made to track, robots took 303 to 560 steps a minute: what is paid leads there",
     "tracked_end": "let go sooner and to a tenth, steps went from 120 to 245 a minute within 150 iterations",
     "tracked_iterations": "as tracked",
+    "track_clip": "track_joints pays for the joints beside it, each by itself",
     "track_joints": "forearms .6 rad off hid knees that bent by half of the clips' in the sum that track_clip pays",
     "ahead_share": "who teaches one network the walk ahead alone has no use for other commands",
     "tracked_pushed": "pushed, a robot steps where no clip does",
