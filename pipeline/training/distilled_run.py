@@ -76,12 +76,12 @@ class DistilRequest:
     """Of the roles."""
     walks: dict[str, str] = field(default_factory=dict)
     """How fast the teacher of a role walks as it is told (`walked_speeds.py`)."""
-    clip_roles: tuple[str, ...] = ("ahead", "fast")
-    """In which roles they are."""
     with_error: tuple[str, ...] = ()
     """Roles whose teachers are told what the velocity lacks on top of the command."""
     clip_joints: tuple[str, ...] = ()
-    """Joints, by parts of their names, that are told by the clips as robots walk ahead (`clip_teacher.py`)."""
+    """Joints, by parts of their names, that are told by the clips (`clip_teacher.py`) …"""
+    clip_roles: tuple[str, ...] = ("ahead", "fast")
+    """… in these roles."""
     both_sides: tuple[str, ...] = ()
     """Roles whose teachers answer as they and their mirror images do, on average."""
     physics: str | None = None
