@@ -10,7 +10,8 @@
     --memory N           how many of the newest states are learned from
     --pushed-s T         how long after it began a push is answered by who teaches that [s]
     --unsteady-deg A     who leans more than this counts as pushed just then
-    --ahead-turn W       who teaches the walk ahead does so up to this yaw rate [rad/s]
+    --ahead V            who teaches the walk ahead does so from this speed on [m/s]
+    --ahead-turn W       and up to this yaw rate [rad/s]
     --fast V, --run V    the walk ahead is fast, and a run, from this speed on [m/s]
     --walks ROLE=T:W,…   how fast the teacher of a role walks, W, when it is told T [m/s]; it is told what makes it walk
                          as fast as the robot is told to; may be given for each role
@@ -20,6 +21,7 @@
                          given often
     --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`
     --passes P           how often each state is learned from while it is new
+    --rate R             the learning rate at first; at last it is a twentieth of it
 
 The rest as in `python -m pipeline.training`, as are its files and exit status, but in one process; `curves.csv` has for
 each role the mean square of what the network is off by (`loss_other` …). The policy is a network like any: training can
@@ -80,10 +82,12 @@ def _distil(given: argparse.Namespace) -> None:
         resume=given.resume,
         memory=given.memory,
         passes=given.passes,
+        rate=given.rate,
         borders=Borders(
             pushed_s=given.pushed_s,
             unsteady_deg=given.unsteady_deg,
             turn_rad_s=given.ahead_turn,
+            ahead_m_s=given.ahead,
             fast_m_s=given.fast,
             run_m_s=given.run,
         ),
@@ -113,8 +117,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--memory", type=int, default=300_000)
     parser.add_argument("--passes", type=float, default=4.0)
+    parser.add_argument("--rate", type=float, default=1e-3)
     parser.add_argument("--pushed-s", type=float, default=1.0)
     parser.add_argument("--unsteady-deg", type=float, default=math.inf)
+    parser.add_argument("--ahead", type=float, default=0.55)
     parser.add_argument("--ahead-turn", type=float, default=1.0)
     parser.add_argument("--fast", type=float, default=0.85)
     parser.add_argument("--run", type=float, default=math.inf)

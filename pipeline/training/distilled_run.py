@@ -44,8 +44,8 @@ NOISE = 0.05
 """Standard deviation of what is added to the network's actions, so that states around its walk are taught as well."""
 LED_SHARE = 0.2
 """Share of the run in which the teachers' share of the robots goes from all to none."""
-RATES = (1e-3, 5e-5)
-"""Learning rate at first and at last; between them a half cosine."""
+LAST_RATE = 0.05
+"""The learning rate at last, of that at first; between them a half cosine."""
 BATCH = 4096
 LARGEST_GRADIENT = 1.0
 
@@ -72,6 +72,8 @@ class DistilRequest:
     """How many of the newest states are learned from."""
     passes: float
     """How often a state is learned from, in the mean, in the iteration that it comes with."""
+    rate: float = 1e-3
+    """Learning rate at first."""
     borders: Borders = field(default_factory=Borders)
     """Of the roles."""
     walks: dict[str, str] = field(default_factory=dict)
@@ -96,6 +98,8 @@ class DistilledRun:
             raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
         if not 0.0 < request.passes < math.inf:
             raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
+        if not 0.0 < request.rate < math.inf:
+            raise TrainingError(f"--rate is {request.rate:g}; it must be a number over 0.")
         strangers = [role for role in request.clip_roles if role not in ROLES]
         if strangers or not request.clip_roles:
             raise TrainingError(f"--clip-role is '{(*strangers, '')[0]}'; roles are {', '.join(ROLES)}.")
@@ -123,7 +127,7 @@ class DistilledRun:
         ).to(request.device)
         begin_with(self.student, request.start_from or request.teachers["other"], bundle.robot)
         self.student.eval()  # the normalizer stays what the first network had
-        self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=RATES[0])
+        self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=request.rate)
         self.iteration = 0
         """How many iterations are done."""
         if request.resume:
@@ -189,7 +193,7 @@ class DistilledRun:
 
     def _iterate(self, done: float) -> dict[str, float]:
         """Walk, and learn from what the teachers say of it."""
-        rate = RATES[1] + 0.5 * (RATES[0] - RATES[1]) * (1.0 + math.cos(math.pi * done))
+        rate = self.request.rate * (LAST_RATE + 0.5 * (1.0 - LAST_RATE) * (1.0 + math.cos(math.pi * done)))
         for group in self.optimizer.param_groups:
             group["lr"] = rate
         off, count = self._walk(max(0.0, 1.0 - done / LED_SHARE))
@@ -257,15 +261,25 @@ class DistilledRun:
         self.env.common_step_counter = int(state["environment_steps"])
 
     def _hold_to_config(self) -> None:
-        """Raises TrainingError where the run was begun with other teachers."""
+        """Raises TrainingError where the run was begun with other teachers, or asked other things of them."""
         path = self.request.out / "config.json"
-        begun = json.loads(path.read_text()).get("teachers") if path.is_file() else None
-        if begun != self._teachers():
-            raise TrainingError(f"{path}: the run was begun with other teachers; give another --out.")
+        begun = json.loads(path.read_text()) if path.is_file() else {}
+        for name, asked in self._taught().items():
+            if begun.get(name) != asked:
+                raise TrainingError(f"{path}: the run was begun with other {name}; give another --out.")
 
-    def _teachers(self) -> dict[str, str]:
-        """Digest of each role's policy file."""
-        return {role: _digest(path) for role, path in sorted(self.request.teachers.items())}
+    def _taught(self) -> dict[str, Any]:
+        """Who teaches where, and what they are told."""
+        request, borders = self.request, dataclasses.asdict(self.request.borders)
+        return {
+            "teachers": {role: _digest(path) for role, path in sorted(request.teachers.items())},
+            "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
+            "walks": request.walks,
+            "both_sides": list(request.both_sides),
+            "with_error": list(request.with_error),
+            "clip_joints": list(request.clip_joints),
+            "clip_roles": list(request.clip_roles),
+        }
 
     def _started_from(self) -> str:
         """Digest of the policy that the run began with. Raises TrainingError where a run that goes on began with
@@ -280,18 +294,12 @@ class DistilledRun:
         return begun
 
     def _config(self) -> dict[str, Any]:
-        request, borders = self.request, dataclasses.asdict(self.request.borders)
+        request = self.request
         return {
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
             "changed": changed_from(request.preset, request.options),
-            "teachers": self._teachers(),
-            "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
-            "walks": request.walks,
-            "both_sides": list(request.both_sides),
-            "with_error": list(request.with_error),
-            "clip_joints": list(request.clip_joints),
-            "clip_roles": list(request.clip_roles),
+            **self._taught(),
             "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,
@@ -299,6 +307,7 @@ class DistilledRun:
             "minutes": request.minutes,
             "memory": request.memory,
             "passes": request.passes,
+            "rate": request.rate,
             "device": request.device if request.device == "cpu" else torch.cuda.get_device_name(request.device),
             "physics": self.env.physics,
             "bundle_digest": self.bundle.digest,

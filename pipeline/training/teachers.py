@@ -2,8 +2,9 @@
 
 Roles, the first that holds: `pushed` for a second after a push began, or after who leans too far where a run says so;
 `standing` when told to stand; `sloped` when told to walk mainly forward on ground that slopes, where that has a
-teacher; `ahead` when told so elsewhere, and of these `fast` from .85 m/s on and `run` from where a run says so; `other`
-for the rest. A role without a teacher of its own is `other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
+teacher; `ahead` when told so elsewhere, from .55 m/s on, and of these `fast` from .85 m/s on and `run` from where a run
+says so; `other` for the rest. A role without a teacher of its own is `other`'s, but `run` that of `fast`, and `fast`
+that of `ahead`.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ ROLES = ("other", "ahead", "fast", "run", "sloped", "standing", "pushed")
 """Each goes before those named earlier."""
 STANDS_IN = {"run": "fast", "fast": "ahead"}
 """Who teaches a role that has no teacher of its own; else, and where that has none either, it is `other`."""
-AHEAD_M_S, ASIDE_M_S = 0.55, 0.3
-"""Ahead is this fast at least and this fast aside at most."""
+ASIDE_M_S = 0.3
+"""Ahead is this fast aside at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,8 @@ class Borders:
     """Who leans more than this, on ground that does not slope, counts as pushed just then [deg]."""
     turn_rad_s: float = 1.0
     """Ahead is turning this fast at most."""
+    ahead_m_s: float = 0.55
+    """Ahead is this fast at least."""
     fast_m_s: float = 0.85
     """Ahead from this speed on is fast …"""
     run_m_s: float = math.inf
@@ -52,6 +55,7 @@ class Borders:
         for name, value in (
             ("--pushed-s", self.pushed_s),
             ("--ahead-turn", self.turn_rad_s),
+            ("--ahead", self.ahead_m_s),
             ("--fast", self.fast_m_s),
             ("--run", self.run_m_s),
             ("--unsteady-deg", self.unsteady_deg),
@@ -66,7 +70,7 @@ def role_of(
     """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,);
     `sloped`: who (n,) walks on ground that slopes, where that is a role of its own."""
     forward, lateral, yaw = command.unbind(dim=1)
-    ahead = (forward >= AHEAD_M_S) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
+    ahead = (forward >= borders.ahead_m_s) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
     role = ahead.long()
     for border in (borders.fast_m_s, max(borders.fast_m_s, borders.run_m_s)):
         role += (ahead & (forward >= border)).long()

@@ -14,7 +14,7 @@ from pipeline.training import distil
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.command import main as train
-from pipeline.training.distilled_run import BATCH, RATES, STEPS, DistilledRun, DistilRequest
+from pipeline.training.distilled_run import BATCH, LAST_RATE, STEPS, DistilledRun, DistilRequest
 from pipeline.training.export_policy import main as export
 from pipeline.training.given_network import network_of
 from pipeline.training.observations import newest_command
@@ -26,6 +26,8 @@ from tests.factories.training_bundle import small_bundle
 
 ENVS, ITERATIONS = 8, 12
 APART = 0.5
+RATE = 1e-3
+"""What `--rate` is where it is not said."""
 """By how much the teacher of who stands does something else, at every joint."""
 HALF_STAND = ["standing_share=.5", "alone_shares=.1,.1,.1", "fast_share=.1", "quiet_share=.5", "quiet_pushed=0"]
 SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=2", "steps=4"]
@@ -78,8 +80,8 @@ def test_the_loss_of_who_stands_falls(taught):
     assert np.mean(loss["loss_standing"][-3:]) < 0.3 * loss["loss_standing"][0]
     assert np.mean(loss["loss"][-3:]) < 0.5 * loss["loss"][0]
     rates = [float(row["learning_rate"]) for row in rows]
-    assert rates[0] == pytest.approx(RATES[0])
-    assert rates == sorted(rates, reverse=True) and RATES[1] < rates[-1] < 0.1 * RATES[0]
+    assert rates[0] == pytest.approx(RATE)
+    assert rates == sorted(rates, reverse=True) and LAST_RATE * RATE < rates[-1] < 0.1 * RATE
 
 
 def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
@@ -139,6 +141,10 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "Elbow",
         "--iterations",
         "1",
+        "--ahead",
+        ".5",
+        "--rate",
+        "2e-4",
     ]
     assert distil.main(asked(folder, tmp_path, *more)) == 0
     config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
@@ -146,11 +152,15 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
     assert config["borders"] == {
         "pushed_s": 1.0,
         "turn_rad_s": 1.0,
+        "ahead_m_s": 0.5,
         "fast_m_s": 0.85,
         "run_m_s": None,
         "unsteady_deg": None,
     }
     assert config["with_error"] == ["other"]
+    with (tmp_path / "curves.csv").open() as file:
+        rates = [float(row["learning_rate"]) for row in csv.DictReader(file)]
+    assert rates == pytest.approx([2e-4]), "the first of a half cosine"
 
 
 def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):
@@ -198,6 +208,9 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     capsys.readouterr()
     for other, told in (
         (["--teacher", f"pushed={folder / 'stands.npz'}"], "was begun with other teachers; give another --out"),
+        (["--ahead", ".4"], "was begun with other borders; give another --out"),
+        (["--walks", "other=1:1.1"], "was begun with other walks; give another --out"),
+        (["--clip-joint", "Elbow"], "was begun with other clip_joints; give another --out"),
         (["--start-from", str(folder / "walks.npz")], "walks.npz: is not what the run"),
     ):
         assert distil.main(asked(folder, out, *on, *other)) == 2
@@ -231,6 +244,9 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--memory", str(BATCH - 1)], f"--memory is {BATCH - 1}; it must hold a batch of {BATCH} states"),
         (["--passes", "0"], "--passes is 0; it must be a number over 0"),
         (["--passes", "nan"], "--passes is nan; it must be a number over 0"),
+        (["--rate", "0"], "--rate is 0; it must be a number over 0"),
+        (["--rate", "inf"], "--rate is inf; it must be a number over 0"),
+        (["--ahead", "-1"], "--ahead is -1; it must be 0 or more"),
         (["--preset", "none"], "unknown preset 'none'"),
         (["--set", "hidden"], "--set is 'hidden'; it must be NAME=VALUE"),
         (["--set", "no_such=1"], "no_such"),

@@ -101,6 +101,15 @@ def test_a_run_may_put_the_borders_of_pushed_and_ahead_elsewhere():
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "other", "pushed", "standing"]
 
 
+def test_the_walk_ahead_begins_where_it_is_said():
+    command = torch.tensor([[0.5, 0.0, 0.0], [0.54, 0.0, 0.0], [0.55, 0.0, 0.0]])
+    roles = [
+        [ROLES[place] for place in role_of(command, torch.full((3,), LONG_AGO), borders).tolist()]
+        for borders in (Borders(), Borders(ahead_m_s=0.52))
+    ]
+    assert roles == [["other", "other", "ahead"], ["other", "ahead", "ahead"]]
+
+
 def test_a_run_begins_where_it_is_said_and_nowhere_unless_it_is():
     command = torch.tensor([[1.19, 0.0, 0.0], [1.2, 0.0, 0.0], [1.75, 0.0, 0.0], [2.0, 0.0, 1.5]])
     long_ago = torch.full((4,), LONG_AGO)
