@@ -12,6 +12,7 @@
     --unsteady-deg A     who leans more than this counts as pushed just then
     --ahead V            who teaches the walk ahead does so from this speed on [m/s]
     --ahead-turn W       and up to this yaw rate [rad/s]
+    --under-way S        and where a robot goes at this share of what it is told at least; who sets off is `other`'s
     --fast V, --run V    the walk ahead is fast, and a run, from this speed on [m/s]
     --walks ROLE=T:W,…   how fast the teacher of a role walks, W, when it is told T [m/s]; it is told what makes it walk
                          as fast as the robot is told to; may be given for each role
@@ -88,6 +89,7 @@ def _distil(given: argparse.Namespace) -> None:
             unsteady_deg=given.unsteady_deg,
             turn_rad_s=given.ahead_turn,
             ahead_m_s=given.ahead,
+            under_way=given.under_way,
             fast_m_s=given.fast,
             run_m_s=given.run,
         ),
@@ -121,6 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--pushed-s", type=float, default=1.0)
     parser.add_argument("--unsteady-deg", type=float, default=math.inf)
     parser.add_argument("--ahead", type=float, default=0.55)
+    parser.add_argument("--under-way", type=float, default=0.0)
     parser.add_argument("--ahead-turn", type=float, default=1.0)
     parser.add_argument("--fast", type=float, default=0.85)
     parser.add_argument("--run", type=float, default=math.inf)

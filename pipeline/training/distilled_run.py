@@ -213,8 +213,9 @@ class DistilledRun:
         off, count = (torch.zeros(size, device=env.device) for _ in range(2))
         guided = (torch.rand(env.num_envs, device=env.device) < led)[:, None]
         for _ in range(STEPS):
-            role = role_of(env.command, self._unsteady.since(), request.borders, self.teachers.sloped(env))
-            error = env.command - env.readings.mean_velocity
+            velocity = env.readings.mean_velocity
+            role = role_of(env.command, self._unsteady.since(), request.borders, velocity, self.teachers.sloped(env))
+            error = env.command - velocity
             told, own = self.teachers.act(self._seen, role, error), self._answer(self._seen)
             if self.clip_teacher is not None:
                 told = self.clip_teacher.tell(told, env.command, is_of(role, request.clip_roles))

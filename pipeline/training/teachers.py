@@ -2,9 +2,9 @@
 
 Roles, the first that holds: `pushed` for a second after a push began, or after who leans too far where a run says so;
 `standing` when told to stand; `sloped` when told to walk mainly forward on ground that slopes, where that has a
-teacher; `ahead` when told so elsewhere, from .55 m/s on, and of these `fast` from .85 m/s on and `run` from where a run
-says so; `other` for the rest. A role without a teacher of its own is `other`'s, but `run` that of `fast`, and `fast`
-that of `ahead`.
+teacher; `ahead` when told so elsewhere, from .55 m/s on (and when under way, where a run says so), and of these `fast`
+from .85 m/s on and `run` from where a run says so; `other` for the rest. A role without a teacher of its own is
+`other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ class Borders:
     """Ahead is turning this fast at most."""
     ahead_m_s: float = 0.55
     """Ahead is this fast at least."""
+    under_way: float = 0.0
+    """Ahead goes, over a step, at this share of what it is told at least: who sets off does not yet."""
     fast_m_s: float = 0.85
     """Ahead from this speed on is fast …"""
     run_m_s: float = math.inf
@@ -56,6 +58,7 @@ class Borders:
             ("--pushed-s", self.pushed_s),
             ("--ahead-turn", self.turn_rad_s),
             ("--ahead", self.ahead_m_s),
+            ("--under-way", self.under_way),
             ("--fast", self.fast_m_s),
             ("--run", self.run_m_s),
             ("--unsteady-deg", self.unsteady_deg),
@@ -65,12 +68,18 @@ class Borders:
 
 
 def role_of(
-    command: torch.Tensor, since_s: torch.Tensor, borders: Borders, sloped: torch.Tensor | None = None
+    command: torch.Tensor,
+    since_s: torch.Tensor,
+    borders: Borders,
+    velocity: torch.Tensor,
+    sloped: torch.Tensor | None = None,
 ) -> torch.Tensor:
-    """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s] and seconds since the latest push began (n,);
-    `sloped`: who (n,) walks on ground that slopes, where that is a role of its own."""
+    """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s], seconds since the latest push began (n,) and
+    velocities averaged over a step (n, 3) like commands; `sloped`: who (n,) walks on ground that slopes, where that is
+    a role of its own."""
     forward, lateral, yaw = command.unbind(dim=1)
     ahead = (forward >= borders.ahead_m_s) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
+    ahead &= velocity[:, 0] >= borders.under_way * forward
     role = ahead.long()
     for border in (borders.fast_m_s, max(borders.fast_m_s, borders.run_m_s)):
         role += (ahead & (forward >= border)).long()

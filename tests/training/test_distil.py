@@ -153,6 +153,7 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "pushed_s": 1.0,
         "turn_rad_s": 1.0,
         "ahead_m_s": 0.5,
+        "under_way": 0.0,
         "fast_m_s": 0.85,
         "run_m_s": None,
         "unsteady_deg": None,

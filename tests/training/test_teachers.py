@@ -23,6 +23,7 @@ from tests.factories.training_bundle import small_bundle
 
 SEEN, TOLD = 720, 21
 LONG_AGO = math.inf
+STANDS = torch.zeros(4, 3)
 
 
 @pytest.fixture(scope="module")
@@ -83,20 +84,23 @@ def written(folder, facts, *roles: str, hidden: tuple[int, ...] = (8, 5)):
     ],
 )
 def test_whose_a_state_is(command, since_s, role):
-    found = role_of(torch.tensor([command, command]), torch.tensor([since_s, since_s]), Borders())
+    found = role_of(torch.tensor([command, command]), torch.tensor([since_s, since_s]), Borders(), torch.zeros(2, 3))
     assert [ROLES[place] for place in found.tolist()] == [role, role]
 
 
 def test_each_robot_of_a_batch_has_a_role_of_its_own():
     command = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    found = role_of(command, torch.tensor([LONG_AGO, LONG_AGO, LONG_AGO, 0.5]), Borders())
+    found = role_of(command, torch.tensor([LONG_AGO, LONG_AGO, LONG_AGO, 0.5]), Borders(), STANDS)
     assert [ROLES[place] for place in found.tolist()] == ["standing", "other", "fast", "pushed"]
 
 
 def test_a_run_may_put_the_borders_of_pushed_and_ahead_elsewhere():
     command = torch.tensor([[1.0, 0.0, 0.3], [1.0, 0.0, -0.31], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     found = role_of(
-        command, torch.tensor([LONG_AGO, LONG_AGO, 1.98, 2.0]), Borders(pushed_s=2.0, turn_rad_s=0.3, fast_m_s=1.1)
+        command,
+        torch.tensor([LONG_AGO, LONG_AGO, 1.98, 2.0]),
+        Borders(pushed_s=2.0, turn_rad_s=0.3, fast_m_s=1.1),
+        STANDS,
     )
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "other", "pushed", "standing"]
 
@@ -104,29 +108,39 @@ def test_a_run_may_put_the_borders_of_pushed_and_ahead_elsewhere():
 def test_the_walk_ahead_begins_where_it_is_said():
     command = torch.tensor([[0.5, 0.0, 0.0], [0.54, 0.0, 0.0], [0.55, 0.0, 0.0]])
     roles = [
-        [ROLES[place] for place in role_of(command, torch.full((3,), LONG_AGO), borders).tolist()]
+        [ROLES[place] for place in role_of(command, torch.full((3,), LONG_AGO), borders, STANDS[:3]).tolist()]
         for borders in (Borders(), Borders(ahead_m_s=0.52))
     ]
     assert roles == [["other", "other", "ahead"], ["other", "ahead", "ahead"]]
 
 
+def test_who_sets_off_is_not_ahead_before_it_is_under_way_where_a_run_says_so():
+    command = torch.tensor([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.3, 0.0, 0.0]])
+    velocity = torch.tensor([[0.59, 0.0, 0.0], [0.6, 0.0, 0.0], [0.6, 0.0, 0.0], [0.3, 0.0, 0.0]])
+    long_ago = torch.full((4,), LONG_AGO)
+    found = role_of(command, long_ago, Borders(under_way=0.6), velocity)
+    assert [ROLES[place] for place in found.tolist()] == ["other", "fast", "ahead", "other"]
+    everyone = role_of(command, long_ago, Borders(), STANDS)
+    assert [ROLES[place] for place in everyone.tolist()] == ["fast", "fast", "ahead", "other"]
+
+
 def test_a_run_begins_where_it_is_said_and_nowhere_unless_it_is():
     command = torch.tensor([[1.19, 0.0, 0.0], [1.2, 0.0, 0.0], [1.75, 0.0, 0.0], [2.0, 0.0, 1.5]])
     long_ago = torch.full((4,), LONG_AGO)
-    found = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.75))
+    found = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.75), STANDS)
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "fast", "run", "other"]
     assert is_of(found, ("ahead", "fast")).tolist() == [True, True, False, False]
-    assert "run" not in [ROLES[place] for place in role_of(command, long_ago, Borders()).tolist()]
-    below = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.0))
+    assert "run" not in [ROLES[place] for place in role_of(command, long_ago, Borders(), STANDS).tolist()]
+    below = role_of(command, long_ago, Borders(fast_m_s=1.2, run_m_s=1.0), STANDS)
     assert [ROLES[place] for place in below.tolist()] == ["ahead", "run", "run", "other"], "a run is fast"
 
 
 def test_on_slopes_who_is_of_has_a_role_of_its_own_where_it_has_a_teacher(facts, tmp_path):
     command = torch.tensor([[0.6, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.0], [0.6, 0.0, 0.0]])
     since_s, slopes = torch.tensor([LONG_AGO] * 4 + [0.1]), torch.tensor([True] * 5)
-    found = role_of(command, since_s, Borders(), slopes)
+    found = role_of(command, since_s, Borders(), torch.zeros(5, 3), slopes)
     assert [ROLES[place] for place in found.tolist()] == ["sloped", "sloped", "other", "standing", "pushed"]
-    found = role_of(command, since_s, Borders(), ~slopes)
+    found = role_of(command, since_s, Borders(), torch.zeros(5, 3), ~slopes)
     assert [ROLES[place] for place in found.tolist()] == ["ahead", "fast", "other", "standing", "pushed"]
     _, paths = written(tmp_path, facts, "other", "sloped")
     env = SimpleNamespace(slopes=SimpleNamespace(level=torch.tensor([True, False])))
@@ -172,7 +186,14 @@ def test_what_the_velocity_lacks_is_told_to_those_who_are_corrected_alone(facts,
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"unsteady_deg": -1.0}, {"pushed_s": -0.1}, {"turn_rad_s": float("nan")}, {"fast_m_s": -1.0}]
+    "wrong",
+    [
+        {"unsteady_deg": -1.0},
+        {"pushed_s": -0.1},
+        {"turn_rad_s": float("nan")},
+        {"fast_m_s": -1.0},
+        {"under_way": -0.5},
+    ],
 )
 def test_borders_below_nothing_are_refused(wrong):
     with pytest.raises(TrainingError, match="it must be 0 or more"):
