@@ -63,7 +63,7 @@ def main(arguments: Sequence[str]) -> int:
 def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
     from pipeline.training.distilled_run import DistilledRun, DistilRequest
-    from pipeline.training.teachers import Borders
+    from pipeline.training.roles import Borders
 
     if os.getenv("WORLD_SIZE", "1") != "1":
         raise TrainingError("distil runs in one process, on one device; start it without torchrun.")

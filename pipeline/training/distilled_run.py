@@ -33,8 +33,9 @@ from pipeline.training.given_network import begin_with
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import changed_from
+from pipeline.training.roles import ROLES, Borders, Unsteadiness, is_of, role_of
 from pipeline.training.taught_memory import TaughtMemory
-from pipeline.training.teachers import ROLES, Borders, Teachers, Unsteadiness, is_of, role_of
+from pipeline.training.teachers import Teachers
 from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100

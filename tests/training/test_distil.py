@@ -21,7 +21,7 @@ from pipeline.training.observations import newest_command
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.policy_file import write_policy
 from pipeline.training.presets import preset
-from pipeline.training.teachers import ROLES
+from pipeline.training.roles import ROLES
 from tests.factories.training_bundle import small_bundle
 
 ENVS, ITERATIONS = 8, 12
