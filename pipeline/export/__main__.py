@@ -1,7 +1,6 @@
 """Export a trained policy: `python -m pipeline.export RUN --robot t1 --name NAME --out DIR`.
 
 RUN                 folder of a training run: policy.npz, config.json, curves.csv, done.json
---bundle DIR        what it was trained on (its `bundle.json`: digest and licence of the database)
 --policy FILE       another npz than RUN/policy.npz: that of a chosen checkpoint
 --robot NAME        folder of robots/
 --name NAME         of the policy

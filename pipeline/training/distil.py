@@ -12,7 +12,8 @@
     --unsteady-deg A     who leans more than this counts as pushed just then
     --ahead V            who teaches the walk ahead does so from this speed on [m/s]
     --ahead-turn W       and up to this yaw rate [rad/s]
-    --under-way S        and where a robot goes at this share of what it is told at least; who sets off is `other`'s
+    --under-way S        and of who goes at this share of what it is told at least; who sets off, or is told to go half
+                         as fast again, is `other`'s until then
     --fast V, --run V    the walk ahead is fast, and a run, from this speed on [m/s]
     --walks ROLE=T:W,…   how fast the teacher of a role walks, W, when it is told T [m/s]; it is told what makes it walk
                          as fast as the robot is told to; may be given for each role

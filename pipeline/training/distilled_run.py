@@ -267,8 +267,8 @@ class DistilledRun:
         path = self.request.out / "config.json"
         begun = json.loads(path.read_text()) if path.is_file() else {}
         for name, asked in self._taught().items():
-            if begun.get(name) != asked:
-                raise TrainingError(f"{path}: the run was begun with other {name}; give another --out.")
+            if other := _difference(name, begun.get(name), asked):
+                raise TrainingError(f"{path}: the run was begun with {other}; ask the same, or give another --out.")
 
     def _taught(self) -> dict[str, Any]:
         """Who teaches where, and what they are told."""
@@ -277,10 +277,10 @@ class DistilledRun:
             "teachers": {role: _digest(path) for role, path in sorted(request.teachers.items())},
             "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
             "walks": request.walks,
-            "both_sides": list(request.both_sides),
-            "with_error": list(request.with_error),
-            "clip_joints": list(request.clip_joints),
-            "clip_roles": list(request.clip_roles),
+            "both_sides": sorted(set(request.both_sides)),
+            "with_error": sorted(set(request.with_error)),
+            "clip_joints": sorted(set(request.clip_joints)),
+            "clip_roles": sorted(set(request.clip_roles)),
         }
 
     def _started_from(self) -> str:
@@ -324,6 +324,14 @@ class DistilledRun:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _difference(name: str, begun: Any, asked: Any) -> str | None:
+    """What a run was begun with and what is asked of it now, of the first that differs; None where nothing does."""
+    if isinstance(asked, dict) and isinstance(begun, dict):
+        keys = sorted(begun.keys() | asked.keys())
+        return next((found for key in keys if (found := _difference(key, begun.get(key), asked.get(key)))), None)
+    return None if begun == asked else f"{name} {json.dumps(begun)}, not {json.dumps(asked)}"
 
 
 def _write_json(path: Path, values: dict[str, Any]) -> None:

@@ -2,8 +2,8 @@
 
 Roles, the first that holds: `pushed` for a second after a push began, or after who leans too far where a run says so;
 `standing` when told to stand; `sloped` when told to walk mainly forward on ground that slopes, where that has a
-teacher; `ahead` when told so elsewhere, from .55 m/s on (and when under way, where a run says so), and of these `fast`
-from .85 m/s on and `run` from where a run says so; `other` for the rest. A role without a teacher of its own is
+teacher; `ahead` when told so elsewhere, from .55 m/s on, and of these `fast` from .85 m/s on and `run` from where a run
+says so; `other` for the rest, who sets off, where a run says so, among them. A role without a teacher of its own is
 `other`'s, but `run` that of `fast`, and `fast` that of `ahead`.
 """
 
@@ -39,7 +39,7 @@ class Borders:
     ahead_m_s: float = 0.55
     """Ahead is this fast at least."""
     under_way: float = 0.0
-    """Ahead goes, over a step, at this share of what it is told at least: who sets off does not yet."""
+    """Ahead, on slopes too, is who goes at this share of what it is told at least, by the averaged velocity; 0: all."""
     fast_m_s: float = 0.85
     """Ahead from this speed on is fast …"""
     run_m_s: float = math.inf
@@ -57,6 +57,8 @@ class Borders:
         ):
             if not value >= 0.0:
                 raise TrainingError(f"{name} is {value:g}; it must be 0 or more.")
+        if self.under_way > 1.0:
+            raise TrainingError(f"--under-way is {self.under_way:g}; it is a share and must be 1 at most.")
 
 
 def role_of(
@@ -67,11 +69,12 @@ def role_of(
     sloped: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """The place in ROLES (n,) of commands (n, 3) [m/s, m/s, rad/s], seconds since the latest push began (n,) and
-    velocities averaged over a step (n, 3) like commands; `sloped`: who (n,) walks on ground that slopes, where that is
+    averaged velocities (n, 3) like commands; `sloped`: who (n,) walks on ground that slopes, where that is
     a role of its own."""
     forward, lateral, yaw = command.unbind(dim=1)
     ahead = (forward >= borders.ahead_m_s) & (lateral.abs() <= ASIDE_M_S) & (yaw.abs() <= borders.turn_rad_s)
-    ahead &= velocity[:, 0] >= borders.under_way * forward
+    if borders.under_way > 0.0:
+        ahead &= velocity[:, 0] >= borders.under_way * forward
     role = ahead.long()
     for border in (borders.fast_m_s, max(borders.fast_m_s, borders.run_m_s)):
         role += (ahead & (forward >= border)).long()

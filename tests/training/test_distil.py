@@ -26,9 +26,9 @@ from tests.factories.training_bundle import small_bundle
 
 ENVS, ITERATIONS = 8, 12
 APART = 0.5
+"""By how much the teacher of who stands does something else, at every joint."""
 RATE = 1e-3
 """What `--rate` is where it is not said."""
-"""By how much the teacher of who stands does something else, at every joint."""
 HALF_STAND = ["standing_share=.5", "alone_shares=.1,.1,.1", "fast_share=.1", "quiet_share=.5", "quiet_pushed=0"]
 SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=2", "steps=4"]
 
@@ -145,6 +145,8 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         ".5",
         "--rate",
         "2e-4",
+        "--under-way",
+        ".6",
     ]
     assert distil.main(asked(folder, tmp_path, *more)) == 0
     config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
@@ -153,7 +155,7 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "pushed_s": 1.0,
         "turn_rad_s": 1.0,
         "ahead_m_s": 0.5,
-        "under_way": 0.0,
+        "under_way": 0.6,
         "fast_m_s": 0.85,
         "run_m_s": None,
         "unsteady_deg": None,
@@ -208,10 +210,13 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     config = (out / "config.json").read_bytes()
     capsys.readouterr()
     for other, told in (
-        (["--teacher", f"pushed={folder / 'stands.npz'}"], "was begun with other teachers; give another --out"),
-        (["--ahead", ".4"], "was begun with other borders; give another --out"),
-        (["--walks", "other=1:1.1"], "was begun with other walks; give another --out"),
-        (["--clip-joint", "Elbow"], "was begun with other clip_joints; give another --out"),
+        (["--teacher", f"pushed={folder / 'stands.npz'}"], 'was begun with pushed null, not "'),
+        (["--ahead", ".4"], "config.json: the run was begun with ahead_m_s 0.55, not 0.4; ask the same, or give"),
+        (["--walks", "other=1:1.1"], 'was begun with other null, not "1:1.1"'),
+        (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
+        (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
+        (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
+        (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),
         (["--start-from", str(folder / "walks.npz")], "walks.npz: is not what the run"),
     ):
         assert distil.main(asked(folder, out, *on, *other)) == 2
@@ -219,7 +224,8 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     assert (out / "config.json").read_bytes() == config
     assert (out / "policy.npz").read_bytes() == left
 
-    assert distil.main(asked(folder, out, "--resume", "--iterations", "3")) == 0
+    same = ["--clip-role", "fast", "--clip-role", "ahead"]
+    assert distil.main(asked(folder, out, "--resume", "--iterations", "3", *same)) == 0
     assert "iteration 3 of 3" in capsys.readouterr().out
     rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
     assert [int(row["iteration"]) for row in rows] == [1, 2, 3]

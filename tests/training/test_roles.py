@@ -83,8 +83,12 @@ def test_who_sets_off_is_not_ahead_before_it_is_under_way_where_a_run_says_so():
     long_ago = torch.full((4,), LONG_AGO)
     found = role_of(command, long_ago, Borders(under_way=0.6), velocity)
     assert [ROLES[place] for place in found.tolist()] == ["other", "fast", "ahead", "other"]
-    everyone = role_of(command, long_ago, Borders(), STANDS)
-    assert [ROLES[place] for place in everyone.tolist()] == ["fast", "fast", "ahead", "other"]
+    back = torch.full((4, 3), -0.5)
+    everyone = role_of(command, long_ago, Borders(), back)
+    assert [ROLES[place] for place in everyone.tolist()] == ["fast", "fast", "ahead", "other"], "where no run says so"
+    slopes = torch.ones(4, dtype=torch.bool)
+    found = role_of(command, long_ago, Borders(under_way=0.6), velocity, slopes)
+    assert [ROLES[place] for place in found.tolist()] == ["other", "sloped", "sloped", "other"]
 
 
 def test_a_run_begins_where_it_is_said_and_nowhere_unless_it_is():
@@ -144,3 +148,8 @@ def test_who_leans_counts_as_pushed_until_it_has_not_leant_for_as_long():
 def test_borders_below_nothing_are_refused(wrong):
     with pytest.raises(TrainingError, match="it must be 0 or more"):
         Borders(**wrong)
+
+
+def test_a_share_of_the_speed_is_one_at_most():
+    with pytest.raises(TrainingError, match="--under-way is 65; it is a share and must be 1 at most"):
+        Borders(under_way=65.0)

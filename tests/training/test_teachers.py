@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -14,14 +13,13 @@ import torch
 from pipeline.training.bundle import read_bundle
 from pipeline.training.mirror import Mirror
 from pipeline.training.policy_file import act, write_policy
-from pipeline.training.teachers import ROLES, Teachers
+from pipeline.training.roles import ROLES
+from pipeline.training.teachers import Teachers
 from pipeline.training.training_error import TrainingError
 from pipeline.training.walked_speeds import corrected
 from tests.factories.training_bundle import small_bundle
 
 SEEN, TOLD = 720, 21
-LONG_AGO = math.inf
-STANDS = torch.zeros(4, 3)
 
 
 @pytest.fixture(scope="module")
