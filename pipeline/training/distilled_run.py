@@ -331,7 +331,8 @@ def _difference(name: str, begun: Any, asked: Any) -> str | None:
     if isinstance(asked, dict) and isinstance(begun, dict):
         keys = sorted(begun.keys() | asked.keys())
         return next((found for key in keys if (found := _difference(key, begun.get(key), asked.get(key)))), None)
-    return None if begun == asked else f"{name} {json.dumps(begun)}, not {json.dumps(asked)}"
+    was, now = ("none" if value is None else json.dumps(value) for value in (begun, asked))
+    return None if begun == asked else f"{name} {was}, not {now}"
 
 
 def _write_json(path: Path, values: dict[str, Any]) -> None:

@@ -210,9 +210,9 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     config = (out / "config.json").read_bytes()
     capsys.readouterr()
     for other, told in (
-        (["--teacher", f"pushed={folder / 'stands.npz'}"], 'was begun with pushed null, not "'),
+        (["--teacher", f"pushed={folder / 'stands.npz'}"], 'was begun with pushed none, not "'),
         (["--ahead", ".4"], "config.json: the run was begun with ahead_m_s 0.55, not 0.4; ask the same, or give"),
-        (["--walks", "other=1:1.1"], 'was begun with other null, not "1:1.1"'),
+        (["--walks", "other=1:1.1"], 'was begun with other none, not "1:1.1"'),
         (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
