@@ -1,7 +1,8 @@
 """`augmentation_ablation`: two policies on one database, with and without augmented clips, same seeds and settings."""
 
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +20,26 @@ from assets.resources import ClipPoolResource
 from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
+from pipeline.training.ablation_runs import CURVES, POLICY, ArmRun, read_runs
 
 ARMS = {"augmented": "use_augmented=true", "original": "use_augmented=false"}
 """Arm -> the one option in which its training differs."""
 FILE, SCHEMA = "ablation.json", "booster-lab augmentation ablation 1"
 RECORDED = "augmentation_ablation"
 """Folder below the policies that ship where recorded curves lie."""
+HERE, ELSEWHERE = "run here", "trained elsewhere, measured here"
+"""Where an ablation comes from; what is recorded keeps it."""
 
 
 class AblationConfig(TrainingConfig):
-    """What both arms are trained with."""
+    """What both arms are trained with, or where they lie trained."""
 
     seeds: list[int] = [1]  # noqa: RUF012, a field
+    runs: str = ""
+    """Folder of runs that were trained elsewhere, `<arm>-seed<N>` each: absolute, or from where Dagster runs. Then
+    nothing is trained; seeds, preset and options are those of the runs."""
+    commit: str = ""
+    """The commit whose code trained `runs`; needed with them."""
 
 
 def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
@@ -41,13 +50,17 @@ def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
     def augmentation_ablation(context: dg.AssetExecutionContext, config: AblationConfig, clip_pool: ClipPoolResource):
         """The discriminator's score on policy samples, command and push figures with and without augmented clips."""
         robot = plan.robot or DEFAULT_ROBOT
-        if config.device == "auto" and not gpus_here():
+        if config.runs or config.commit:
+            folder = measure_runs(config, robot, clip_pool)
+        elif config.device == "auto" and not gpus_here():
             folder = PROJECT.shipped_policies(robot) / RECORDED
             context.log.info(f"no GPU is here: the recorded curves of {folder.relative_to(PROJECT.root)} are served")
         else:
             folder = train_arms(config, robot, clip_pool, context.log)
         found = read_ablation(PROJECT, folder)
-        origin = "recorded, ships with the project" if PROJECT.shipped_policies(robot) in folder.parents else "run here"
+        origin = found.get("origin", HERE)
+        if PROJECT.shipped_policies(robot) in folder.parents:
+            origin = "recorded, ships with the project" + ("" if origin == HERE else f"; {origin}")
         facts = {**found, "stage": plan.name, "origin": origin, "folder": folder.relative_to(PROJECT.root).as_posix()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={RECORDED: facts})
         return result_of(plan, manifest, ablation_metadata(folder, facts), [])
@@ -58,29 +71,92 @@ def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
 def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: Any) -> Path:
     """Train every arm with every seed, one after the other, and write what came of it; its folder."""
     bundle, about = bundle_of(PROJECT, robot)
-    folder = PROJECT.policies(robot) / RECORDED
-    runs, commit = [], commit_of(PROJECT)
+    runs, curves, commit = [], {}, commit_of(PROJECT)
     for seed in config.seeds:
         for arm, option in ARMS.items():
             asked = config.model_copy(update={"seed": seed})
             run = run_of(asked, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=(option,))
             train_beside_others(run, PROJECT, robot, log)
             name = f"{arm}-seed{seed}"
-            atomic.write_bytes(folder / f"{name}.csv", (run.folder / "curves.csv").read_bytes())
+            curves[name] = run.folder / CURVES
             facts = run_facts(run, robot, commit)
-            figures = {} if run.trial else figures_of(run.folder / "policy.npz", robot, pool)
+            figures = {} if run.trial else figures_of(run.folder / POLICY, robot, pool)
             runs.append({"name": name, "arm": arm, "seed": seed, "run": facts, "figures": figures})
+    trained = {"preset": config.preset, "options": config.options, "origin": HERE}
+    return record(PROJECT.policies(robot) / RECORDED, about, runs, curves, trained)
+
+
+def measure_runs(config: AblationConfig, robot: str, pool: ClipPoolResource) -> Path:
+    """Measure arms that were trained elsewhere, and write what came of it; its folder.
+
+    Raises NoPolicyError where it is not said which code trained what, TrainingError for runs that are no ablation of
+    what the project has now.
+    """
+    if not config.runs:
+        raise NoPolicyError("'commit' is given without 'runs'. Name the folder of the runs that it trained too.")
+    if not re.fullmatch(r"[0-9a-f]{7,40}\+?", config.commit):
+        raise NoPolicyError(
+            f"'commit' is '{config.commit}'. 'runs' needs the hash of the commit whose code trained them, with a '+' "
+            "where files differed from it. In the checkout that trained: git rev-parse HEAD"
+        )
+    bundle, about = bundle_of(PROJECT, robot)
+    found = read_runs(Path(config.runs).resolve(), {arm: text.endswith("=true") for arm, text in ARMS.items()}, bundle)
+    runs = [
+        {
+            "name": each.name,
+            "arm": each.arm,
+            "seed": each.seed,
+            "run": facts_of(each, robot, config.commit, bundle),
+            "figures": figures_of(each.folder / POLICY, robot, pool),
+        }
+        for each in found
+    ]
+    curves = {each.name: each.folder / CURVES for each in found}
+    trained = {"preset": found[0].config["preset"], "options": found[0].options, "origin": ELSEWHERE}
+    return record(PROJECT.policies(robot) / RECORDED, about, runs, curves, trained)
+
+
+def facts_of(run: ArmRun, robot: str, commit: str, bundle: Path) -> dict[str, Any]:
+    """What is noted of a run that was trained elsewhere: as `run_facts`, but for its folder, and with its device."""
+    return {
+        "robot": robot,
+        "run": run.name,
+        "trial": False,
+        "commit": commit,
+        "command": run.command(bundle.relative_to(PROJECT.root)),
+        "device": run.config["device"],
+        "network": digest.of_file(run.folder / POLICY),
+        "done": run.done,
+    }
+
+
+def record(
+    folder: Path, about: dict[str, Any], runs: Sequence[Any], curves: Mapping[str, Path], trained: dict[str, Any]
+) -> Path:
+    """Write runs in the recorded form; the folder, which keeps nothing of an ablation before.
+
+    Args:
+        folder: where to
+        about: the bundle that all were trained on
+        runs: `name, arm, seed, run, figures` of each
+        curves: name of a run -> its curves
+        trained: `preset, options, origin` of all
+    """
+    for name, path in curves.items():
+        atomic.write_bytes(folder / f"{name}.csv", path.read_bytes())
     value = {
         "schema": SCHEMA,
         "label": label_of(about["augmented_by"]),
-        "preset": config.preset,
-        "options": config.options,
+        **trained,
         "database": about["database_digest"],
         "trial": any(each["run"]["trial"] for each in runs),
         "runs": runs,
-        "files": {f"{each['name']}.csv": digest.of_file(folder / f"{each['name']}.csv") for each in runs},
+        "files": {f"{name}.csv": digest.of_file(folder / f"{name}.csv") for name in curves},
     }
     atomic.write_text(folder / FILE, json.dumps(value, indent=1, sort_keys=True) + "\n")
+    for path in folder.glob("*.csv"):
+        if path.name not in value["files"]:
+            path.unlink()
     return folder
 
 
@@ -143,6 +219,7 @@ def ablation_metadata(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
         "augmented arm": facts["label"],
         "origin": facts["origin"],
         "what it is": "a trial without a GPU: no result" if facts["trial"] else "full trainings",
+        "iterations": ", ".join(f"{each['name']} {each['run']['done'].get('iterations')}" for each in facts["runs"]),
         "D on policy samples": picture(discriminator_curves(curves, f"augmented: {facts['label']}")),
         **({"command and push figures": table_of(rows, list(rows))} if len(rows) else {}),
     }

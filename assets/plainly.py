@@ -1,4 +1,7 @@
-"""Errors that are one sentence stay one: a PipelineError becomes a Failure with that sentence, no traceback of ours."""
+"""Errors that are one sentence stay one: a PipelineError becomes a Failure with that sentence, no traceback of ours.
+
+So does a TrainingError, which is none because training runs on hosts that have nothing else of the pipeline.
+"""
 
 import functools
 from collections.abc import Callable, Iterator
@@ -8,14 +11,15 @@ from typing import Any
 import dagster as dg
 
 from pipeline.errors import PipelineError
+from pipeline.training.training_error import TrainingError
 
 
 @contextmanager
 def told_plainly() -> Iterator[None]:
-    """Turn a PipelineError into a Failure that says its sentence and is not tried again."""
+    """Turn a PipelineError or TrainingError into a Failure that says its sentence and is not tried again."""
     try:
         yield
-    except PipelineError as error:
+    except (PipelineError, TrainingError) as error:
         raise dg.Failure(str(error), allow_retries=False) from None
 
 

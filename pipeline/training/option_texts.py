@@ -22,6 +22,17 @@ def changed_by_texts(options: Options, texts: Mapping[str, str]) -> Options:
     return options.changed(**{name: _value(name, text, known.get(name)) for name, text in texts.items()})
 
 
+def texts_of(values: Mapping[str, Any]) -> list[str]:
+    """Changed options as `name=value`, in the form that `changed_by_texts` reads."""
+    return [f"{name}={_text(value)}" for name, value in sorted(values.items())]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return ",".join(_text(each) for each in value) if isinstance(value, (list, tuple)) else str(value)
+
+
 def _value(name: str, text: str, like: Any) -> Any:
     try:
         if isinstance(like, bool):

@@ -1,0 +1,205 @@
+"""Runs of an ablation that were trained elsewhere: taken where they are one, refused with the file and what to do."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+
+import pandas as pd
+import pytest
+
+from pipeline.training.ablation_runs import COLUMNS, read_runs
+from pipeline.training.arguments import pairs
+from pipeline.training.command import _parser, main
+from pipeline.training.option_texts import changed_by_texts, texts_of
+from pipeline.training.presets import PRESETS, changed_from, preset
+from pipeline.training.training_error import TrainingError
+from pipeline.viewing.training_curves import discriminator_curves
+from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, write_arm_runs
+from tests.factories.training_bundle import small_bundle
+
+SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=1", "steps=4"]
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    """A bundle's head, which is all that is read of it."""
+    folder = tmp_path / "bundle"
+    folder.mkdir()
+    about = {"robot": "t1", "robot_digest": "r1", "database_digest": "d1", "files": {"expert.npz": "e1"}}
+    (folder / "bundle.json").write_text(json.dumps(about))
+    return folder
+
+
+@pytest.fixture
+def runs(tmp_path, bundle):
+    """Both arms with two seeds."""
+    return write_arm_runs(tmp_path / "runs", bundle, seeds=(10, 2), style=0.4, push_impulse=(0.0, 60.0))
+
+
+def test_runs_are_read_seed_by_seed_in_the_order_of_the_arms(runs, bundle):
+    (runs / "choice.json").write_text("{}")
+    found = read_runs(runs, ARMS, bundle)
+    assert [run.name for run in found] == ["augmented-seed2", "original-seed2", "augmented-seed10", "original-seed10"]
+    assert [(run.arm, run.seed) for run in found[1:3]] == [("original", 2), ("augmented", 10)]
+    assert {tuple(run.options) for run in found} == {("push_impulse=0.0,60.0", "style=0.4")}
+    assert found[0].done == {"iterations": 2, "reason": "minutes", "seconds": 3.0}
+
+
+def test_the_command_makes_the_run_again(runs, bundle):
+    run = read_runs(runs, ARMS, bundle)[1]
+    python, flag, module, *arguments = shlex.split(run.command(bundle))
+    assert (python, flag, module) == ("python", "-m", "pipeline.training")
+    given = _parser().parse_args(arguments)
+    assert (given.bundle, given.preset, given.device, given.physics) == (bundle, "gated_style", "cuda", "warp")
+    assert (given.num_envs, given.seed, given.minutes, given.start_from) == (4096, 2, None, None)
+    expected = preset("gated_style").changed(use_augmented=False, style=0.4, push_impulse=(0.0, 60.0))
+    assert changed_by_texts(preset(given.preset), pairs(given.set)) == expected
+
+
+def test_the_command_tells_several_gpus_and_what_it_began_with(runs, bundle):
+    for run in runs.iterdir():
+        change_config(run, lambda config: config.update(processes=4, start_from="abc123"))
+    command = read_runs(runs, ARMS, bundle)[0].command(bundle)
+    assert command.startswith("python -m torch.distributed.run --standalone --nproc-per-node=4 -m pipeline.training ")
+    assert "--start-from abc123" in command
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_options_as_texts_are_read_as_the_same_options(name):
+    texts = texts_of(changed_from("paper", preset(name)))
+    assert changed_by_texts(preset("paper"), pairs(texts)) == preset(name)
+
+
+def test_what_training_writes_is_taken(tmp_path, root, robot):
+    bundle = small_bundle(tmp_path, root, robot)
+    for arm, augmented in ARMS.items():
+        given = ["--bundle", str(bundle), "--out", str(tmp_path / "runs" / f"{arm}-seed3"), "--seed", "3"]
+        given += ["--preset", "gated_style", "--device", "cpu", "--num-envs", "8", "--iterations", "2"]
+        options = [*SMALL, f"use_augmented={str(augmented).lower()}"]
+        assert main([*given, *(text for each in options for text in ("--set", each))]) == 0
+    one, other = read_runs(tmp_path / "runs", ARMS, bundle)
+    assert (one.arm, other.arm, one.seed, one.config["device"]) == ("augmented", "original", 3, "cpu")
+    assert one.options == sorted(SMALL)
+    assert "--device cpu" in one.command(bundle)
+    assert other.command(bundle).endswith("--set use_augmented=false")
+
+
+def test_the_columns_are_those_that_the_picture_draws():
+    def picture(**columns):
+        return discriminator_curves({"augmented, seed 1": pd.DataFrame(columns)}, "")
+
+    table = {"seconds": [1.0, 2.0], "d_rollout": [-0.5, 0.5]}
+    assert set(table) == set(COLUMNS)
+    assert picture(**table) != picture(seconds=[1.0, 2.0])
+
+
+def refused(runs, bundle) -> str:
+    with pytest.raises(TrainingError) as error:
+        read_runs(runs, ARMS, bundle)
+    return str(error.value)
+
+
+def test_a_folder_that_is_not_there_or_has_no_runs_is_refused(tmp_path, bundle):
+    assert "gone: there is no such folder. Name the one" in refused(tmp_path / "gone", bundle)
+    (tmp_path / "empty").mkdir()
+    assert "the arms' seeds are augmented none; original none" in refused(tmp_path / "empty", bundle)
+
+
+@pytest.mark.parametrize("name", ["other-seed1", "augmented-seed01", "augmented-seed1-old"])
+def test_a_folder_of_another_name_is_refused(runs, bundle, name):
+    (runs / name).mkdir()
+    assert f"{name}: is no run's folder. Name it runs/<arm>-seed<N>, the arm augmented or original" in refused(
+        runs, bundle
+    )
+
+
+def test_arms_of_other_seeds_are_refused(runs, bundle):
+    write_arm_run(runs, bundle, arm="original", seed=3)
+    assert "the arms' seeds are augmented 2, 10; original 2, 3, 10. Each arm needs the same" in refused(runs, bundle)
+
+
+@pytest.mark.parametrize("name", ["config.json", "curves.csv", "policy.npz"])
+def test_a_missing_file_is_refused(runs, bundle, name):
+    (runs / "original-seed2" / name).unlink()
+    assert f"original-seed2/{name}: there is no such file. Bring the whole folder" in refused(runs, bundle)
+
+
+def test_a_run_that_is_not_finished_is_refused_and_all_of_them_are_told(runs, bundle):
+    for name in ("original-seed2", "augmented-seed10"):
+        (runs / name / "done.json").unlink()
+    told = refused(runs, bundle)
+    for name in ("original-seed2", "augmented-seed10"):
+        assert f"{name}/done.json: there is none, so the run is not finished. Go on with it by --resume" in told
+
+
+@pytest.mark.parametrize("name", ["config.json", "done.json"])
+@pytest.mark.parametrize(("text", "told"), [("{", "is no JSON ("), ("[1]", "is no JSON object")])
+def test_a_broken_file_is_refused(runs, bundle, name, text, told):
+    (runs / "augmented-seed2" / name).write_text(text)
+    assert f"augmented-seed2/{name}: {told}" in refused(runs, bundle)
+
+
+CONFIGS = {
+    "seed": (lambda config: config.update(seed=4), "the seed is 4, the folder's name says 2. Name the folder by"),
+    "augmented": (
+        lambda config: config["options"].update(use_augmented=True),
+        r"option 'use_augmented' is true, arm 'original' has false. Name the folder by its arm, or train",
+    ),
+    "lacks": (lambda config: config.pop("preset"), "does not say preset. Take what python -m pipeline.training wrote"),
+    "form": (lambda config: config.update(changed=[]), "does not say changed. Take what"),
+    "contradicts": (lambda config: config["changed"].update(style=0.1), "'changed' and 'options' disagree on style"),
+    "database": (
+        lambda config: config["bundle"].update(database_digest="d2"),
+        "was trained on another expert database than the bundle in .* Train on that bundle, or check out",
+    ),
+    "robot": (lambda config: config["bundle"].update(robot_digest="r2"), "was trained on another robot than"),
+    "both": (
+        lambda config: config["bundle"].update(robot_digest="r2", database_digest="d2"),
+        "was trained on another expert database and another robot than",
+    ),
+    "bundle": (lambda config: config.update(bundle_digest="b2"), r"was trained on another bundle \(its files\) than"),
+    "preset": (
+        lambda config: config.update(preset="paper"),
+        r"differs from augmented-seed2 in more than 'use_augmented' \(preset: gated_style there, paper here\)",
+    ),
+    "option": (
+        lambda config: config["options"].update(steps=7),
+        r"differs from augmented-seed2 .*\(options.steps: 24 there, 7 here\)",
+    ),
+    "size": (lambda config: config.update(num_envs=512), r"\(num_envs: 4096 there, 512 here\)"),
+    "device": (lambda config: config.update(device="cpu"), r"\(device: NVIDIA H100 80GB HBM3 there, cpu here\)"),
+    "begun": (lambda config: config.update(start_from="p1"), r"\(start_from: None there, p1 here\)"),
+}
+
+
+@pytest.mark.parametrize("case", CONFIGS)
+def test_a_config_that_makes_it_no_ablation_is_refused(runs, bundle, case):
+    change, told = CONFIGS[case]
+    change_config(runs / "original-seed2", change)
+    assert re.search(rf"original-seed2/config.json: .*{told}", refused(runs, bundle))
+
+
+def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
+    for arm in ARMS:
+        change_config(runs / f"{arm}-seed10", lambda config: config.update(device="NVIDIA H200"))
+    assert len(read_runs(runs, ARMS, bundle)) == 4
+    for arm in ARMS:
+        change_config(runs / f"{arm}-seed10", lambda config: config.update(num_envs=512))
+    assert "augmented-seed10/config.json: differs from augmented-seed2" in refused(runs, bundle)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("iteration,seconds,d_policy\n1,2.0,0.5\n", "has no rows with d_rollout. Bring the file back"),
+        ("iteration,d_rollout\n1,0.5\n", "has no rows with seconds. Bring"),
+        ("seconds,d_rollout\n", "has no rows with seconds, d_rollout. Bring"),
+        ("", "has no rows with seconds, d_rollout. Bring"),
+        ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with a discriminator"),
+    ],
+)
+def test_curves_without_the_discriminators_score_are_refused(runs, bundle, text, told):
+    (runs / "augmented-seed10" / "curves.csv").write_text(text)
+    assert f"augmented-seed10/curves.csv: {told}" in refused(runs, bundle)
