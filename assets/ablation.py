@@ -176,12 +176,12 @@ def figures_of(policy: Path, robot: str, pool: ClipPoolResource) -> dict[str, fl
     one = deployed(PROJECT.adapted_robot(robot), load_policy(policy))
     figures = {}
     for row in measure(one, sweep_cells(one.robot), pool.pool()):
+        if row.cell.group.startswith("pushes"):
+            figures[f"survival of {row.cell.name}"] = 1.0 - len(row.fallen) / len(row.trials)
+            continue
         if row.cell.group == "commands":
             figures[f"error of {row.cell.name}"] = error_of(row)
-        elif row.cell.group.startswith("pushes"):
-            figures[f"survival of {row.cell.name}"] = 1.0 - len(row.fallen) / len(row.trials)
-        else:
-            figures[f"falls in {row.cell.name}"] = float(len(row.fallen))
+        figures[f"falls in {row.cell.name}"] = float(len(row.fallen))
     return figures
 
 

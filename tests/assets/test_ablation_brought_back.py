@@ -9,7 +9,7 @@ import pytest
 
 from assets import ablation, policy, resources
 from assets.plan import policy_plans, robot_plans
-from assets.project import Project
+from assets.project import PROJECT, Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from tests.factories.ablation_runs import CURVES, change_config, write_arm_runs
 
@@ -112,3 +112,13 @@ def test_runs_that_are_no_ablation_fail_plainly_and_record_nothing(project, runs
     said = why(ablate(runs=str(runs), commit=COMMIT))
     assert said.startswith(f"dagster._core.definitions.events.Failure: {runs}/original-seed1/config.json: differs from")
     assert not (project.policies("t1") / "augmentation_ablation").exists()
+
+
+def test_the_ablation_that_ships_is_of_both_arms_and_whole():
+    found = ablation.read_ablation(PROJECT, PROJECT.shipped_policies("t1") / "augmentation_ablation")
+    card = json.loads((PROJECT.shipped_policies("t1") / "walk" / "card.json").read_text())
+    assert (found["label"], found["trial"]) == ("mirror and time-scale only", False)
+    assert found["database"] == card["data"]["digest"]
+    assert {(each["arm"], each["seed"]) for each in found["runs"]} == {("augmented", 1), ("original", 1)}
+    assert all(each["run"]["done"]["iterations"] > 600 for each in found["runs"])
+    assert len(ablation.figure_rows(found).dropna()) == 46
