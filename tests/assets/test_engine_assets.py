@@ -83,4 +83,4 @@ def test_limit_cycles_hold_the_required_speed_to_the_bars_of_the_file(project: P
     assert said["reasons"]
     assert [each["required"] for each in said["speeds"]] == [True, False]
     assert "were derived on another robot" in said["note"]
-    assert "2 m/s: the reference's period differs by 17 % between MuJoCo and DART" in said["not required"]
+    assert "2 m/s: the reference's period differs by 19 % between MuJoCo and DART" in said["not required"]

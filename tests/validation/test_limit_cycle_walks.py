@@ -14,7 +14,7 @@ from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
-from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
+from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
 from pipeline.validation.limit_cycle_bars import limit_cycle_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import (
@@ -146,13 +146,14 @@ def test_a_policy_that_falls_is_not_compared_and_never_agrees(robot, settings):
 
 @pytest.mark.shared
 def test_the_published_policy_walks_alike_in_both_engines(robot, policies, settings, root):
-    """At .6 m/s; the log of other legs is far from it."""
-    one = Deployed(
+    """At .6 m/s, its ankles damped as it is deployed; the log of other legs is far from it."""
+    plain = Deployed(
         robot=robot,
         task=deployment_task(robot),
         policy=load_policy(policies / "t1_walk.npz"),
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
+    one = with_ankle_kd(plain, ANKLE_KD)
     bars = settings_files.read(root / "data" / "validation.yaml", ValidationSettings).limit_cycles
     assert bars["0.6 m/s"].required and not bars["2 m/s"].required
     short = dataclasses.replace(settings, speeds_m_s=(0.6,))
