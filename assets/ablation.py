@@ -20,10 +20,11 @@ from assets.resources import ClipPoolResource
 from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
-from pipeline.training.ablation_runs import CURVES, POLICY, ArmRun, read_runs
+from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs
+from pipeline.training.option_texts import texts_of
 
-ARMS = {"augmented": "use_augmented=true", "original": "use_augmented=false"}
-"""Arm -> the one option in which its training differs."""
+ARMS = {"augmented": True, "original": False}
+"""Arm -> its value of the one option in which trainings differ, OPTION."""
 FILE, SCHEMA = "ablation.json", "booster-lab augmentation ablation 1"
 RECORDED = "augmentation_ablation"
 """Folder below the policies that ship where recorded curves lie."""
@@ -73,9 +74,11 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
     bundle, about = bundle_of(PROJECT, robot)
     runs, curves, commit = [], {}, commit_of(PROJECT)
     for seed in config.seeds:
-        for arm, option in ARMS.items():
+        for arm, augmented in ARMS.items():
             asked = config.model_copy(update={"seed": seed})
-            run = run_of(asked, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=(option,))
+            run = run_of(
+                asked, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=texts_of({OPTION: augmented})
+            )
             train_beside_others(run, PROJECT, robot, log)
             name = f"{arm}-seed{seed}"
             curves[name] = run.folder / CURVES
@@ -100,7 +103,7 @@ def measure_runs(config: AblationConfig, robot: str, pool: ClipPoolResource) -> 
             "where files differed from it. In the checkout that trained: git rev-parse HEAD"
         )
     bundle, about = bundle_of(PROJECT, robot)
-    found = read_runs(Path(config.runs).resolve(), {arm: text.endswith("=true") for arm, text in ARMS.items()}, bundle)
+    found = read_runs(Path(config.runs).expanduser().resolve(), ARMS, bundle)
     runs = [
         {
             "name": each.name,

@@ -44,6 +44,7 @@ class ArmRun:
 
     @property
     def name(self) -> str:
+        """`<arm>-seed<N>`."""
         return self.folder.name
 
     @property
@@ -105,6 +106,7 @@ def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[Arm
 
 
 def _refuse(faults: list[str]) -> None:
+    """Raises TrainingError with all faults, a line each, where there are any."""
     if faults:
         raise TrainingError("\n".join(faults))
 
@@ -119,6 +121,7 @@ def _file_faults(folder: Path) -> Iterator[str]:
 
 
 def _read_run(folder: Path, arm: str, seed: int) -> ArmRun:
+    """A run's files. Raises TrainingError where one is no JSON or says too little."""
     config, done = _json(folder / CONFIG), _json(folder / DONE)
     missing = [key for key in KEYS if key not in config]
     missing += [key for key in ("options", "changed", "bundle") if not isinstance(config.get(key, {}), dict)]

@@ -110,7 +110,7 @@ def test_runs_need_the_commit_that_trained_them(project, runs):
 def test_runs_that_are_no_ablation_fail_plainly_and_record_nothing(project, runs):
     change_config(runs / "original-seed1", lambda config: config.update(num_envs=512))
     said = why(ablate(runs=str(runs), commit=COMMIT))
-    assert said.startswith(f"dagster._core.definitions.events.Failure: {runs}/original-seed1/config.json: differs from")
+    assert f"{runs}/original-seed1/config.json: differs from" in said
     assert not (project.policies("t1") / "augmentation_ablation").exists()
 
 
