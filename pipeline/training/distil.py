@@ -19,6 +19,9 @@
                          as fast as the robot is told to; may be given for each role
     --both-sides ROLE    the teacher of a role answers as it and its mirror image do, on average; may be given often
     --with-error ROLE    the teacher of a role is told what the velocity lacks on top of the command; may be given often
+    --shift ROLE=J:A,…   the teacher of a role walks with a joint of the left side, J, turned by A [rad], and with the
+                         right one as its mirror image; may be given for each role
+    --shift-fades V:W    told to walk ahead at V it begins to shrink, and is gone at W [m/s]
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
     --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`
@@ -64,6 +67,7 @@ def main(arguments: Sequence[str]) -> int:
 def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
     from pipeline.training.distilled_run import DistilledRun, DistilRequest
+    from pipeline.training.posture_shift import fades_of
     from pipeline.training.roles import Borders
 
     if os.getenv("WORLD_SIZE", "1") != "1":
@@ -99,6 +103,8 @@ def _distil(given: argparse.Namespace) -> None:
         both_sides=tuple(given.both_sides),
         walks=pairs(given.walks, "--walks"),
         clip_joints=tuple(given.clip_joint),
+        shifts=pairs(given.shift, "--shift"),
+        shift_fades=None if given.shift_fades is None else fades_of(given.shift_fades),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
@@ -133,6 +139,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clip-role", action="append", default=[], metavar="ROLE")
     parser.add_argument("--with-error", action="append", default=[], metavar="ROLE")
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
+    parser.add_argument("--shift", action="append", default=[], metavar="ROLE=JOINT:RAD,…")
+    parser.add_argument("--shift-fades", metavar="FROM:TO")
     parser.add_argument("--resume", action="store_true")
     return parser
 

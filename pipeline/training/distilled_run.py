@@ -32,6 +32,7 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
+from pipeline.training.posture_shift import PostureShift
 from pipeline.training.presets import changed_from
 from pipeline.training.roles import ROLES, Borders, Unsteadiness, is_of, role_of
 from pipeline.training.taught_memory import TaughtMemory
@@ -87,6 +88,10 @@ class DistilRequest:
     """… in these roles."""
     both_sides: tuple[str, ...] = ()
     """Roles whose teachers answer as they and their mirror images do, on average."""
+    shifts: dict[str, str] = field(default_factory=dict)
+    """By how much the teacher of a role is shifted, joint by joint (`posture_shift.py`) …"""
+    shift_fades: tuple[float, float] | None = None
+    """… and from which speed ahead it shrinks, to which [m/s]; None: nowhere."""
     physics: str | None = None
 
 
@@ -104,8 +109,15 @@ class DistilledRun:
         strangers = [role for role in request.clip_roles if role not in ROLES]
         if strangers or not request.clip_roles:
             raise TrainingError(f"--clip-role is '{(*strangers, '')[0]}'; roles are {', '.join(ROLES)}.")
+        fades = request.shift_fades or (math.inf, math.inf)
         self.teachers = Teachers(
-            request.teachers, bundle.robot, request.device, request.walks, request.both_sides, request.with_error
+            request.teachers,
+            bundle.robot,
+            request.device,
+            request.walks,
+            request.both_sides,
+            request.with_error,
+            {role: PostureShift(text, bundle.robot, request.device, fades) for role, text in request.shifts.items()},
         )
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics
@@ -281,6 +293,8 @@ class DistilledRun:
             "with_error": sorted(set(request.with_error)),
             "clip_joints": sorted(set(request.clip_joints)),
             "clip_roles": sorted(set(request.clip_roles)),
+            "shifts": request.shifts,
+            "shift_fades": None if request.shift_fades is None else list(request.shift_fades),
         }
 
     def _started_from(self) -> str:

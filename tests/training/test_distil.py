@@ -147,6 +147,10 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "2e-4",
         "--under-way",
         ".6",
+        "--shift",
+        "other=Left_Hip_Yaw:.09",
+        "--shift-fades",
+        "1.1:1.5",
     ]
     assert distil.main(asked(folder, tmp_path, *more)) == 0
     config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
@@ -161,6 +165,7 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "unsteady_deg": None,
     }
     assert config["with_error"] == ["other"]
+    assert (config["shifts"], config["shift_fades"]) == ({"other": "Left_Hip_Yaw:.09"}, [1.1, 1.5])
     with (tmp_path / "curves.csv").open() as file:
         rates = [float(row["learning_rate"]) for row in csv.DictReader(file)]
     assert rates == pytest.approx([2e-4]), "the first of a half cosine"
@@ -215,6 +220,8 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--walks", "other=1:1.1"], 'was begun with other none, not "1:1.1"'),
         (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
+        (["--shift", "other=Left_Hip_Yaw:.09"], 'was begun with other none, not "Left_Hip_Yaw:.09"'),
+        (["--shift-fades", "1.1:1.5"], "was begun with shift_fades none, not [1.1, 1.5]"),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
         (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),
         (["--start-from", str(folder / "walks.npz")], "walks.npz: is not what the run"),
