@@ -25,6 +25,7 @@
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
     --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`
+    --mirror-role ROLE   half of the states in this role are learned as their mirror images; may be given often
     --passes P           how often each state is learned from while it is new
     --rate R             the learning rate at first; at last it is a twentieth of it
 
@@ -103,6 +104,7 @@ def _distil(given: argparse.Namespace) -> None:
         both_sides=tuple(given.both_sides),
         walks=pairs(given.walks, "--walks"),
         clip_joints=tuple(given.clip_joint),
+        mirror_roles=tuple(given.mirror_role),
         shifts=pairs(given.shift, "--shift"),
         shift_fades=None if given.shift_fades is None else fades_of(given.shift_fades),
         physics=given.physics,
@@ -139,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clip-role", action="append", default=[], metavar="ROLE")
     parser.add_argument("--with-error", action="append", default=[], metavar="ROLE")
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
+    parser.add_argument("--mirror-role", action="append", default=[], metavar="ROLE")
     parser.add_argument("--shift", action="append", default=[], metavar="ROLE=JOINT:RAD,…")
     parser.add_argument("--shift-fades", metavar="FROM:TO")
     parser.add_argument("--resume", action="store_true")

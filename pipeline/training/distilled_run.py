@@ -30,6 +30,7 @@ from pipeline.training.clip_teacher import ClipTeacher
 from pipeline.training.curves import Curves
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
+from pipeline.training.mirror import Mirror
 from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.posture_shift import PostureShift
@@ -88,6 +89,8 @@ class DistilRequest:
     """… in these roles."""
     both_sides: tuple[str, ...] = ()
     """Roles whose teachers answer as they and their mirror images do, on average."""
+    mirror_roles: tuple[str, ...] = ()
+    """Roles of whose states half are learned as their mirror images."""
     shifts: dict[str, str] = field(default_factory=dict)
     """By how much the teacher of a role is shifted, joint by joint (`posture_shift.py`) …"""
     shift_fades: tuple[float, float] | None = None
@@ -106,9 +109,12 @@ class DistilledRun:
             raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
         if not 0.0 < request.rate < math.inf:
             raise TrainingError(f"--rate is {request.rate:g}; it must be a number over 0.")
-        strangers = [role for role in request.clip_roles if role not in ROLES]
-        if strangers or not request.clip_roles:
-            raise TrainingError(f"--clip-role is '{(*strangers, '')[0]}'; roles are {', '.join(ROLES)}.")
+        for named, roles in (("--clip-role", request.clip_roles), ("--mirror-role", request.mirror_roles)):
+            strangers = [role for role in roles if role not in ROLES]
+            if strangers:
+                raise TrainingError(f"{named} is '{strangers[0]}'; roles are {', '.join(ROLES)}.")
+        if not request.clip_roles:
+            raise TrainingError(f"--clip-role is ''; roles are {', '.join(ROLES)}.")
         fades = request.shift_fades or (math.inf, math.inf)
         self.teachers = Teachers(
             request.teachers,
@@ -122,6 +128,7 @@ class DistilledRun:
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics
         )
+        self._mirror = Mirror(bundle.robot, request.device) if request.mirror_roles else None
         self._unsteady = Unsteadiness(self.env, request.borders.unsteady_deg)
         self.clip_teacher = ClipTeacher(self.env, request.clip_joints) if request.clip_joints else None
         self.env.schedule = float(request.options.run_iterations or request.iterations)
@@ -232,7 +239,7 @@ class DistilledRun:
             told, own = self.teachers.act(self._seen, role, error), self._answer(self._seen)
             if self.clip_teacher is not None:
                 told = self.clip_teacher.tell(told, env.command, is_of(role, request.clip_roles))
-            self.memory.add(self._seen, told)
+            self.memory.add(*self._as_learned(role, told))
             off.index_add_(0, role, torch.square(own - told).mean(dim=1))
             count.index_add_(0, role, torch.ones_like(role, dtype=torch.float32))
             own = own + NOISE * torch.randn_like(own)
@@ -240,6 +247,16 @@ class DistilledRun:
             done = done if self.clip_teacher is None else self.clip_teacher.done(told, done)
             self._seen = env.step(done)[0]["actor"]
         return off, count
+
+    def _as_learned(self, role: torch.Tensor, told: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """What is seen and told now, of half of those in roles that are mirrored as their mirror images. A walk that is
+        taught alike on both sides is learned so: what is left to learn may else be more on one side."""
+        if self._mirror is None:
+            return self._seen, told
+        half = torch.rand(len(role), device=role.device) < 0.5
+        taken = (is_of(role, self.request.mirror_roles) & half)[:, None]
+        seen = torch.where(taken, self._mirror.seen(self._seen), self._seen)
+        return seen, torch.where(taken, self._mirror.actions(told), told)
 
     def _learn(self) -> float:
         """Steps of least squares; their mean loss."""
@@ -293,6 +310,7 @@ class DistilledRun:
             "with_error": sorted(set(request.with_error)),
             "clip_joints": sorted(set(request.clip_joints)),
             "clip_roles": sorted(set(request.clip_roles)),
+            "mirror_roles": sorted(set(request.mirror_roles)),
             "shifts": request.shifts,
             "shift_fades": None if request.shift_fades is None else list(request.shift_fades),
         }

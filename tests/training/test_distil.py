@@ -17,6 +17,7 @@ from pipeline.training.command import main as train
 from pipeline.training.distilled_run import BATCH, LAST_RATE, STEPS, DistilledRun, DistilRequest
 from pipeline.training.export_policy import main as export
 from pipeline.training.given_network import network_of
+from pipeline.training.mirror import Mirror
 from pipeline.training.observations import newest_command
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.policy_file import write_policy
@@ -115,6 +116,36 @@ def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
         assert off[member].mean() < 0.1 * APART**2
 
 
+def test_half_of_the_states_of_a_role_are_learned_as_their_mirror_images(folder, tmp_path):
+    """Those of other roles are not; a state and what is told of it are turned together."""
+    request = DistilRequest(
+        out=tmp_path,
+        preset="refined_steps",
+        options=preset("refined_steps"),
+        teachers={"other": folder / "walks.npz"},
+        start_from=None,
+        num_envs=200,
+        device="cpu",
+        seed=1,
+        iterations=1,
+        minutes=None,
+        resume=False,
+        memory=BATCH,
+        passes=1.0,
+        mirror_roles=("ahead", "run"),
+    )
+    bundle = read_bundle(folder / "bundle")
+    run, mirror = DistilledRun(bundle, request), Mirror(bundle.robot, "cpu")
+    told = torch.randn(200, 21)
+    role = torch.arange(200) % len(ROLES)
+    seen, learned = run._as_learned(role, told)
+    same = (seen == run._seen).all(dim=1) & (learned == told).all(dim=1)
+    turned = (seen == mirror.seen(run._seen)).all(dim=1) & (learned == mirror.actions(told)).all(dim=1)
+    taken = (role == ROLES.index("ahead")) | (role == ROLES.index("run"))
+    assert (same ^ turned).all() and same[~taken].all()
+    assert 0.25 < turned[taken].float().mean() < 0.75
+
+
 def test_a_run_leaves_the_files_of_training(folder, taught):
     found = sorted(path.relative_to(taught).as_posix() for path in taught.rglob("*") if path.is_file())
     newest = f"checkpoints/model_{ITERATIONS:06d}.pt"
@@ -151,6 +182,8 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "other=Left_Hip_Yaw:.09",
         "--shift-fades",
         "1.1:1.5",
+        "--mirror-role",
+        "fast",
     ]
     assert distil.main(asked(folder, tmp_path, *more)) == 0
     config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
@@ -166,6 +199,7 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
     }
     assert config["with_error"] == ["other"]
     assert (config["shifts"], config["shift_fades"]) == ({"other": "Left_Hip_Yaw:.09"}, [1.1, 1.5])
+    assert config["mirror_roles"] == ["fast"]
     with (tmp_path / "curves.csv").open() as file:
         rates = [float(row["learning_rate"]) for row in csv.DictReader(file)]
     assert rates == pytest.approx([2e-4]), "the first of a half cosine"
@@ -221,6 +255,7 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
         (["--shift", "other=Left_Hip_Yaw:.09"], 'was begun with other none, not "Left_Hip_Yaw:.09"'),
+        (["--mirror-role", "ahead"], 'was begun with mirror_roles [], not ["ahead"]'),
         (["--shift-fades", "1.1:1.5"], "was begun with shift_fades none, not [1.1, 1.5]"),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
         (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),
@@ -249,6 +284,9 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, run, sloped,"),
         (["--clip-joint", "Tail"], "--clip-joint is 'Tail', which no joint has in its name"),
         (["--clip-role", "behind"], "--clip-role is 'behind'; roles are other, ahead"),
+        (["--mirror-role", "behind"], "--mirror-role is 'behind'; roles are other, ahead"),
+        (["--shift", "ahead=Left_Hip_Yaw:.1"], "--shift names 'ahead', which has no --teacher"),
+        (["--shift-fades", "1.5:1.1"], "--shift-fades is '1.5:1.1'"),
         (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),
         (["--walks", "other=1:1,.5:2"], "must grow from pair to pair"),
         (["--walks", "ahead=1:1"], "--walks names 'ahead', which has no --teacher of its own"),
