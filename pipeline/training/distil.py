@@ -67,7 +67,8 @@ def main(arguments: Sequence[str]) -> int:
 
 def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
-    from pipeline.training.distilled_run import DistilledRun, DistilRequest
+    from pipeline.training.distil_request import DistilRequest
+    from pipeline.training.distilled_run import DistilledRun
     from pipeline.training.posture_shift import fades_of
     from pipeline.training.roles import Borders
 

@@ -10,12 +10,10 @@ ends with other numbers than one that was never interrupted.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
 import math
 import platform
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -28,14 +26,14 @@ from pipeline.training.bundle import Bundle
 from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.clip_teacher import ClipTeacher
 from pipeline.training.curves import Curves
+from pipeline.training.distil_request import BATCH, DistilRequest, digest_of
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
 from pipeline.training.mirror import Mirror
-from pipeline.training.options import Options
 from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.posture_shift import PostureShift
 from pipeline.training.presets import changed_from
-from pipeline.training.roles import ROLES, Borders, Unsteadiness, is_of, role_of
+from pipeline.training.roles import ROLES, Unsteadiness, is_of, role_of
 from pipeline.training.taught_memory import TaughtMemory
 from pipeline.training.teachers import Teachers
 from pipeline.training.training_error import TrainingError
@@ -49,53 +47,7 @@ LED_SHARE = 0.2
 """Share of the run in which the teachers' share of the robots goes from all to none."""
 LAST_RATE = 0.05
 """The learning rate at last, of that at first; between them a half cosine."""
-BATCH = 4096
 LARGEST_GRADIENT = 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class DistilRequest:
-    """What is asked of a run."""
-
-    out: Path
-    preset: str
-    options: Options
-    """Of the environment."""
-    teachers: dict[str, Path]
-    """A policy file for each role that has one of its own."""
-    start_from: Path | None
-    """The policy file whose network is begun with; None: that of `other`."""
-    num_envs: int
-    device: str
-    seed: int
-    iterations: int
-    minutes: float | None
-    resume: bool
-    memory: int
-    """How many of the newest states are learned from."""
-    passes: float
-    """How often a state is learned from, in the mean, in the iteration that it comes with."""
-    rate: float = 1e-3
-    """Learning rate at first."""
-    borders: Borders = field(default_factory=Borders)
-    """Of the roles."""
-    walks: dict[str, str] = field(default_factory=dict)
-    """How fast the teacher of a role walks as it is told (`walked_speeds.py`)."""
-    with_error: tuple[str, ...] = ()
-    """Roles whose teachers are told what the velocity lacks on top of the command."""
-    clip_joints: tuple[str, ...] = ()
-    """Joints, by parts of their names, that are told by the clips (`clip_teacher.py`) …"""
-    clip_roles: tuple[str, ...] = ("ahead", "fast")
-    """… in these roles."""
-    both_sides: tuple[str, ...] = ()
-    """Roles whose teachers answer as they and their mirror images do, on average."""
-    mirror_roles: tuple[str, ...] = ()
-    """Roles of whose states half are learned as their mirror images."""
-    shifts: dict[str, str] = field(default_factory=dict)
-    """By how much the teacher of a role is shifted, joint by joint (`posture_shift.py`) …"""
-    shift_fades: tuple[float, float] | None = None
-    """… and from which speed ahead it shrinks, to which [m/s]; None: nowhere."""
-    physics: str | None = None
 
 
 class DistilledRun:
@@ -103,18 +55,6 @@ class DistilledRun:
 
     def __init__(self, bundle: Bundle, request: DistilRequest):
         self.bundle, self.request = bundle, request
-        if request.memory < BATCH:
-            raise TrainingError(f"--memory is {request.memory}; it must hold a batch of {BATCH} states at least.")
-        if not 0.0 < request.passes < math.inf:
-            raise TrainingError(f"--passes is {request.passes:g}; it must be a number over 0.")
-        if not 0.0 < request.rate < math.inf:
-            raise TrainingError(f"--rate is {request.rate:g}; it must be a number over 0.")
-        for named, roles in (("--clip-role", request.clip_roles), ("--mirror-role", request.mirror_roles)):
-            strangers = [role for role in roles if role not in ROLES]
-            if strangers:
-                raise TrainingError(f"{named} is '{strangers[0]}'; roles are {', '.join(ROLES)}.")
-        if not request.clip_roles:
-            raise TrainingError(f"--clip-role is ''; roles are {', '.join(ROLES)}.")
         fades = request.shift_fades or (math.inf, math.inf)
         self.teachers = Teachers(
             request.teachers,
@@ -295,31 +235,15 @@ class DistilledRun:
         """Raises TrainingError where the run was begun with other teachers, or asked other things of them."""
         path = self.request.out / "config.json"
         begun = json.loads(path.read_text()) if path.is_file() else {}
-        for name, asked in self._taught().items():
+        for name, asked in self.request.taught().items():
             if other := _difference(name, begun.get(name), asked):
                 raise TrainingError(f"{path}: the run was begun with {other}; ask the same, or give another --out.")
-
-    def _taught(self) -> dict[str, Any]:
-        """Who teaches where, and what they are told."""
-        request, borders = self.request, dataclasses.asdict(self.request.borders)
-        return {
-            "teachers": {role: _digest(path) for role, path in sorted(request.teachers.items())},
-            "borders": {name: each if math.isfinite(each) else None for name, each in borders.items()},
-            "walks": request.walks,
-            "both_sides": sorted(set(request.both_sides)),
-            "with_error": sorted(set(request.with_error)),
-            "clip_joints": sorted(set(request.clip_joints)),
-            "clip_roles": sorted(set(request.clip_roles)),
-            "mirror_roles": sorted(set(request.mirror_roles)),
-            "shifts": request.shifts,
-            "shift_fades": None if request.shift_fades is None else list(request.shift_fades),
-        }
 
     def _started_from(self) -> str:
         """Digest of the policy that the run began with. Raises TrainingError where a run that goes on began with
         another one: the network is its checkpoint's."""
         given, path = self.request.start_from, self.request.out / "config.json"
-        asked = _digest(given or self.request.teachers["other"])
+        asked = digest_of(given or self.request.teachers["other"])
         if not self.iteration or not path.is_file():
             return asked
         begun = json.loads(path.read_text()).get("start_from")
@@ -333,7 +257,7 @@ class DistilledRun:
             "preset": request.preset,
             "options": dataclasses.asdict(request.options),
             "changed": changed_from(request.preset, request.options),
-            **self._taught(),
+            **self.request.taught(),
             "start_from": self._started_from(),
             "seed": request.seed,
             "num_envs": request.num_envs,
@@ -352,10 +276,6 @@ class DistilledRun:
                 "numpy": np.__version__,
             },
         }
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _difference(name: str, begun: Any, asked: Any) -> str | None:

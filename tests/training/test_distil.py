@@ -14,7 +14,8 @@ from pipeline.training import distil
 from pipeline.training.bundle import read_bundle
 from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.command import main as train
-from pipeline.training.distilled_run import BATCH, LAST_RATE, STEPS, DistilledRun, DistilRequest
+from pipeline.training.distil_request import BATCH, DistilRequest
+from pipeline.training.distilled_run import LAST_RATE, STEPS, DistilledRun
 from pipeline.training.export_policy import main as export
 from pipeline.training.given_network import network_of
 from pipeline.training.mirror import Mirror
