@@ -19,9 +19,9 @@
                          as fast as the robot is told to; may be given for each role
     --both-sides ROLE    the teacher of a role answers as it and its mirror image do, on average; may be given often
     --with-error ROLE    the teacher of a role is told what the velocity lacks on top of the command; may be given often
-    --shift ROLE=J:A,…   the teacher of a role walks with a joint of the left side, J, turned by A [rad], and with the
-                         right one as its mirror image; may be given for each role
-    --shift-fades V:W    told to walk ahead at V it begins to shrink, and is gone at W [m/s]
+    --shift ROLE=J:A,…   the teacher of a role walks with a joint of one side, J, turned by A [rad], and with the
+                         other side's as its mirror image; may be given for each role
+    --shift-fades V:W    told to walk ahead at V each shift begins to shrink, and is gone at W [m/s]
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
     --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`

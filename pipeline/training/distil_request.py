@@ -72,6 +72,8 @@ class DistilRequest:
             strangers = [role for role in roles if role not in ROLES]
             if strangers:
                 raise TrainingError(f"{named} is '{strangers[0]}'; roles are {', '.join(ROLES)}.")
+        if self.shift_fades is not None and not self.shifts:
+            raise TrainingError("--shift-fades is given without a --shift; give both, or none.")
         if not self.clip_roles:
             raise TrainingError(f"--clip-role is ''; roles are {', '.join(ROLES)}.")
 

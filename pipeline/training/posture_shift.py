@@ -14,7 +14,7 @@ import torch
 
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import RobotFacts
-from pipeline.training.observations import HISTORY, newest_command
+from pipeline.training.observations import COMMAND, HISTORY, newest_command
 from pipeline.training.training_error import TrainingError
 
 MOST_RAD = 0.3
@@ -23,19 +23,25 @@ SHAPE = "it must look like Left_Hip_Yaw:.09,Left_Hip_Roll:.08 (joint:rad)"
 
 
 class PostureShift:
-    """By how much joints of the left side, and of the right side as their mirror images, are shifted."""
+    """By how much joints of one side, and of the other side as their mirror images, are shifted."""
 
     def __init__(
         self, text: str, robot: RobotFacts, device: str, fades_m_s: tuple[float, float] = (math.inf, math.inf)
     ):
         """From `joint:rad,joint:rad,…`; told to walk ahead at the first of `fades_m_s` it begins to shrink, and is
-        gone at the second. Raises TrainingError for what is no shift, and for joints that the policy does not move."""
+        gone at the second. Raises TrainingError for what is no shift, and for joints that the policy does not move or
+        that have no mirror image of their own."""
         shift = torch.zeros(len(robot.policy_joints))
         for name, angle in _angles(text).items():
             if name not in robot.policy_joints:
-                raise TrainingError(f"--shift names '{name}', which the policy does not move; it moves {_all(robot)}.")
+                moved = ", ".join(robot.policy_joints)
+                raise TrainingError(f"--shift names '{name}', which the policy does not move; it moves {moved}.")
             joint = robot.joint_names.index(name)
             partner = robot.joint_names[int(robot.mirror_index[joint])]
+            if partner == name:
+                raise TrainingError(f"--shift names '{name}', which is its own mirror image; name joints of one side.")
+            if shift[robot.policy_joints.index(name)] != 0.0:
+                raise TrainingError(f"--shift names '{name}' and '{partner}', its mirror image; name one of them.")
             shift[robot.policy_joints.index(name)] = angle
             shift[robot.policy_joints.index(partner)] = angle * float(robot.mirror_sign[joint])
         self._shift, self._fades = shift.to(device), fades_m_s
@@ -48,11 +54,13 @@ class PostureShift:
         return share * self._shift
 
     def seen_as(self, observation: torch.Tensor, shift: torch.Tensor) -> torch.Tensor:
-        """What an actor sees (n, o) without a shift (n, a) of joints and of what they were told."""
+        """What an actor sees (n, o) without a shift (n, a) of joints and of what they were told, in all frames; those
+        from before an episode stay 0."""
         frames = observation.unflatten(1, (HISTORY, -1)).clone()
-        count = shift.shape[1]
-        frames[:, :, 9 : 9 + count] -= shift[:, None]
-        frames[:, :, 9 + 2 * count :] -= shift[:, None] / SCALE
+        first, count = COMMAND.stop, shift.shape[1]
+        less = shift[:, None] * (frames != 0.0).any(dim=2, keepdim=True)
+        frames[:, :, first : first + count] -= less
+        frames[:, :, first + 2 * count :] -= less / SCALE
         return frames.flatten(1)
 
 
@@ -68,22 +76,23 @@ def fades_of(text: str) -> tuple[float, float]:
     except ValueError as error:
         raise TrainingError(f"--shift-fades is '{text}'; it must look like 1.1:1.5 (from:to, m/s).") from error
     if not 0.0 <= first < last < math.inf:
-        raise TrainingError(f"--shift-fades is '{text}'; the shift must end at a higher speed than it shrinks from.")
+        raise TrainingError(f"--shift-fades is '{text}'; it must be two speeds, 0 or more, the second the higher.")
     return first, last
 
 
 def _angles(text: str) -> Mapping[str, float]:
     found: dict[str, float] = {}
     for part in text.split(","):
-        name, _, angle = part.partition(":")
+        name, _, angle = (each.strip() for each in part.partition(":"))
         try:
-            found[name] = float(angle)
+            value = float(angle)
         except ValueError as error:
             raise TrainingError(f"--shift is '{text}'; {SHAPE}.") from error
-        if not abs(found[name]) <= MOST_RAD:
-            raise TrainingError(f"--shift of {name} is {angle} rad; it must be {MOST_RAD} at most.")
+        if not name:
+            raise TrainingError(f"--shift is '{text}'; {SHAPE}.")
+        if name in found:
+            raise TrainingError(f"--shift names '{name}' twice; name it once.")
+        if not abs(value) <= MOST_RAD:
+            raise TrainingError(f"--shift of {name} is {angle} rad; it must be from -{MOST_RAD} to {MOST_RAD}.")
+        found[name] = value
     return found
-
-
-def _all(robot: RobotFacts) -> str:
-    return ", ".join(robot.policy_joints)

@@ -56,6 +56,26 @@ def asked(folder, out, *more: str) -> list[str]:
     return ["--bundle", str(folder / "bundle"), "--out", str(out), *few, *sets, *teachers, *more]
 
 
+def walking(folder, out, **more) -> DistilRequest:
+    """Of 200 robots that are taught by the shipped policy alone."""
+    return DistilRequest(
+        out=out,
+        preset="refined_steps",
+        options=preset("refined_steps"),
+        teachers={"other": folder / "walks.npz"},
+        start_from=None,
+        num_envs=200,
+        device="cpu",
+        seed=1,
+        iterations=1,
+        minutes=None,
+        resume=False,
+        memory=BATCH,
+        passes=1.0,
+        **more,
+    )
+
+
 def read_json(path):
     return json.loads(path.read_text())
 
@@ -119,22 +139,7 @@ def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
 
 def test_half_of_the_states_of_a_role_are_learned_as_their_mirror_images(folder, tmp_path):
     """Those of other roles are not; a state and what is told of it are turned together."""
-    request = DistilRequest(
-        out=tmp_path,
-        preset="refined_steps",
-        options=preset("refined_steps"),
-        teachers={"other": folder / "walks.npz"},
-        start_from=None,
-        num_envs=200,
-        device="cpu",
-        seed=1,
-        iterations=1,
-        minutes=None,
-        resume=False,
-        memory=BATCH,
-        passes=1.0,
-        mirror_roles=("ahead", "run"),
-    )
+    request = walking(folder, tmp_path, mirror_roles=("ahead", "run"))
     bundle = read_bundle(folder / "bundle")
     run, mirror = DistilledRun(bundle, request), Mirror(bundle.robot, "cpu")
     told = torch.randn(200, 21)
@@ -145,6 +150,34 @@ def test_half_of_the_states_of_a_role_are_learned_as_their_mirror_images(folder,
     taken = (role == ROLES.index("ahead")) | (role == ROLES.index("run"))
     assert (same ^ turned).all() and same[~taken].all()
     assert 0.25 < turned[taken].float().mean() < 0.75
+
+
+def test_what_is_learned_is_what_is_put_into_the_memory(folder, tmp_path, monkeypatch):
+    run = DistilledRun(read_bundle(folder / "bundle"), walking(folder, tmp_path))
+    monkeypatch.setattr(run, "_as_learned", lambda role, told: (run._seen + 1.0, torch.full_like(told, 7.0)))
+    run._walk(led=0.0)
+    assert (run.memory.drawn(500)[1] == 7.0).all()
+
+
+def test_its_teachers_are_shifted_until_the_speed_at_which_that_ends(folder, tmp_path):
+    shift = {"shifts": {"other": "Left_Hip_Yaw:.09"}, "shift_fades": (1.0, 1.5)}
+    bundle = read_bundle(folder / "bundle")
+    plain = DistilledRun(bundle, walking(folder, tmp_path)).teachers
+    shifted = DistilledRun(bundle, walking(folder, tmp_path, **shift)).teachers
+    seen, role = torch.randn(2, 720, generator=torch.Generator().manual_seed(2)), torch.zeros(2, dtype=torch.long)
+    seen.view(2, 10, 72)[:, :, 6] = torch.tensor([[0.6], [1.5]])
+    one, other = plain.act(seen, role), shifted.act(seen, role)
+    assert (one[0] - other[0]).abs().max() > 0.1
+    torch.testing.assert_close(one[1], other[1])
+
+
+def test_a_run_goes_on_that_was_begun_before_there_was_an_option(folder, tmp_path):
+    assert distil.main(asked(folder, tmp_path, "--iterations", "1")) == 0
+    config = read_json(tmp_path / "config.json")
+    for name in ("mirror_roles", "shifts", "shift_fades"):
+        del config[name]
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    assert distil.main(asked(folder, tmp_path, "--iterations", "2", "--resume")) == 0
 
 
 def test_a_run_leaves_the_files_of_training(folder, taught):
@@ -257,7 +290,6 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
         (["--shift", "other=Left_Hip_Yaw:.09"], 'was begun with other none, not "Left_Hip_Yaw:.09"'),
         (["--mirror-role", "ahead"], 'was begun with mirror_roles [], not ["ahead"]'),
-        (["--shift-fades", "1.1:1.5"], "was begun with shift_fades none, not [1.1, 1.5]"),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
         (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),
         (["--start-from", str(folder / "walks.npz")], "walks.npz: is not what the run"),
@@ -288,6 +320,7 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--mirror-role", "behind"], "--mirror-role is 'behind'; roles are other, ahead"),
         (["--shift", "ahead=Left_Hip_Yaw:.1"], "--shift names 'ahead', which has no --teacher"),
         (["--shift-fades", "1.5:1.1"], "--shift-fades is '1.5:1.1'"),
+        (["--shift-fades", "1.1:1.5"], "--shift-fades is given without a --shift"),
         (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),
         (["--walks", "other=1:1,.5:2"], "must grow from pair to pair"),
         (["--walks", "ahead=1:1"], "--walks names 'ahead', which has no --teacher of its own"),

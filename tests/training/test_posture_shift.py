@@ -42,6 +42,15 @@ def test_turned_legs_are_seen_as_straight_and_told_as_turned(facts):
     assert dict(zip(facts.policy_joints, told.tolist(), strict=True)) == pytest.approx(wanted)
 
 
+def test_frames_from_before_the_episode_stay_as_they_are(facts):
+    shift = PostureShift(TEXT, facts, "cpu")
+    turned = seen_at(facts, 0.6, TURNED)
+    turned[:, : 6 * SIZE] = 0.0
+    seen = shift.seen_as(turned, shift.of(turned))
+    assert (seen[:, : 6 * SIZE] == 0.0).all()
+    torch.testing.assert_close(seen[:, 6 * SIZE :], seen_at(facts, 0.6, {})[:, 6 * SIZE :], rtol=0.0, atol=1e-5)
+
+
 def test_the_mirror_image_of_a_shifted_robot_is_shifted_the_same(facts):
     shift = PostureShift("Left_Hip_Roll:.08,Left_Ankle_Roll:-.08,Left_Hip_Yaw:.09", facts, "cpu")
     mirror = Mirror(facts, "cpu")
@@ -66,8 +75,12 @@ def test_it_ends_between_two_speeds(facts):
         ("Left_Hip_Yaw:wide", "it must look like"),
         ("", "it must look like"),
         ("Left_Hip:.1", "names 'Left_Hip', which the policy does not move; it moves Left_Shoulder_Pitch"),
-        (f"Left_Hip_Yaw:{MOST_RAD + 0.01}", "must be 0.3 at most"),
-        ("Left_Hip_Yaw:nan", "must be 0.3 at most"),
+        (f"Left_Hip_Yaw:-{MOST_RAD + 0.01}", "is -0.31 rad; it must be from -0.3 to 0.3"),
+        ("Left_Hip_Yaw:nan", "is nan rad; it must be from -0.3 to 0.3"),
+        (":.1", "it must look like"),
+        ("Waist:.1", "names 'Waist', which is its own mirror image"),
+        ("Left_Hip_Yaw:.09,Left_Hip_Yaw:.05", "names 'Left_Hip_Yaw' twice"),
+        ("Left_Hip_Yaw:.09, Right_Hip_Yaw:.09", "names 'Right_Hip_Yaw' and 'Left_Hip_Yaw', its mirror image"),
     ],
 )
 def test_what_is_no_shift_is_refused(facts, text, told):
@@ -77,7 +90,7 @@ def test_what_is_no_shift_is_refused(facts, text, told):
 
 @pytest.mark.parametrize("text", ["1.1", "a:b", "1.5:1.1", "1:1", "-1:1", "1:inf", "nan:1"])
 def test_speeds_at_which_it_can_t_end_are_refused(text):
-    with pytest.raises(TrainingError, match="--shift-fades is"):
+    with pytest.raises(TrainingError, match="--shift-fades is .*; it must (be two speeds|look like)"):
         fades_of(text)
 
 
