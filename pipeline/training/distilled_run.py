@@ -236,9 +236,7 @@ class DistilledRun:
         path = self.request.out / "config.json"
         begun = json.loads(path.read_text()) if path.is_file() else {}
         for name, asked in self.request.taught().items():
-            nothing = (
-                type(asked)() if isinstance(asked, dict | list) else None
-            )  # of a run begun before there was the option
+            nothing = type(asked)() if isinstance(asked, dict | list) else None  # in runs older than the option
             if other := _difference(name, begun.get(name, nothing), asked):
                 raise TrainingError(f"{path}: the run was begun with {other}; ask the same, or give another --out.")
 

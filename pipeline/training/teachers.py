@@ -44,8 +44,8 @@ class Teachers:
         teacher is told what the velocity lacks on top of the command. `shifts`: of the posture in which the teacher of
         a role walks.
 
-        Raises TrainingError for a role that is none, or is asked something of without a teacher of its own, without `other`, and for a file
-        that is no policy for this robot, its gains and what its actor sees and does."""
+        Raises TrainingError for a role that is none, or is asked something of without a teacher of its own, without
+        `other`, and for a file that is no policy for this robot, its gains and what its actor sees and does."""
         unknown = [role for role in paths if role not in ROLES]
         if unknown:
             raise TrainingError(f"--teacher names '{unknown[0]}'; roles are {', '.join(ROLES)}.")

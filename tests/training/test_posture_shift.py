@@ -90,7 +90,7 @@ def test_what_is_no_shift_is_refused(facts, text, told):
 
 @pytest.mark.parametrize("text", ["1.1", "a:b", "1.5:1.1", "1:1", "-1:1", "1:inf", "nan:1"])
 def test_speeds_at_which_it_can_t_end_are_refused(text):
-    with pytest.raises(TrainingError, match="--shift-fades is .*; it must (be two speeds|look like)"):
+    with pytest.raises(TrainingError, match=r"--shift-fades is .*; it must (be two speeds|look like)"):
         fades_of(text)
 
 
