@@ -219,9 +219,9 @@ def test_every_table_of_rollouts_has_the_bars_and_the_axes_lend_nothing_to_the_d
 
 
 def test_the_impact_of_a_run_is_seen_two_frames_before_it_comes_and_none_sees_three(root: Path):
+    """Of one policy, whatever ships: how fast a foot is loaded and leaves is its gait's."""
     limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
-    file = policy_file(root / "robots" / "t1" / "policies" / "walk")
-    assert file is not None
+    file = root / "docs" / "training_runs" / "networks" / "joined_16_s2.npz"
     beyond = judge(file, (1.6, 0.0, 0.0), (1, 1), limits, []).beyond
     assert beyond is not None
     assert len(beyond.before) == len(beyond.after) > 10
@@ -229,6 +229,6 @@ def test_the_impact_of_a_run_is_seen_two_frames_before_it_comes_and_none_sees_th
     early, late = (bars[f"seems to bear, frame 2 {said} a contact, 90"] for said in ("before", "after"))
     assert early > 2.0 * max(late, 0.01)
     for said in ("before", "after"):
-        assert bars[f"seems to bear, frame 1 {said} a contact, 90"] > 0.05
+        assert bars[f"seems to bear, frame 1 {said} a contact, 90"] > 0.1
         assert bars[f"seems to bear, frame 3 {said} a contact, 98"] < 0.05
     assert reach_bars([]) == []
