@@ -56,24 +56,24 @@ def asked(folder, out, *more: str) -> list[str]:
     return ["--bundle", str(folder / "bundle"), "--out", str(out), *few, *sets, *teachers, *more]
 
 
-def walking(folder, out, **more) -> DistilRequest:
-    """Of 200 robots that are taught by the shipped policy alone."""
-    return DistilRequest(
-        out=out,
-        preset="refined_steps",
-        options=preset("refined_steps"),
-        teachers={"other": folder / "walks.npz"},
-        start_from=None,
-        num_envs=200,
-        device="cpu",
-        seed=1,
-        iterations=1,
-        minutes=None,
-        resume=False,
-        memory=BATCH,
-        passes=1.0,
-        **more,
-    )
+def request(folder, out, **more) -> DistilRequest:
+    """Of 200 robots that are taught by the shipped policy alone, but for what `more` says."""
+    plain = {
+        "out": out,
+        "preset": "refined_steps",
+        "options": preset("refined_steps"),
+        "teachers": {"other": folder / "walks.npz"},
+        "start_from": None,
+        "num_envs": 200,
+        "device": "cpu",
+        "seed": 1,
+        "iterations": 1,
+        "minutes": None,
+        "resume": False,
+        "memory": BATCH,
+        "passes": 1.0,
+    }
+    return DistilRequest(**plain | more)
 
 
 def read_json(path):
@@ -109,22 +109,15 @@ def test_the_loss_of_who_stands_falls(taught):
 def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
     """Of the states of one walk it learns both: in the middle between the two it would be off by a quarter of APART**2
     in each role."""
-    request = DistilRequest(
-        out=tmp_path,
-        preset="refined_steps",
+    asked_for = request(
+        folder,
+        tmp_path,
         options=changed_by_texts(preset("refined_steps"), dict(text.split("=") for text in HALF_STAND)),
         teachers={"other": folder / "walks.npz", "standing": folder / "stands.npz"},
-        start_from=None,
         num_envs=ENVS,
-        device="cpu",
-        seed=1,
-        iterations=1,
-        minutes=None,
-        resume=False,
-        memory=BATCH,
         passes=40 * BATCH / (STEPS * ENVS),
     )
-    run = DistilledRun(read_bundle(folder / "bundle"), request)
+    run = DistilledRun(read_bundle(folder / "bundle"), asked_for)
     run._walk(led=1.0)
     assert run.memory.filled == STEPS * ENVS
     run._learn()
@@ -139,9 +132,9 @@ def test_one_network_does_by_the_command_what_two_teachers_do(folder, tmp_path):
 
 def test_half_of_the_states_of_a_role_are_learned_as_their_mirror_images(folder, tmp_path):
     """Those of other roles are not; a state and what is told of it are turned together."""
-    request = walking(folder, tmp_path, mirror_roles=("ahead", "run"))
     bundle = read_bundle(folder / "bundle")
-    run, mirror = DistilledRun(bundle, request), Mirror(bundle.robot, "cpu")
+    run = DistilledRun(bundle, request(folder, tmp_path, mirror_roles=("ahead", "run")))
+    mirror = Mirror(bundle.robot, "cpu")
     told = torch.randn(200, 21)
     role = torch.arange(200) % len(ROLES)
     seen, learned = run._as_learned(role, told)
@@ -153,7 +146,7 @@ def test_half_of_the_states_of_a_role_are_learned_as_their_mirror_images(folder,
 
 
 def test_what_is_learned_is_what_is_put_into_the_memory(folder, tmp_path, monkeypatch):
-    run = DistilledRun(read_bundle(folder / "bundle"), walking(folder, tmp_path))
+    run = DistilledRun(read_bundle(folder / "bundle"), request(folder, tmp_path))
     monkeypatch.setattr(run, "_as_learned", lambda role, told: (run._seen + 1.0, torch.full_like(told, 7.0)))
     run._walk(led=0.0)
     assert (run.memory.drawn(500)[1] == 7.0).all()
@@ -162,8 +155,8 @@ def test_what_is_learned_is_what_is_put_into_the_memory(folder, tmp_path, monkey
 def test_its_teachers_are_shifted_until_the_speed_at_which_that_ends(folder, tmp_path):
     shift = {"shifts": {"other": "Left_Hip_Yaw:.09"}, "shift_fades": (1.0, 1.5)}
     bundle = read_bundle(folder / "bundle")
-    plain = DistilledRun(bundle, walking(folder, tmp_path)).teachers
-    shifted = DistilledRun(bundle, walking(folder, tmp_path, **shift)).teachers
+    plain = DistilledRun(bundle, request(folder, tmp_path)).teachers
+    shifted = DistilledRun(bundle, request(folder, tmp_path, **shift)).teachers
     seen, role = torch.randn(2, 720, generator=torch.Generator().manual_seed(2)), torch.zeros(2, dtype=torch.long)
     seen.view(2, 10, 72)[:, :, 6] = torch.tensor([[0.6], [1.5]])
     one, other = plain.act(seen, role), shifted.act(seen, role)
