@@ -22,6 +22,9 @@
     --shift ROLE=J:A,…   the teacher of a role walks with a joint of one side, J, turned by A [rad], and with the
                          other side's as its mirror image; may be given for each role
     --shift-fades V:W    told to walk ahead at V each shift begins to shrink, and is gone at W [m/s]
+    --beyond ROLE=S      the teacher of a role does more, by this share, of what it does otherwise than who teaches
+                         `pushed`: who can't see that it was pushed a second ago learns some of that one's steps at all
+                         times; may be given for each role
     --clip-joint PART    joints with this in their name, of the arms, are told by the clips as robots walk ahead; may be
                          given often
     --clip-role ROLE     in this role; may be given often, else as `ahead` and `fast`
@@ -107,10 +110,18 @@ def _distil(given: argparse.Namespace) -> None:
         clip_joints=tuple(given.clip_joint),
         mirror_roles=tuple(given.mirror_role),
         shifts=pairs(given.shift, "--shift"),
+        beyond={role: _share(role, text) for role, text in pairs(given.beyond, "--beyond").items()},
         shift_fades=None if given.shift_fades is None else fades_of(given.shift_fades),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
+
+
+def _share(role: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise TrainingError(f"--beyond of '{role}' is '{text}'; it must look like {role}=.05.") from error
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -144,6 +155,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
     parser.add_argument("--mirror-role", action="append", default=[], metavar="ROLE")
     parser.add_argument("--shift", action="append", default=[], metavar="ROLE=JOINT:RAD,…")
+    parser.add_argument("--beyond", action="append", default=[], metavar="ROLE=SHARE")
     parser.add_argument("--shift-fades", metavar="FROM:TO")
     parser.add_argument("--resume", action="store_true")
     return parser

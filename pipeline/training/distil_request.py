@@ -59,6 +59,8 @@ class DistilRequest:
     """By how much the teacher of a role is shifted, joint by joint (`posture_shift.py`) …"""
     shift_fades: tuple[float, float] | None = None
     """… and from which speed ahead it shrinks, to which [m/s]; None: nowhere."""
+    beyond: dict[str, float] = field(default_factory=dict)
+    """By which share the teacher of a role goes beyond what it does, away from who teaches `pushed` (`teachers.py`)."""
     physics: str | None = None
 
     def __post_init__(self) -> None:
@@ -90,6 +92,7 @@ class DistilRequest:
             "clip_roles": sorted(set(self.clip_roles)),
             "mirror_roles": sorted(set(self.mirror_roles)),
             "shifts": self.shifts,
+            "beyond": self.beyond,
             "shift_fades": None if self.shift_fades is None else list(self.shift_fades),
         }
 

@@ -64,6 +64,7 @@ class DistilledRun:
             request.both_sides,
             request.with_error,
             {role: PostureShift(text, bundle.robot, request.device, fades) for role, text in request.shifts.items()},
+            request.beyond,
         )
         self.env = AmpEnvironment(
             bundle, request.options, request.num_envs, request.device, request.seed, request.physics

@@ -18,6 +18,9 @@ from pipeline.training.roles import ROLES, STANDS_IN
 from pipeline.training.training_error import TrainingError
 from pipeline.training.walked_speeds import WalkedSpeeds, corrected
 
+MOST_BEYOND = 0.3
+"""Largest share of `beyond`: with much more a teacher does what nobody taught it."""
+
 
 def _taught(role: str, paths: Mapping[str, Path]) -> str:
     """The role whose teacher teaches a role."""
@@ -38,11 +41,13 @@ class Teachers:
         both_sides: Sequence[str] = (),
         with_error: Sequence[str] = (),
         shifts: Mapping[str, PostureShift] | None = None,
+        beyond: Mapping[str, float] | None = None,
     ):
         """`walks`: how fast the teacher of a role walks as it is told (`walked_speeds.py`). `both_sides`: roles whose
         teacher answers as it and its mirror image do, on average, and so walks straight. `with_error`: roles whose
         teacher is told what the velocity lacks on top of the command. `shifts`: of the posture in which the teacher of
-        a role walks.
+        a role walks. `beyond`: by which share of what the teacher of a role does otherwise than who teaches `pushed` it
+        does more of it.
 
         Raises TrainingError for a role that is none, or is asked something of without a teacher of its own, without
         `other`, and for a file that is no policy for this robot, its gains and what its actor sees and does."""
@@ -56,15 +61,18 @@ class Teachers:
             ("--both-sides", both_sides),
             ("--with-error", with_error),
             ("--shift", tuple(shifts or {})),
+            ("--beyond", tuple(beyond or {})),
         ):
             strangers = [role for role in roles if role not in paths]
             if strangers:
                 raise TrainingError(f"{named} names '{strangers[0]}', which has no --teacher of its own.")
+        _hold_to_shares(beyond or {}, "pushed" in paths)
         self._speeds = {role: WalkedSpeeds(text) for role, text in (walks or {}).items()}
         self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
         self._mirrors = dict.fromkeys(both_sides, Mirror(robot, device) if both_sides else None)
         self._with_error = frozenset(with_error)
         self._shifts = dict(shifts or {})
+        self._beyond = dict(beyond or {})
         self._taken = torch.tensor([ROLES.index(_taught(role, paths)) for role in ROLES], device=device)
 
     def sloped(self, env) -> torch.Tensor | None:
@@ -76,6 +84,7 @@ class Teachers:
         over the averaged velocity (n, 3), for those who are corrected by it."""
         taken = self._taken[role]
         told = {name: self._answer(name, observation, error) for name in self._networks}
+        told |= {name: torch.lerp(told[name], told["pushed"], -share) for name, share in self._beyond.items()}
         action = torch.full_like(next(iter(told.values())), torch.nan)
         for name, each in told.items():
             action = torch.where((taken == ROLES.index(name))[:, None], each, action)
@@ -95,6 +104,16 @@ class Teachers:
         if mirror is None:
             return network(seen)
         return 0.5 * (network(seen) + mirror.actions(network(mirror.seen(seen))))
+
+
+def _hold_to_shares(beyond: Mapping[str, float], pushed: bool) -> None:
+    if beyond and not pushed:
+        raise TrainingError("--beyond goes away from what --teacher pushed=POLICY does; give that too.")
+    for role, share in beyond.items():
+        if role == "pushed":
+            raise TrainingError("--beyond names 'pushed', from which the others go away; name another role.")
+        if not 0.0 <= share <= MOST_BEYOND:
+            raise TrainingError(f"--beyond of '{role}' is {share:g}; it must be from 0 to {MOST_BEYOND:g}.")
 
 
 def _teacher(path: Path, robot: RobotFacts) -> dict[str, np.ndarray]:

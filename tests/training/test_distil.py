@@ -1,4 +1,4 @@
-"""One network taught by several policies, on the CPU: what it learns, its files, going on, and wrong requests."""
+"""One network taught by several policies, on the CPU: what it learns, its files, and going on."""
 
 from __future__ import annotations
 
@@ -21,39 +21,19 @@ from pipeline.training.given_network import network_of
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import newest_command
 from pipeline.training.option_texts import changed_by_texts
-from pipeline.training.policy_file import write_policy
 from pipeline.training.presets import preset
 from pipeline.training.roles import ROLES
-from tests.factories.training_bundle import small_bundle
+from tests.factories.distil_folder import APART, ENVS, HALF_STAND, asked, distil_folder
 
-ENVS, ITERATIONS = 8, 12
-APART = 0.5
-"""By how much the teacher of who stands does something else, at every joint."""
+ITERATIONS = 12
 RATE = 1e-3
 """What `--rate` is where it is not said."""
-HALF_STAND = ["standing_share=.5", "alone_shares=.1,.1,.1", "fast_share=.1", "quiet_share=.5", "quiet_pushed=0"]
 SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=2", "steps=4"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, root, robot):
-    """A bundle; the shipped policy with its robot's gains, and one that differs by its last bias."""
-    folder = tmp_path_factory.mktemp("distil")
-    facts = read_bundle(small_bundle(folder, root, robot)).robot
-    with np.load(root / "robots/t1/policies/walk/policy.npz", allow_pickle=False) as arrays:
-        shipped = {name: arrays[name] for name in arrays.files}
-    shipped |= {name: getattr(facts, name) for name in ("kp", "kd", "default_joint_pos")}
-    write_policy(folder / "walks.npz", shipped)
-    write_policy(folder / "stands.npz", {**shipped, "L3_b": shipped["L3_b"] + np.float32(APART)})
-    return folder
-
-
-def asked(folder, out, *more: str) -> list[str]:
-    """Arguments of a small run; what is named again in `more` counts."""
-    few = ["--device", "cpu", "--num-envs", str(ENVS), "--memory", str(BATCH), "--passes", "60"]
-    sets = [f"--set={text}" for text in HALF_STAND]
-    teachers = ["--teacher", f"other={folder / 'walks.npz'}", "--teacher", f"standing={folder / 'stands.npz'}"]
-    return ["--bundle", str(folder / "bundle"), "--out", str(out), *few, *sets, *teachers, *more]
+    return distil_folder(tmp_path_factory.mktemp("distil"), root, robot)
 
 
 def request(folder, out, **more) -> DistilRequest:
@@ -167,7 +147,7 @@ def test_its_teachers_are_shifted_until_the_speed_at_which_that_ends(folder, tmp
 def test_a_run_goes_on_that_was_begun_before_there_was_an_option(folder, tmp_path):
     assert distil.main(asked(folder, tmp_path, "--iterations", "1")) == 0
     config = read_json(tmp_path / "config.json")
-    for name in ("mirror_roles", "shifts", "shift_fades"):
+    for name in ("beyond", "mirror_roles", "shifts", "shift_fades"):
         del config[name]
     (tmp_path / "config.json").write_text(json.dumps(config))
     assert distil.main(asked(folder, tmp_path, "--iterations", "2", "--resume")) == 0
@@ -185,51 +165,6 @@ def test_a_run_leaves_the_files_of_training(folder, taught):
     assert config["options"]["standing_share"] == 0.5
     assert (config["preset"], config["memory"], config["passes"]) == ("refined_steps", BATCH, 60.0)
     assert load_checkpoint(taught / newest, "cpu")["environment_steps"] == ITERATIONS * STEPS
-
-
-def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
-    more = [
-        "--walks",
-        "other=1:1.1",
-        "--both-sides",
-        "other",
-        "--with-error",
-        "other",
-        "--clip-joint",
-        "Elbow",
-        "--iterations",
-        "1",
-        "--ahead",
-        ".5",
-        "--rate",
-        "2e-4",
-        "--under-way",
-        ".6",
-        "--shift",
-        "other=Left_Hip_Yaw:.09",
-        "--shift-fades",
-        "1.1:1.5",
-        "--mirror-role",
-        "fast",
-    ]
-    assert distil.main(asked(folder, tmp_path, *more)) == 0
-    config = json.loads((tmp_path / "config.json").read_text(), parse_constant=lambda name: pytest.fail(name))
-    assert (config["walks"], config["both_sides"], config["clip_joints"]) == ({"other": "1:1.1"}, ["other"], ["Elbow"])
-    assert config["borders"] == {
-        "pushed_s": 1.0,
-        "turn_rad_s": 1.0,
-        "ahead_m_s": 0.5,
-        "under_way": 0.6,
-        "fast_m_s": 0.85,
-        "run_m_s": None,
-        "unsteady_deg": None,
-    }
-    assert config["with_error"] == ["other"]
-    assert (config["shifts"], config["shift_fades"]) == ({"other": "Left_Hip_Yaw:.09"}, [1.1, 1.5])
-    assert config["mirror_roles"] == ["fast"]
-    with (tmp_path / "curves.csv").open() as file:
-        rates = [float(row["learning_rate"]) for row in csv.DictReader(file)]
-    assert rates == pytest.approx([2e-4]), "the first of a half cosine"
 
 
 def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):
@@ -282,6 +217,7 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
         (["--shift", "other=Left_Hip_Yaw:.09"], 'was begun with other none, not "Left_Hip_Yaw:.09"'),
+        (["--beyond", "other=.05"], "was begun with other none, not 0.05"),
         (["--mirror-role", "ahead"], 'was begun with mirror_roles [], not ["ahead"]'),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
         (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),
@@ -301,53 +237,3 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
     assert read_json(out / "config.json")["start_from"] == digest(folder / "stands.npz")
     assert load_checkpoint(out / "checkpoints" / "model_000003.pt", "cpu")["environment_steps"] == 3 * STEPS
     assert (out / "policy.npz").read_bytes() != left
-
-
-@pytest.mark.parametrize(
-    ("more", "told"),
-    [
-        (["--teacher", "walks.npz"], "--teacher is 'walks.npz'; it must be NAME=VALUE"),
-        (["--teacher", "behind=walks.npz"], "--teacher names 'behind'; roles are other, ahead, fast, run, sloped,"),
-        (["--clip-joint", "Tail"], "--clip-joint is 'Tail', which no joint has in its name"),
-        (["--clip-role", "behind"], "--clip-role is 'behind'; roles are other, ahead"),
-        (["--mirror-role", "behind"], "--mirror-role is 'behind'; roles are other, ahead"),
-        (["--shift", "ahead=Left_Hip_Yaw:.1"], "--shift names 'ahead', which has no --teacher"),
-        (["--shift-fades", "1.5:1.1"], "--shift-fades is '1.5:1.1'"),
-        (["--shift-fades", "1.1:1.5"], "--shift-fades is given without a --shift"),
-        (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),
-        (["--walks", "other=1:1,.5:2"], "must grow from pair to pair"),
-        (["--walks", "ahead=1:1"], "--walks names 'ahead', which has no --teacher of its own"),
-        (["--teacher", "pushed=gone.npz"], "gone.npz: can't be read"),
-        (["--teacher", "pushed=robot.xml"], "robot.xml: is no npz of numbers"),
-        (["--start-from", "robot.xml"], "robot.xml: is no npz of numbers"),
-        (["--memory", str(BATCH - 1)], f"--memory is {BATCH - 1}; it must hold a batch of {BATCH} states"),
-        (["--passes", "0"], "--passes is 0; it must be a number over 0"),
-        (["--passes", "nan"], "--passes is nan; it must be a number over 0"),
-        (["--rate", "0"], "--rate is 0; it must be a number over 0"),
-        (["--rate", "inf"], "--rate is inf; it must be a number over 0"),
-        (["--ahead", "-1"], "--ahead is -1; it must be 0 or more"),
-        (["--preset", "none"], "unknown preset 'none'"),
-        (["--set", "hidden"], "--set is 'hidden'; it must be NAME=VALUE"),
-        (["--set", "no_such=1"], "no_such"),
-        (["--bundle", "nowhere"], "bundle.json: the file is missing"),
-        (["--device", "cuda"], "--device is 'cuda', but PyTorch finds no GPU here"),
-    ],
-)
-def test_wrong_requests_are_told_in_a_sentence(folder, tmp_path, monkeypatch, capsys, more, told):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    monkeypatch.chdir(folder / "bundle")
-    assert distil.main(asked(folder, tmp_path / "run", *more)) == 2
-    error = capsys.readouterr().err
-    assert told in error and "Traceback" not in error
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_run_without_a_teacher_for_the_rest_or_in_several_processes_is_refused(folder, tmp_path, monkeypatch, capsys):
-    arguments = ["--bundle", str(folder / "bundle"), "--out", str(tmp_path / "run"), "--device", "cpu"]
-    arguments += ["--teacher", f"ahead={folder / 'walks.npz'}"]
-    assert distil.main(arguments) == 2
-    assert "--teacher other=POLICY is needed" in capsys.readouterr().err
-    monkeypatch.setenv("WORLD_SIZE", "2")
-    assert distil.main(asked(folder, tmp_path / "run")) == 2
-    assert "start it without torchrun" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()

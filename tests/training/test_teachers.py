@@ -91,6 +91,37 @@ def test_who_is_shifted_is_answered_as_its_teacher_does_straight(facts, tmp_path
         Teachers(paths, facts, "cpu", shifts={"fast": shifts["ahead"]})
 
 
+def test_who_goes_beyond_does_more_of_what_the_teacher_of_pushes_does_not(facts, tmp_path):
+    """By hand: a tenth of the way from that one's answer to its own, on top; corrected and on both sides as ever."""
+    arrays, paths = written(tmp_path, facts, "other", "ahead", "pushed")
+    seen = torch.randn(3, SEEN, generator=torch.Generator().manual_seed(11))
+    roles = torch.tensor([ROLES.index(name) for name in ("other", "ahead", "pushed")])
+    error = torch.tensor([[0.1, 0.0, 0.0]] * 3)
+    asked = {"with_error": ("ahead",), "both_sides": ("ahead",)}
+    own = Teachers(paths, facts, "cpu", **asked).act(seen, roles, error)
+    told = Teachers(paths, facts, "cpu", **asked, beyond={"ahead": 0.1}).act(seen, roles, error)
+    pushed = act(arrays["pushed"], seen[1:2])[0]
+    assert (own[1] - pushed).abs().max() > 0.1
+    torch.testing.assert_close(told[1], own[1] + 0.1 * (own[1] - pushed), rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(told[[0, 2]], own[[0, 2]])
+
+
+@pytest.mark.parametrize(
+    ("taught", "beyond", "told"),
+    [
+        (("other", "pushed"), {"fast": 0.1}, "--beyond names 'fast', which has no --teacher of its own"),
+        (("other", "ahead"), {"ahead": 0.1}, "away from what --teacher pushed=POLICY does; give that too"),
+        (("other", "pushed"), {"pushed": 0.1}, "--beyond names 'pushed', from which the others go away"),
+        (("other", "pushed"), {"other": -0.1}, "--beyond of 'other' is -0.1; it must be from 0 to 0.3"),
+        (("other", "pushed"), {"other": float("nan")}, "--beyond of 'other' is nan"),
+    ],
+)
+def test_who_cannot_go_beyond_is_refused(facts, tmp_path, taught, beyond, told):
+    _, paths = written(tmp_path, facts, *taught)
+    with pytest.raises(TrainingError, match=told):
+        Teachers(paths, facts, "cpu", beyond=beyond)
+
+
 @pytest.mark.parametrize(
     "own",
     [
