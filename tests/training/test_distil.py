@@ -175,7 +175,8 @@ def test_its_checkpoint_is_exported_as_its_policy_is(folder, taught, tmp_path):
 
 
 def test_training_goes_on_from_its_policy(folder, taught, tmp_path):
-    """The critic learns alone at first, so that after two iterations the network is still the given one."""
+    """The critic learns alone at first, so that after two iterations the network is still the given one, and so are the
+    units in which it is told what it sees."""
     policy = taught / "policy.npz"
     given = network_of(policy, read_bundle(folder / "bundle").robot)
     begun = network_of(folder / "walks.npz", read_bundle(folder / "bundle").robot)
@@ -187,6 +188,8 @@ def test_training_goes_on_from_its_policy(folder, taught, tmp_path):
     assert train(arguments) == 0
     assert read_json(tmp_path / "config.json")["start_from"] == digest(policy)
     with np.load(tmp_path / "policy.npz") as gone_on:
+        for name in ("mean", "std"):
+            np.testing.assert_allclose(gone_on[name], given[name], rtol=1e-6)
         for number in range(4):
             for part in "wb":
                 np.testing.assert_array_equal(gone_on[f"L{number}_{part}"], given[f"L{number}_{part}"])
