@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -19,21 +20,36 @@ from pipeline.training.training_error import TrainingError
 
 FIRST_RATE = 1e-5
 """Learning rate that a network which was given begins with; the divergence soon says by how much it may grow."""
+MOST_ROUNDED = 1e-3
+"""By how much a sum of 720 products of about 1 may be off: in single precision it is 1e-5 to 1e-4, with factors of
+bfloat16 .2."""
 
 
 @contextmanager
-def _quick_products(device: str) -> Iterator[None]:
-    """Matrix products of the networks in TF32 on a GPU that has it; those of the environment are not.
-
-    On a processor by oneDNN, which takes half the time there. It may round factors to bfloat16 then: with AVX-512 alone
-    it does not, with AMX it was not tried.
-    """
+def quick_products(device: str) -> Iterator[None]:
+    """Matrix products of the networks in TF32 on a GPU that has it; those of the environment are not. On a processor by
+    oneDNN, which takes half the time there, where that does not round."""
     before = torch.get_float32_matmul_precision()
-    torch.set_float32_matmul_precision("high" if device.startswith("cuda") else "medium")
+    torch.set_float32_matmul_precision("high" if device.startswith("cuda") else _precision_of_processor())
     try:
         yield
     finally:
         torch.set_float32_matmul_precision(before)
+
+
+@functools.cache
+def _precision_of_processor() -> str:
+    """`medium` lets oneDNN round factors to bfloat16. With AVX-512 alone it does not; with AMX it does, and actions are
+    .002 off: there products are whole ones."""
+    generator = torch.Generator().manual_seed(0)
+    one, other = torch.randn(16, 720, generator=generator), torch.randn(720, 512, generator=generator)
+    before = torch.get_float32_matmul_precision()
+    torch.set_float32_matmul_precision("medium")
+    try:
+        off = (one @ other - (one.double() @ other.double())).abs().max().item()
+    finally:
+        torch.set_float32_matmul_precision(before)
+    return "medium" if off < MOST_ROUNDED else "highest"
 
 
 class AmpPpo(PPO):
@@ -85,7 +101,7 @@ class AmpPpo(PPO):
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the networks."""
-        with _quick_products(self.device):
+        with quick_products(self.device):
             return super().act(obs)
 
     def process_env_step(self, obs, rewards: torch.Tensor, dones: torch.Tensor, extras: dict) -> None:
@@ -120,7 +136,7 @@ class AmpPpo(PPO):
         """The discriminator's gradient steps, then PPO's; exploration is held below its bound."""
         begun = self._now()
         self.desired_kl = self.held_kl()
-        with _quick_products(self.device):
+        with quick_products(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
             self.explained = explained(self.storage.returns, self.storage.values)

@@ -12,6 +12,7 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
+from pipeline.training.amp_ppo import quick_products
 from pipeline.training.bundle import read_bundle
 from pipeline.training.kept_walk import KeptWalk, ahead, share_kept
 from pipeline.training.mirror import MirroredSamples
@@ -184,3 +185,13 @@ def test_the_critic_is_told_last_of_a_push_that_was(bundle, shipped, tmp_path):
 def test_there_must_be_a_policy_to_keep_and_a_way_to(bundle, tmp_path, changed, resume, told):
     with pytest.raises(TrainingError, match=told):
         made(bundle, tmp_path, None, resume=resume, **changed)
+
+
+def test_on_a_processor_products_of_the_networks_are_not_rounded():
+    generator = torch.Generator().manual_seed(3)
+    one, other = torch.randn(64, 720, generator=generator), torch.randn(720, 512, generator=generator)
+    before = torch.get_float32_matmul_precision()
+    with quick_products("cpu"):
+        product = one @ other
+    assert (product - (one.double() @ other.double())).abs().max() < 1e-3
+    assert torch.get_float32_matmul_precision() == before
