@@ -27,8 +27,7 @@ GAINS = ("kp", "kd", "default_joint_pos")
 
 def network_of(path: Path, robot: RobotFacts) -> dict[str, np.ndarray]:
     """The arrays of a policy file. Raises TrainingError where it is none, or is of another robot or other gains."""
-    given = _arrays(path)
-    _hold_to_numbers(path, given)
+    given = arrays_of(path)
     _hold_to_robot(path, given, robot)
     return given
 
@@ -78,7 +77,14 @@ def moved_towards(arrays: dict[str, np.ndarray], path: Path, share: float, robot
     return mixed
 
 
-def _arrays(path: Path) -> dict[str, np.ndarray]:
+def arrays_of(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a policy file, of whatever robot. Raises TrainingError for what can't be read or isn't finite."""
+    given = _read(path)
+    _hold_to_numbers(path, given)
+    return given
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
