@@ -14,7 +14,7 @@ import torch
 from torch import nn
 
 from pipeline.training.bundle import RobotFacts
-from pipeline.training.policy_file import EPS
+from pipeline.training.policy_file import EPS, summed_names, weighted_sum
 from pipeline.training.training_error import TrainingError
 
 SEEN = 10**12
@@ -67,14 +67,12 @@ def moved_towards(arrays: dict[str, np.ndarray], path: Path, share: float, robot
     if not 0.0 <= share <= 1.0:
         raise TrainingError(f"--share is {share:g}; it must be 0 to 1.")
     given = network_of(path, robot)
-    mixed = dict(arrays)
-    for name in (each for each in arrays if each in ("mean", "std") or each.startswith("L")):
-        own = arrays[name]
-        if name not in given or np.shape(given[name]) != own.shape:
-            raise TrainingError(f"{path}: '{name}' is not {own.shape} as in the checkpoint; take one of that network.")
-        mean = (1.0 - share) * own.astype(np.float64) + share * given[name].astype(np.float64)
-        mixed[name] = mean.astype(own.dtype)
-    return mixed
+    for name in summed_names(arrays):
+        if name not in given or np.shape(given[name]) != arrays[name].shape:
+            raise TrainingError(
+                f"{path}: '{name}' is not {arrays[name].shape} as in the checkpoint; take one of that network."
+            )
+    return weighted_sum([(1.0 - share, arrays), (share, given)])
 
 
 def arrays_of(path: Path) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.training.given_network import GAINS, arrays_of
-from pipeline.training.policy_file import write_policy
+from pipeline.training.policy_file import summed_names, weighted_sum, write_policy
 from pipeline.training.training_error import TrainingError
 
 Part = tuple[float, Path]
@@ -32,17 +32,16 @@ def mixed(parts: Sequence[Part]) -> dict[str, np.ndarray]:
     total = math.fsum(weight for weight, _ in parts)
     if not math.isclose(total, 1.0, abs_tol=1e-6):
         raise TrainingError(f"the weights sum to {total:g}; they must sum to 1.")
-    each = [(weight, path, arrays_of(path)) for weight, path in parts]
-    _, first_path, first = each[0]
-    summed = [name for name in first if name in ("mean", "std") or name.startswith("L")]
-    if not summed:
+    each = [arrays_of(path) for _, path in parts]
+    first, first_path = each[0], parts[0][1]
+    if not summed_names(first):
         raise TrainingError(f"{first_path}: has no layers; name the npz of a policy.")
-    for _, path, arrays in each[1:]:
+    for (_, path), arrays in zip(parts[1:], each[1:], strict=True):
         _hold_to_first(path, arrays, first_path, first)
-    sums = {name: sum(weight * arrays[name].astype(np.float64) for weight, _, arrays in each) for name in summed}
-    if not (sums.get("std", np.ones(1)) > 0.0).all():
+    found = weighted_sum([(weight, arrays) for (weight, _), arrays in zip(parts, each, strict=True)])
+    if "std" in found and not (found["std"] > 0.0).all():
         raise TrainingError("a deviation of the normalizer comes to 0 or less; take weights nearer to 0 and 1.")
-    return {name: sums[name].astype(value.dtype) if name in sums else value for name, value in first.items()}
+    return found
 
 
 def _hold_to_first(path: Path, arrays: dict[str, np.ndarray], first_path: Path, first: dict[str, np.ndarray]) -> None:

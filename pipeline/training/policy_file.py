@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,18 @@ def mean_arrays(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         name: value if name in kept or len(each) == 1 else np.mean([one[name] for one in each], axis=0)
         for name, value in first.items()
     }
+
+
+def summed_names(arrays: dict[str, np.ndarray]) -> list[str]:
+    """The arrays of a policy that are its network: normalizer and layers."""
+    return [name for name in arrays if name in ("mean", "std") or name.startswith("L")]
+
+
+def weighted_sum(parts: Sequence[tuple[float, dict[str, np.ndarray]]]) -> dict[str, np.ndarray]:
+    """The weighted sum of policies of one form, in the order given; what is no network is the first one's."""
+    first = parts[0][1]
+    sums = {name: sum(weight * each[name].astype(np.float64) for weight, each in parts) for name in summed_names(first)}
+    return {**first, **{name: value.astype(first[name].dtype) for name, value in sums.items()}}
 
 
 def act(arrays: dict[str, np.ndarray], observation: torch.Tensor) -> torch.Tensor:
