@@ -11,7 +11,7 @@ from typing import Any
 import dagster as dg
 
 from pipeline.errors import PipelineError
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.training_error import TrainingError
 
 
 @contextmanager

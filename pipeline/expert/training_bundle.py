@@ -101,6 +101,7 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "feet": robot.feet,
         "foot_links": [robot.link_names[robot.tree.site_link[robot.site(foot)]] for foot in robot.feet],
         "shapes": _shapes(robot),
+        "key_links": robot.key_links,
     }
 
 

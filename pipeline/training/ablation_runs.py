@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.option_texts import texts_of
-from pipeline.training.training_error import TrainingError
 
 CONFIG, CURVES, DONE, POLICY = "config.json", "curves.csv", "done.json", "policy.npz"
 OPTION = "use_augmented"

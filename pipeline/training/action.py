@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import torch
 from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.masks import replace
-from pipeline.training.training_error import TrainingError
 
 SCALE = 0.25
 """[rad]"""

@@ -12,11 +12,11 @@ import torch
 from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.discriminator import Discriminator, style_reward
 from pipeline.training.kept_walk import KeptWalk
 from pipeline.training.mirror import MirroredSamples
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 FIRST_RATE = 1e-5
 """Learning rate that a network which was given begins with; the divergence soon says by how much it may grow."""

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.learning.checkpoint import load_checkpoint
+from pipeline.learning.policy_file import mean_arrays, policy_arrays, write_policy
+from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.arms import write_json
-from pipeline.training.bundle import RobotFacts
-from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.checkpoint_sweep import cells_of, score
 from pipeline.training.plain_walk import Figures, Walk, walked
-from pipeline.training.policy_file import mean_arrays, policy_arrays, write_policy
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Of each process that walks: one a core, or they stand in each other's way."""

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.training.checkpoint import NAME
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.checkpoint import NAME
+from pipeline.learning.training_error import TrainingError
 
 THREADS = 4
 """Of a training process on the host."""

@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.arm_pack import pack
 from pipeline.training.arm_sweeps import Candidate, Sweeps, best, candidates
 from pipeline.training.arms import ArmProcess, ArmsRequest
-from pipeline.training.bundle import RobotFacts
 from pipeline.training.checkpoint_sweep import brief_walks, choosing_walks, measuring_walks
-from pipeline.training.training_error import TrainingError
 
 CHOOSE, MEASURE = "chosen_by", "measured"
 LOOK_S = 2.0

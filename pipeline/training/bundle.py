@@ -10,45 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
+from pipeline.learning.training_error import TrainingError
 
 SCHEMA = "booster-lab training bundle 1"
 FPS = 50.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotFacts:
-    """J joints in hardware order; A of them, in the network's order, are the policy's."""
-
-    name: str
-    mjcf: str
-    root_link: str
-    joint_names: tuple[str, ...]
-    controlled: tuple[str, ...]
-    """The policy's joints in the order of the expert frames."""
-    policy_joints: tuple[str, ...]
-    default_joint_pos: np.ndarray
-    default_root_height: float
-    kp: np.ndarray
-    kd: np.ndarray
-    effort_limit: np.ndarray
-    """[N m]"""
-    saturation_effort: np.ndarray
-    """Where the torque-speed line meets standstill [N m]; NaN where the line is not known."""
-    no_load_speed: np.ndarray
-    """[rad/s]; NaN where it is not known."""
-    mirror_index: np.ndarray
-    mirror_sign: np.ndarray
-    hands: tuple[str, str]
-    feet: tuple[str, str]
-    """Sites at the centres of the soles."""
-    foot_links: tuple[str, str]
-    shapes: dict[str, list[str]]
-    """Collision shapes: `feet`, `shanks`, `others`."""
-
-    def index(self, names: tuple[str, ...]) -> np.ndarray:
-        """Where `names` are among the joints."""
-        return np.array([self.joint_names.index(name) for name in names])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,28 +61,11 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
             raise TrainingError(
                 f"{folder / name}: its digest is not the one bundle.json states. Write the bundle again."
             )
-    facts = json.loads(_bytes(folder / "robot.json"))
     return Bundle(
-        robot=_robot(facts, _bytes(folder / "robot.xml").decode()),
+        robot=read_robot_facts(folder),
         expert=_expert(folder / "expert.npz", use_augmented),
         about=about,
         digest=hashlib.sha256(_bytes(folder / "bundle.json")).hexdigest(),
-    )
-
-
-def _robot(facts: dict[str, Any], mjcf: str) -> RobotFacts:
-    numbers = ("default_joint_pos", "kp", "kd", "effort_limit", "saturation_effort", "no_load_speed", "mirror_sign")
-    names = ("joint_names", "controlled", "policy_joints", "hands", "feet", "foot_links")
-    taken: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
-    taken |= {name: tuple(facts[name]) for name in names}
-    return RobotFacts(
-        name=facts["robot"],
-        mjcf=mjcf,
-        root_link=facts["root_link"],
-        default_root_height=facts["default_root_height"],
-        mirror_index=np.array(facts["mirror_index"]),
-        shapes=facts["shapes"],
-        **taken,
     )
 
 

@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import ExpertFrames
-from pipeline.training.training_error import TrainingError
 
 SPEEDS = np.arange(0.4, 2.15, 0.1)
 """Forward commands whose frames are averaged [m/s]; between them straight lines, beyond the last ones theirs."""

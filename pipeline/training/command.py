@@ -9,10 +9,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.training.arguments import chosen_device, pairs
+from pipeline.learning.arguments import chosen_device, pairs
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import DEFAULT, PRESETS, preset
-from pipeline.training.training_error import TrainingError
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -11,10 +11,7 @@ foreseen), kept (loss of straying from the walk that is kept), action_std.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
-from pathlib import Path
 
 import torch
 
@@ -98,34 +95,3 @@ def followed(figures: Mapping[str, float]) -> float | None:
         if name != "stand" and figures[f"{name}_commanded"] > 0.0
     ]
     return sum(shares) / len(shares) if shares else None
-
-
-class Curves:
-    """`curves.csv`, whole after every row. A resumed run keeps the rows before its checkpoint."""
-
-    def __init__(self, path: Path, before: int):
-        self._path = path
-        rows = list(csv.DictReader(path.read_text().splitlines())) if path.is_file() else []
-        self._rows = [row for row in rows if int(row["iteration"]) <= before]
-        self.seconds = float(self._rows[-1]["seconds"]) if self._rows else 0.0
-        """Seconds of training that the kept rows stand for."""
-
-    def add(self, row: Mapping[str, float]) -> None:
-        """Put a row at the end."""
-        self._rows.append({name: _text(value) for name, value in row.items()})
-
-    def write(self) -> None:
-        """Replace the file by all rows."""
-        if not self._rows:
-            return
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, fieldnames=list(self._rows[-1]), restval="nan", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self._rows)
-        part = self._path.with_suffix(".part")
-        part.write_text(stream.getvalue())
-        part.replace(self._path)
-
-
-def _text(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.5g}"

@@ -48,10 +48,10 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's threads spin where MuJoCo's want the processor
 
-from pipeline.training.arguments import chosen_device, pairs
+from pipeline.learning.arguments import chosen_device, pairs
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import preset
-from pipeline.training.training_error import TrainingError
 
 
 def main(arguments: Sequence[str]) -> int:

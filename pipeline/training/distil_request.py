@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.options import Options
 from pipeline.training.roles import ROLES, Borders
-from pipeline.training.training_error import TrainingError
 
 BATCH = 4096
 """States of a step of least squares."""

@@ -22,21 +22,21 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.curves_file import CurvesFile
+from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
-from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.clip_teacher import ClipTeacher
-from pipeline.training.curves import Curves
 from pipeline.training.distil_request import BATCH, DistilRequest, digest_of
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
 from pipeline.training.mirror import Mirror
-from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.posture_shift import PostureShift
 from pipeline.training.presets import changed_from
 from pipeline.training.roles import ROLES, Unsteadiness, is_of, role_of
 from pipeline.training.taught_memory import TaughtMemory
 from pipeline.training.teachers import Teachers
-from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
 STEPS = 24
@@ -94,7 +94,7 @@ class DistilledRun:
         if request.resume:
             self._resume()
         self.memory = TaughtMemory(request.memory, self._seen.shape[1], len(bundle.robot.controlled), request.device)
-        self._curves = Curves(request.out / "curves.csv", self.iteration)
+        self._curves = CurvesFile(request.out / "curves.csv", self.iteration)
 
     def train(self) -> None:
         """Iterate until the wanted number or time is reached; every hundredth state is kept, and the last."""

@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 import torch
 
-from pipeline.training.bundle import ExpertFrames, RobotFacts
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
+from pipeline.training.bundle import ExpertFrames
 from pipeline.training.command_cells import frame_cells
 from pipeline.training.step_times import GROUND_PERCENTILE
-from pipeline.training.training_error import TrainingError
 
 NEAR_M = 0.01
 """A foot whose lowest corner is less than this above where it usually is on the ground is down [m]."""

@@ -11,6 +11,8 @@ import torch
 import warp as wp
 from mjlab.envs import ManagerBasedRlEnv
 
+from pipeline.learning.plain_simulation import PlainSimulation
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
 from pipeline.training.captured import Captured
 from pipeline.training.commands import VelocityCommand
@@ -24,7 +26,6 @@ from pipeline.training.masks import members, replace
 from pipeline.training.motion_features import state_features, window_frames, window_span
 from pipeline.training.observations import LARGEST
 from pipeline.training.options import Options
-from pipeline.training.plain_simulation import PlainSimulation
 from pipeline.training.power_excess import PowerExcess
 from pipeline.training.pushes import ComingPush
 from pipeline.training.ramps import Ramps
@@ -33,7 +34,6 @@ from pipeline.training.reward_terms import motor_limit
 from pipeline.training.slopes import Slopes
 from pipeline.training.step_times import StepTimes
 from pipeline.training.tracked_clip import TrackedClip
-from pipeline.training.training_error import TrainingError
 from pipeline.training.trunk_forces import TrunkForces
 from pipeline.training.trunk_lean import TrunkLean
 

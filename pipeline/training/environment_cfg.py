@@ -10,14 +10,14 @@ from mjlab.scene import SceneCfg
 from mjlab.sensor import ContactMatch, ContactSensorCfg
 from mjlab.sim import MujocoCfg, SimulationCfg
 
+from pipeline.learning.robot_entity import robot_entity
+from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.action import PolicyActionCfg
-from pipeline.training.bundle import RobotFacts
 from pipeline.training.commands import VelocityCommandCfg
 from pipeline.training.observations import observation_cfg
 from pipeline.training.options import Options
 from pipeline.training.pushes import PushForce, PushVelocity
 from pipeline.training.reward_table import reward_cfg
-from pipeline.training.robot_entity import robot_entity
 from pipeline.training.rotor_links import draw_rotors_on_links
 from pipeline.training.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
@@ -36,7 +36,7 @@ def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: in
         scene=SceneCfg(
             num_envs=num_envs,
             terrain=terrain_cfg(options, seed),
-            entities={"robot": robot_entity(robot, options)},
+            entities={"robot": robot_entity(robot, options.motors)},
             sensors=_sensors(robot),
         ),
         sim=SimulationCfg(

@@ -14,11 +14,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.learning.checkpoint import load_checkpoint
+from pipeline.learning.policy_file import mean_arrays, policy_arrays, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
-from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.given_network import moved_towards
-from pipeline.training.policy_file import mean_arrays, policy_arrays, write_policy
-from pipeline.training.training_error import TrainingError
 
 
 def main(arguments: Sequence[str]) -> int:

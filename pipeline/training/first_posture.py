@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import nn
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import Bundle, ExpertFrames
 from pipeline.training.expert_sampling import cell_weights
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 MOVES = 0.1
 """Commands of more than this [m/s, rad/s] are walked."""

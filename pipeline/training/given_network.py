@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from pipeline.training.bundle import RobotFacts
-from pipeline.training.policy_file import EPS, summed_names, weighted_sum
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.policy_file import EPS, summed_names, weighted_sum
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
 
 SEEN = 10**12
 """So much that a run of 20 minutes, which sees some 10^8, adds nothing: the units in which a network is told what it

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import FPS, ExpertFrames
 from pipeline.training.command_cells import CommandCells
 from pipeline.training.masks import replace
 from pipeline.training.reward_terms import told_to_move
 from pipeline.training.step_times import LEAST_STEPS, steps
-from pipeline.training.training_error import TrainingError
 
 JOINTS = ("Hip_Pitch", "Knee_Pitch")
 SIDES = ("Left", "Right")

@@ -8,7 +8,7 @@ import torch
 from rsl_rl.extensions import Symmetry
 from tensordict import TensorDict
 
-from pipeline.training.bundle import RobotFacts
+from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.kept_walk import KeptWalk
 from pipeline.training.observations import HISTORY, newest_command
 

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.learning.policy_file import summed_names, weighted_sum, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.given_network import GAINS, arrays_of
-from pipeline.training.policy_file import summed_names, weighted_sum, write_policy
-from pipeline.training.training_error import TrainingError
 
 Part = tuple[float, Path]
 """A weight and the file of a policy."""

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 ANY_LENGTH = ("hidden", "discriminator_hidden")
 """Options of as many numbers as are given."""

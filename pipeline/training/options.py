@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.training_error import TrainingError
 
 WORDS = {
     "terrain": ("plane", "rough"),

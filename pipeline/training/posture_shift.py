@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import torch
 
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
-from pipeline.training.bundle import RobotFacts
 from pipeline.training.observations import COMMAND, HISTORY, newest_command
-from pipeline.training.training_error import TrainingError
 
 MOST_RAD = 0.3
 """Most that a joint is shifted by [rad]: beyond it the policy's walk is another one."""

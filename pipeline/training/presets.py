@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 PAPER = Options(terrain="rough", motors="line")
 

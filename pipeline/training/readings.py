@@ -14,10 +14,10 @@ import numpy as np
 import torch
 from mjlab.utils.lab_api.math import matrix_from_quat
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.masks import replace
 from pipeline.training.plain_walk import AIR_S
 from pipeline.training.reward_terms import told_to_move, tracking
-from pipeline.training.training_error import TrainingError
 
 AT_M = 1e-6
 """What is that close is the same place [m]."""

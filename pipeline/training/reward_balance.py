@@ -15,11 +15,11 @@ from typing import cast
 import numpy as np
 import torch
 
+from pipeline.learning.policy_file import act
 from pipeline.training.bundle import Bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.observations import HISTORY
 from pipeline.training.options import Options
-from pipeline.training.policy_file import act
 from pipeline.training.pushes import FORCE_S
 from pipeline.training.reward_row import FALL
 from pipeline.training.reward_terms import joint_tracking, tracking

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.pushes import since_push
-from pipeline.training.training_error import TrainingError
 
 ROLES = ("other", "ahead", "fast", "run", "sloped", "standing", "pushed")
 """Each goes before those named earlier."""

@@ -19,10 +19,13 @@ from mjlab.rl import RslRlVecEnvWrapper
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.curves_file import CurvesFile
+from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp_ppo import AmpPpo
 from pipeline.training.bundle import Bundle
-from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
-from pipeline.training.curves import Curves, followed
+from pipeline.training.curves import followed
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.expert_sampling import expert_windows
 from pipeline.training.first_posture import begin_at, first_action
@@ -30,10 +33,8 @@ from pipeline.training.given_network import begin_with
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import beyond_signs
 from pipeline.training.options import Options
-from pipeline.training.policy_file import policy_arrays, write_policy
 from pipeline.training.presets import changed_from
 from pipeline.training.start import check_start
-from pipeline.training.training_error import TrainingError
 
 SAVE_EVERY = 100
 FOLLOW_RATE = 0.1
@@ -97,7 +98,7 @@ class TrainingRun:
         """How many iterations are done."""
         if request.resume:
             self._resume()
-        self._curves = Curves(request.out / "curves.csv", self.iteration)
+        self._curves = CurvesFile(request.out / "curves.csv", self.iteration)
 
     @property
     def folder(self) -> Path:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 
 
 def check_start(options: Options, start_from: Path | None, going: bool) -> None:

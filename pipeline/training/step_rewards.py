@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.reward_row import Term
-from pipeline.training.training_error import TrainingError
 
 
 def step_rows(options: Options) -> tuple[Term, ...]:

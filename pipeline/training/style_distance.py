@@ -21,11 +21,11 @@ import numpy as np
 import torch
 from scipy.spatial.distance import cdist
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.expert_sampling import window_starts
 from pipeline.training.motion_features import FeatureNormalizer, frame_features, state_features
 from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk, World, network_of
-from pipeline.training.training_error import TrainingError
 
 SPEEDS = (0.6, 1.0, 1.5)
 """Forward commands that are compared [m/s]."""

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pipeline.training.bundle import RobotFacts
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.given_network import network_of
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import HISTORY
 from pipeline.training.posture_shift import PostureShift, told_with
 from pipeline.training.roles import ROLES, STANDS_IN
-from pipeline.training.training_error import TrainingError
 from pipeline.training.walked_speeds import WalkedSpeeds, corrected
 
 MOST_BEYOND = 0.3

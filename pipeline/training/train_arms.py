@@ -34,8 +34,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.presets import DEFAULT
-from pipeline.training.training_error import TrainingError
 
 SWEEPS = ("full", "brief")
 

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.observations import COMMAND, HISTORY
-from pipeline.training.training_error import TrainingError
 
 FORWARD = COMMAND.start
 """Where the forward velocity is in a frame."""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.learning.policy_file import write_policy
 from pipeline.training.bundle import read_bundle
 from pipeline.training.distil_request import BATCH
-from pipeline.training.policy_file import write_policy
 from tests.factories.training_bundle import small_bundle
 
 ENVS = 8

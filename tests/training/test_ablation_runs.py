@@ -9,12 +9,12 @@ import shlex
 import pandas as pd
 import pytest
 
+from pipeline.learning.arguments import pairs
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.ablation_runs import COLUMNS, read_runs
-from pipeline.training.arguments import pairs
 from pipeline.training.command import _parser, main
 from pipeline.training.option_texts import changed_by_texts, texts_of
 from pipeline.training.presets import PRESETS, changed_from, preset
-from pipeline.training.training_error import TrainingError
 from pipeline.viewing.training_curves import discriminator_curves
 from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, write_arm_runs
 from tests.factories.training_bundle import small_bundle

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.clip_teacher import ASTRAY, LEAST, ClipTeacher
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 BENT = {0.6: 0.3, 1.5: -1.2}

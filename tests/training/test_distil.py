@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.checkpoint import load_checkpoint
 from pipeline.training import distil
 from pipeline.training.bundle import read_bundle
-from pipeline.training.checkpoint import load_checkpoint
 from pipeline.training.command import main as train
 from pipeline.training.distil_request import BATCH, DistilRequest
 from pipeline.training.distilled_run import LAST_RATE, STEPS, DistilledRun

@@ -12,6 +12,7 @@ import pytest
 import torch
 from scipy.optimize import brentq
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training import reward_terms as terms
 from pipeline.training.bundle import Bundle, read_bundle
 from pipeline.training.double_stance import DoubleStance, feet_down
@@ -20,7 +21,6 @@ from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.presets import preset
 from pipeline.training.readings import Readings
 from pipeline.training.reward_table import table
-from pipeline.training.training_error import TrainingError
 from tests.factories.expert_frames import expert_of
 from tests.factories.training_bundle import small_bundle
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.commands import ASIDE, FAST, SLEW, SLOW, TURN, draw_commands
@@ -15,7 +16,6 @@ from pipeline.training.environment import AmpEnvironment
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.presets import preset
 from pipeline.training.pushes import FORCE_S
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 ENVS, LATE_ENVS = 6, 100

@@ -9,11 +9,11 @@ import pytest
 import torch
 from torch import nn
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.action import SCALE
 from pipeline.training.bundle import ExpertFrames, read_bundle
 from pipeline.training.first_posture import begin_at, first_action, walking_posture
 from pipeline.training.options import Options
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 JOINTS = 21

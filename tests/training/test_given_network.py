@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.checkpoint import newest_checkpoint
+from pipeline.learning.policy_file import act, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp_ppo import FIRST_RATE
 from pipeline.training.bundle import read_bundle
-from pipeline.training.checkpoint import newest_checkpoint
 from pipeline.training.command import main
 from pipeline.training.export_policy import main as export
 from pipeline.training.given_network import moved_towards
-from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
 from pipeline.training.run import RunRequest, TrainingRun
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 SMALL = {"expert_windows": 200, "replay_windows": 200, "discriminator_batch": 32, "discriminator_steps": 2, "steps": 4}

@@ -12,14 +12,14 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
+from pipeline.learning.policy_file import act, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp_ppo import quick_products
 from pipeline.training.bundle import read_bundle
 from pipeline.training.kept_walk import KeptWalk, ahead, share_kept
 from pipeline.training.mirror import MirroredSamples
-from pipeline.training.policy_file import act, write_policy
 from pipeline.training.presets import preset
 from pipeline.training.run import RunRequest, TrainingRun
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 SMALL = {"expert_windows": 200, "replay_windows": 200, "discriminator_batch": 32, "discriminator_steps": 2, "steps": 4}

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training import reward_terms as terms
 from pipeline.training.bundle import FPS, read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.leg_swings import ClipSwings, LegSwings, swings
 from pipeline.training.presets import preset
 from pipeline.training.reward_table import table
-from pipeline.training.training_error import TrainingError
 from tests.factories.expert_frames import JOINTS, expert_of, walking
 from tests.factories.training_bundle import small_bundle
 

@@ -8,9 +8,9 @@ import shlex
 import numpy as np
 import pytest
 
+from pipeline.learning.policy_file import write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.mix_policies import main, mixed
-from pipeline.training.policy_file import write_policy
-from pipeline.training.training_error import TrainingError
 
 
 def policy(seed: int, **changed) -> dict[str, np.ndarray]:

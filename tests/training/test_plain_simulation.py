@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.presets import preset
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 ENVS = 6

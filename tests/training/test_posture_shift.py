@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
 from pipeline.training.mirror import Mirror
 from pipeline.training.posture_shift import MOST_RAD, PostureShift, fades_of, told_with
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 FRAMES, SIZE, JOINTS = 10, 72, 21

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training import reward_terms as terms
 from pipeline.training.bundle import read_bundle
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.power_excess import PowerExcess
 from pipeline.training.presets import PRESETS, preset
 from pipeline.training.reward_table import table
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 MEASURED_W = {

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training import reward_terms as terms
 from pipeline.training.options import Options
 from pipeline.training.presets import PRESETS
 from pipeline.training.reward_table import table
-from pipeline.training.training_error import TrainingError
 
 WEIGHTS = {
     "tracking_x": 3.0,

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.roles import ROLES, Borders, Unsteadiness, is_of, role_of
-from pipeline.training.training_error import TrainingError
 
 LONG_AGO = math.inf
 STANDS = torch.zeros(4, 3)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import ExpertFrames
 from pipeline.training.motion_features import FeatureNormalizer
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.learning.policy_file import act, write_policy
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
 from pipeline.training.mirror import Mirror
-from pipeline.training.policy_file import act, write_policy
 from pipeline.training.posture_shift import PostureShift
 from pipeline.training.roles import ROLES
 from pipeline.training.teachers import Teachers
-from pipeline.training.training_error import TrainingError
 from pipeline.training.walked_speeds import corrected
 from tests.factories.training_bundle import small_bundle
 

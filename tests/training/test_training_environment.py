@@ -17,8 +17,9 @@ from tensordict import TensorDict
 from pipeline.deployment import deployment_task, load_policy
 from pipeline.deployment.observation import History, frame
 from pipeline.expert.frames import expert_frames
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.learning.policy_file import act, policy_arrays
 from pipeline.training.bundle import read_bundle
-from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.training.command import main
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.export_policy import main as export
@@ -26,7 +27,6 @@ from pipeline.training.first_posture import first_action
 from pipeline.training.initial_state import _of_frames
 from pipeline.training.mirror import Mirror, augment
 from pipeline.training.motion_features import frame_features
-from pipeline.training.policy_file import act, policy_arrays
 from pipeline.training.presets import DEFAULT, preset
 from tests.factories.robot_clips import wandering
 from tests.factories.training_bundle import small_bundle

@@ -12,18 +12,18 @@ import pytest
 import torch
 
 from pipeline.expert.training_bundle import augmented_by
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.policy_file import policy_arrays
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
-from pipeline.training.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.training.commands import draw_commands
 from pipeline.training.option_texts import changed_by_texts
 from pipeline.training.options import Options
-from pipeline.training.policy_file import policy_arrays
 from pipeline.training.presets import PRESETS, preset
 from pipeline.training.pushes import horizontal
 from pipeline.training.ramps import grown
 from pipeline.training.reasons import REASONS
 from pipeline.training.terminations import fallen, stands_though_told
-from pipeline.training.training_error import TrainingError
 from tests.factories.training_bundle import small_bundle
 
 STACK = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.training_error import TrainingError
 from pipeline.training.walked_speeds import GAIN, MOST, WalkedSpeeds, corrected
 
 

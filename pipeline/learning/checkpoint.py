@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.training_error import TrainingError
 
 NAME = re.compile(r"^model_(\d{6})\.pt$")
 STATES = ("actor_state_dict", "critic_state_dict", "optimizer_state_dict")

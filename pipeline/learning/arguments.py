@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.training_error import TrainingError
 
 
 def chosen_device(name: str) -> str:

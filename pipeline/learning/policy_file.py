@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from pipeline.training.bundle import RobotFacts
-from pipeline.training.training_error import TrainingError
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.training_error import TrainingError
 
 EPS = 1e-2
 """rsl-rl's normalizer adds it to the standard deviation."""

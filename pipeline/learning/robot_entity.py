@@ -12,8 +12,7 @@ from mjlab.actuator.actuator import ActuatorCmd
 from mjlab.entity import EntityArticulationInfoCfg, EntityCfg
 from mjlab.utils.spec_config import CollisionCfg
 
-from pipeline.training.bundle import RobotFacts
-from pipeline.training.options import Options
+from pipeline.learning.robot_facts import RobotFacts
 
 GROUND, FEET = 1, 2
 """Bits of the collision masks: everything meets the ground; feet also meet feet and shanks."""
@@ -41,8 +40,11 @@ class LineMotorCfg(DcMotorActuatorCfg):
         return LineMotor(self, entity, target_ids, target_names)
 
 
-def robot_entity(robot: RobotFacts, options: Options) -> EntityCfg:
-    """The robot with its motors; joints that the policy doesn't move are held by the same kind of motor."""
+def robot_entity(robot: RobotFacts, motors: str = "line") -> EntityCfg:
+    """The robot with its motors; joints that the policy doesn't move have the same kind of motor.
+
+    `motors` is `line` (torque falls with speed along the torque-speed line) or `box` (constant torque limit).
+    """
     return EntityCfg(
         spec_fn=lambda: mujoco.MjSpec.from_string(robot.mjcf),
         init_state=EntityCfg.InitialStateCfg(
@@ -53,13 +55,13 @@ def robot_entity(robot: RobotFacts, options: Options) -> EntityCfg:
         ),
         collisions=(_collisions(robot),),
         articulation=EntityArticulationInfoCfg(
-            actuators=tuple(_motor(robot, joint, options) for joint in range(len(robot.joint_names)))
+            actuators=tuple(_motor(robot, joint, motors) for joint in range(len(robot.joint_names)))
         ),
         sort_actuators=True,
     )
 
 
-def _motor(robot: RobotFacts, joint: int, options: Options) -> IdealPdActuatorCfg:
+def _motor(robot: RobotFacts, joint: int, motors: str) -> IdealPdActuatorCfg:
     """A joint's motor: position control behind its torque limit, or behind its torque-speed line."""
     common = {
         "target_names_expr": (f"^{robot.joint_names[joint]}$",),
@@ -68,7 +70,7 @@ def _motor(robot: RobotFacts, joint: int, options: Options) -> IdealPdActuatorCf
         "effort_limit": float(robot.effort_limit[joint]),
     }
     no_load = float(robot.no_load_speed[joint])
-    if options.motors == "box":
+    if motors == "box":
         return IdealPdActuatorCfg(**common)
     if math.isnan(no_load):  # the same kind of motor, so that all of them stay one batch: a line no joint reaches
         no_load, stall = 1e6, 1e3 * float(robot.effort_limit[joint])

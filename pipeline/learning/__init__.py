@@ -1,0 +1,1 @@
+"""What tracking and adversarial training share: the robot in mjlab, plain physics, checkpoints, policy files."""

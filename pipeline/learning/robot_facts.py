@@ -1,0 +1,81 @@
+"""What a training environment must know of a robot: names, orders, default pose, gains, motor limits, collision shapes.
+
+Read from `robot.json` and `robot.xml` of a training bundle, so that a GPU host needs nothing else of the project.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.learning.training_error import TrainingError
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotFacts:
+    """J joints in hardware order; A of them, in the network's order, are the policy's."""
+
+    name: str
+    mjcf: str
+    root_link: str
+    joint_names: tuple[str, ...]
+    controlled: tuple[str, ...]
+    """The policy's joints in the order of the expert frames."""
+    policy_joints: tuple[str, ...]
+    default_joint_pos: np.ndarray
+    default_root_height: float
+    kp: np.ndarray
+    kd: np.ndarray
+    effort_limit: np.ndarray
+    """[N m]"""
+    saturation_effort: np.ndarray
+    """Where the torque-speed line meets standstill [N m]; NaN where the line is not known."""
+    no_load_speed: np.ndarray
+    """[rad/s]; NaN where it is not known."""
+    mirror_index: np.ndarray
+    mirror_sign: np.ndarray
+    hands: tuple[str, str]
+    feet: tuple[str, str]
+    """Sites at the centres of the soles."""
+    foot_links: tuple[str, str]
+    key_links: tuple[str, ...]
+    """Links whose pose the tracking task compares; the root link is one of them. Empty in bundles without them."""
+    shapes: dict[str, list[str]]
+    """Collision shapes: `feet`, `shanks`, `others`."""
+
+    def index(self, names: tuple[str, ...]) -> np.ndarray:
+        """Where `names` are among the joints."""
+        return np.array([self.joint_names.index(name) for name in names])
+
+
+def read_robot_facts(folder: Path) -> RobotFacts:
+    """The robot of a bundle. Raises TrainingError where `robot.json` or `robot.xml` is missing or incomplete."""
+    try:
+        facts = json.loads((folder / "robot.json").read_text())
+        return robot_facts(facts, (folder / "robot.xml").read_text())
+    except (OSError, ValueError, KeyError) as error:
+        raise TrainingError(
+            f"{folder}: robot.json or robot.xml of the bundle can't be read ({error}). Write the bundle again."
+        ) from error
+
+
+def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
+    """The robot of the values of `robot.json` and the text of `robot.xml`."""
+    numbers = ("default_joint_pos", "kp", "kd", "effort_limit", "saturation_effort", "no_load_speed", "mirror_sign")
+    names = ("joint_names", "controlled", "policy_joints", "hands", "feet", "foot_links")
+    taken: dict[str, Any] = {name: np.array(facts[name], dtype=float) for name in numbers}
+    taken |= {name: tuple(facts[name]) for name in names}
+    taken["key_links"] = tuple(facts.get("key_links", ()))
+    return RobotFacts(
+        name=facts["robot"],
+        mjcf=mjcf,
+        root_link=facts["root_link"],
+        default_root_height=facts["default_root_height"],
+        mirror_index=np.array(facts["mirror_index"]),
+        shapes=facts["shapes"],
+        **taken,
+    )

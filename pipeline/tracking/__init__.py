@@ -1,0 +1,1 @@
+"""KP4: one policy that tracks many retargeted clips in simulation, and its rollouts on a CPU."""

@@ -1,0 +1,81 @@
+"""Train a tracker: `python -m pipeline.tracking --bundle DIR --out DIR`.
+
+    --bundle DIR        robot and reference motions as plain files (`dagster asset materialize --select tracking_policy`
+                        writes one into data/policies/<robot>/tracking_bundle)
+    --out DIR           folder of the run
+    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error
+    --num-envs N        environments of each GPU
+    --iterations N      of 24 control steps; with `--resume` counted from the beginning of the run
+    --minutes M         end after M minutes of training, those before a resume included
+    --seed S
+    --resume            continue from the newest checkpoint in `--out/checkpoints`; without one, start
+
+Written below `--out`: `config.json` (settings, digests, versions), `curves.csv` (one row an iteration),
+`checkpoints/model_000100.pt` (every 100 iterations and the last, read with `weights_only=True`), `tracker.npz` (the
+newest network, as rollouts read it) and, at the end, `done.json`.
+
+Several GPUs: `torchrun --nproc-per-node 2 -m pipeline.tracking ...`; `--num-envs` is per GPU.
+Exit status: 0 when done, 2 for wrong arguments or files, 130 when interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
+
+from pipeline.learning.training_error import TrainingError
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Train a tracker; the exit status."""
+    given = _parser().parse_args(arguments)
+    try:
+        _train(given)
+    except TrainingError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; --resume continues from the newest checkpoint.", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _train(given: argparse.Namespace) -> None:
+    from pipeline.learning.arguments import chosen_device  # torch and mjlab take seconds to import
+    from pipeline.tracking.bundle import read_tracking_bundle
+
+    bundle, device = read_tracking_bundle(given.bundle), chosen_device(given.device)
+    from pipeline.tracking.run import TrackingRequest, TrackingRun
+
+    request = TrackingRequest(
+        out=given.out,
+        num_envs=given.num_envs,
+        device=device,
+        seed=given.seed,
+        iterations=given.iterations,
+        minutes=given.minutes,
+        resume=given.resume,
+    )
+    TrackingRun(bundle, request).train()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m pipeline.tracking", description="Train a tracker.")
+    parser.add_argument("--bundle", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--num-envs", type=int, default=4096)
+    parser.add_argument("--iterations", type=int, default=1200)
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--resume", action="store_true")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

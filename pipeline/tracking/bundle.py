@@ -1,0 +1,97 @@
+"""A tracking bundle as a GPU host reads it: the robot's facts and the reference motions, as plain files.
+
+<folder>/robot.xml, robot.json   the robot, as in a training bundle
+<folder>/motions.npz             reference motions at 50 Hz, one after the other
+<folder>/bundle.json             digests of robot, motions and files, and the clips' licences
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
+from pipeline.learning.training_error import TrainingError
+
+SCHEMA = "booster-lab tracking bundle 1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motions:
+    """C clips of T frames in all, one after the other, at 50 Hz."""
+
+    names: tuple[str, ...]
+    clip_start: np.ndarray
+    """(c + 1,) index of each clip's first frame, and the end."""
+    root_pos_w: np.ndarray
+    """(t, 3) [m]"""
+    root_quat_w: np.ndarray
+    """(t, 4) wxyz."""
+    joint_pos: np.ndarray
+    """(t, j) in the robot's order [rad]."""
+
+    @property
+    def seconds(self) -> float:
+        return len(self.root_pos_w) / 50.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingBundle:
+    """What a tracker is trained on."""
+
+    robot: RobotFacts
+    motions: Motions
+    about: dict[str, Any]
+    """`bundle.json`."""
+    digest: str
+    """Of `bundle.json`, which states the digests of the other files."""
+
+
+def read_tracking_bundle(folder: Path) -> TrackingBundle:
+    """The bundle in a folder. Raises TrainingError where a file is missing, changed or of another schema."""
+    head = _bytes(folder / "bundle.json")
+    try:
+        about = json.loads(head)
+    except ValueError as error:
+        raise TrainingError(f"{folder}/bundle.json: is not JSON ({error}). Write the bundle again.") from error
+    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
+        found = about.get("schema") if isinstance(about, dict) else about
+        raise TrainingError(f"{folder}/bundle.json: schema {found!r}; this version reads {SCHEMA!r}.")
+    for name, expected in about["files"].items():
+        if hashlib.sha256(_bytes(folder / name)).hexdigest() != expected:
+            raise TrainingError(f"{folder / name}: its digest is not the one in bundle.json. Write the bundle again.")
+    robot = read_robot_facts(folder)
+    if not robot.key_links or robot.key_links[0] != robot.root_link:
+        raise TrainingError(f"{folder}/robot.json: 'key_links' must begin with the root link '{robot.root_link}'.")
+    digest = hashlib.sha256(head).hexdigest()
+    return TrackingBundle(robot=robot, motions=_motions(folder / "motions.npz", robot), about=about, digest=digest)
+
+
+def _motions(path: Path, robot: RobotFacts) -> Motions:
+    with np.load(path, allow_pickle=False) as arrays:
+        motions = Motions(
+            names=tuple(str(name) for name in arrays["clip_name"]),
+            clip_start=arrays["clip_start"],
+            root_pos_w=arrays["root_pos_w"].astype(float),
+            root_quat_w=arrays["root_quat_w"].astype(float),
+            joint_pos=arrays["joint_pos"].astype(float),
+        )
+    if motions.joint_pos.shape[1] != len(robot.joint_names):
+        raise TrainingError(
+            f"{path}: has {motions.joint_pos.shape[1]} joints, the robot {len(robot.joint_names)}. Write the bundle "
+            "again for this robot."
+        )
+    if len(motions.names) == 0:
+        raise TrainingError(f"{path}: has no clip to track.")
+    return motions
+
+
+def _bytes(path: Path) -> bytes:
+    if not path.is_file():
+        raise TrainingError(f"{path}: the file is missing. pipeline.tracking.write_bundle writes a bundle.")
+    return path.read_bytes()

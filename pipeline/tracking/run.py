@@ -1,0 +1,275 @@
+"""One training run of a tracker: from its bundle to checkpoints, curves and the tracker file."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mjlab
+import numpy as np
+import torch
+from mjlab.rl import RslRlVecEnvWrapper
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
+
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.curves_file import CurvesFile
+from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.training_error import TrainingError
+from pipeline.tracking.bundle import TrackingBundle
+from pipeline.tracking.environment import tracking_environment
+from pipeline.tracking.task import ACTION_SCALE, OBSERVATION
+
+SAVE_EVERY = 100
+"""Iterations between checkpoints."""
+STEPS = 24
+"""Control steps of each environment an iteration."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingRequest:
+    """What a run is started with."""
+
+    out: Path
+    num_envs: int
+    device: str
+    seed: int
+    iterations: int
+    minutes: float | None
+    resume: bool
+
+
+class LoggedEnvironment(RslRlVecEnvWrapper):
+    """mjlab's wrapper for rsl_rl that also sums what the environment logs at the ends of episodes."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self._sums: dict[str, float] = {}
+        self._counts: dict[str, int] = {}
+        self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        observations, reward, dones, extras = super().step(actions)
+        self._reward += reward.mean()
+        self._ended += dones.float().mean()
+        self._failed += self.unwrapped.reset_terminated.float().mean()
+        self._steps += 1
+        for name, value in extras.get("log", {}).items():
+            if name.startswith("Metrics/"):
+                self._sums[name] = self._sums.get(name, 0.0) + value
+                self._counts[name] = self._counts.get(name, 0) + 1
+        return observations, reward, dones, extras
+
+    def take(self) -> dict[str, float]:
+        """Means since the last call: reward a step, episode length [s], failures a minute, tracking errors."""
+        step_s = self.unwrapped.step_dt
+        steps = max(self._steps, 1)
+        ended, failed = float(self._ended) / steps, float(self._failed) / steps
+        figures = {
+            "reward": float(self._reward) / steps,
+            "episode_s": step_s / ended if ended else float("nan"),
+            "failures_per_min": failed * 60.0 / step_s,
+        }
+        for name in ("error_body_pos", "error_joint_pos", "error_anchor_pos"):
+            key = f"Metrics/motion/{name}"
+            figures[name] = float(self._sums[key]) / self._counts[key] if key in self._sums else float("nan")
+        self._sums, self._counts = {}, {}
+        self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
+        return figures
+
+
+class TrackingRun:
+    """Environment, algorithm and files of a run."""
+
+    def __init__(self, bundle: TrackingBundle, request: TrackingRequest):
+        self.bundle, self.request = bundle, request
+        self.rank, self.world = int(os.getenv("RANK", "0")), int(os.getenv("WORLD_SIZE", "1"))
+        seed = request.seed + 1000 * self.rank
+        motion_file = request.out / f"motions_{self.rank}.npz"
+        env = tracking_environment(bundle, motion_file, request.num_envs, request.device, seed)
+        motion_file.unlink()
+        self.env = LoggedEnvironment(env)
+        torch.manual_seed(seed)
+        self.runner = OnPolicyRunner(self.env, runner_cfg(), None, request.device)
+        self.iteration, self.environment_steps = 0, 0
+        if request.resume:
+            self._resume()
+        self._curves = CurvesFile(request.out / "curves.csv", self.iteration)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the checkpoints."""
+        return self.request.out / "checkpoints"
+
+    def train(self) -> None:
+        """Train until `iterations` or `minutes` are reached; minutes before a resume count."""
+        before, started = self._curves.seconds, time.monotonic()
+        if self.rank == 0:
+            _write_json(self.request.out / "config.json", self._config())
+        reason = "iterations"
+        while self.iteration < self.request.iterations:
+            begun = time.monotonic()
+            if self._out_of_time(before + begun - started):
+                reason = "minutes"
+                break
+            self.runner.current_learning_iteration = self.iteration
+            self.runner.learn(1)
+            self.iteration += 1
+            self._report(before + time.monotonic() - started, time.monotonic() - begun)
+            if self.iteration % SAVE_EVERY == 0:
+                self.save()
+        self.save()
+        if self.rank == 0:
+            seconds = before + time.monotonic() - started
+            steps = self.iteration * self.request.num_envs * STEPS * self.world
+            done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+            _write_json(self.request.out / "done.json", done)
+
+    def save(self) -> None:
+        """Write checkpoint, tracker file and curves; the first process alone writes."""
+        if self.rank:
+            return
+        state = self.runner.alg.save()
+        save_checkpoint(self.folder, self.iteration, state, self.env.unwrapped.common_step_counter)
+        write_policy(self.request.out / "tracker.npz", tracker_arrays(state, self.bundle))
+        self._curves.write()
+
+    def _out_of_time(self, seconds: float) -> bool:
+        """Whether the time is up, by the first process's clock in all processes."""
+        limit = self.request.minutes
+        if limit is None:
+            return False
+        if self.world > 1:
+            value = torch.tensor(seconds, dtype=torch.float64, device=self.request.device)
+            torch.distributed.broadcast(value, src=0)
+            seconds = float(value)
+        return seconds > 60.0 * limit
+
+    def _resume(self) -> None:
+        path = newest_checkpoint(self.folder)
+        if path is None:
+            return
+        state = load_checkpoint(path, self.request.device)
+        try:
+            self.runner.alg.load(state, None, strict=True)
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+            first = str(error).splitlines()[0]
+            raise TrainingError(
+                f"{path}: is of another network or robot and can't be resumed ({first}). Give another --out."
+            ) from error
+        self.iteration = int(state["iteration"])
+        self.env.unwrapped.common_step_counter = int(state["environment_steps"])
+
+    def _report(self, seconds: float, took: float) -> None:
+        figures = self.env.take()
+        if self.rank:
+            return
+        algorithm: Any = self.runner.alg
+        row = {
+            "iteration": self.iteration,
+            "seconds": seconds,
+            "steps_per_s": self.request.num_envs * STEPS * self.world / took,
+            **figures,
+            "learning_rate": float(algorithm.learning_rate),
+            "action_std": float(algorithm.get_policy().output_std.detach().mean()),
+        }
+        self._curves.add(row)
+        if self.iteration % 10 == 0 or self.iteration < 10:
+            self._curves.write()
+        left = _time_left(self.request, self.iteration, seconds, took)
+        print(
+            f"iteration {self.iteration} of {self.request.iterations}, {seconds:.0f} s, {left} left: "
+            f"reward {row['reward']:.4f}, episodes {row['episode_s']:.1f} s, "
+            f"failures {row['failures_per_min']:.2f}/min, body error {100 * row['error_body_pos']:.1f} cm, "
+            f"deviation {row['action_std']:.2f}, {row['steps_per_s']:.0f} steps/s",
+            flush=True,
+        )
+
+    def _config(self) -> dict[str, Any]:
+        request = self.request
+        return {
+            "seed": request.seed,
+            "num_envs": request.num_envs,
+            "processes": self.world,
+            "device": _device_name(request.device),
+            "bundle_digest": self.bundle.digest,
+            "bundle": self.bundle.about,
+            "algorithm": runner_cfg(),
+            "versions": {
+                "python": platform.python_version(),
+                "torch": torch.__version__,
+                "numpy": np.__version__,
+                "mjlab": getattr(mjlab, "__version__", "1.6.0"),
+            },
+        }
+
+
+def tracker_arrays(state: dict[str, Any], bundle: TrackingBundle) -> dict[str, np.ndarray]:
+    """The network of a checkpoint with all that a rollout must know: robot, joints, links, gains, action scale."""
+    robot = bundle.robot
+    return policy_arrays(state, robot) | {
+        "robot": np.array(robot.name),
+        "controlled": np.array(robot.controlled),
+        "key_links": np.array(robot.key_links),
+        "action_scale": np.array(ACTION_SCALE),
+        "observation": np.array(OBSERVATION),
+    }
+
+
+def runner_cfg() -> dict[str, Any]:
+    """rsl_rl's configuration: mjlab's PPO settings for tracking, with less exploration around a reference."""
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": [512, 256, 128],
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    noise = {"class_name": "GaussianDistribution", "init_std": 0.6, "std_type": "scalar"}
+    return {
+        "num_steps_per_env": STEPS,
+        "save_interval": SAVE_EVERY,
+        "check_for_nan": False,
+        "obs_groups": {"actor": ["actor"], "critic": ["critic"]},
+        "actor": {**network, "distribution_cfg": noise},
+        "critic": dict(network),
+        "algorithm": {
+            "class_name": "PPO",
+            "value_loss_coef": 1.0,
+            "use_clipped_value_loss": True,
+            "clip_param": 0.2,
+            "entropy_coef": 0.002,
+            "num_learning_epochs": 5,
+            "num_mini_batches": 4,
+            "learning_rate": 1.0e-3,
+            "schedule": "adaptive",
+            "gamma": 0.99,
+            "lam": 0.95,
+            "desired_kl": 0.01,
+            "max_grad_norm": 1.0,
+            "rnd_cfg": None,
+            "symmetry_cfg": None,
+        },
+    }
+
+
+def _time_left(request: TrackingRequest, iteration: int, seconds: float, took: float) -> str:
+    left = (request.iterations - iteration) * took
+    if request.minutes is not None:
+        left = min(left, 60.0 * request.minutes - seconds)
+    return f"{max(left, 0.0) / 60.0:.1f} min"
+
+
+def _device_name(device: str) -> str:
+    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
+
+
+def _write_json(path: Path, value: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+    part.replace(path)

@@ -1,0 +1,35 @@
+"""What training on a GPU and rollouts on a CPU have in common: rates, action, order of the observation."""
+
+from __future__ import annotations
+
+CONTROL_HZ = 50.0
+"""Rate of the tracker, and of the clips it tracks [Hz]."""
+
+PHYSICS_S = 0.005
+"""Physics step [s]."""
+
+DECIMATION = 4
+"""Physics steps a control step."""
+
+ACTION_SCALE = 0.25
+"""Joint target = reference joint position + ACTION_SCALE * action [rad]."""
+
+OBSERVATION = (
+    "command",  # reference joint positions and velocities (2j)
+    "motion_anchor_pos_b",  # reference root position in the robot's root frame (3)
+    "motion_anchor_ori_b",  # first two columns of the reference root's rotation in the robot's root frame (6)
+    "body_pos",  # key links in the root frame (3k)
+    "body_ori",  # first two columns of their rotations in the root frame (6k)
+    "base_lin_vel",  # root velocity in the root frame (3)
+    "base_ang_vel",  # (3)
+    "joint_pos",  # minus the default pose (j)
+    "joint_vel",  # (j)
+    "actions",  # the last action (a)
+)
+"""Terms of the observation in order, named as in mjlab's tracking task. Simulation alone uses a tracker, so it observes
+the full state without noise."""
+
+
+def observation_size(joints: int, links: int, actions: int) -> int:
+    """Length of the observation for j joints, k key links and a actions."""
+    return 2 * joints + 9 + 9 * links + 6 + 2 * joints + actions
