@@ -6,6 +6,7 @@ is not in it: windows of one clip share its bytes, and whoever names a clip keep
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Any
 
@@ -14,10 +15,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.clips.robot_clip import RobotClip
+from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.errors import PipelineError
 
 FORMAT = "booster-lab clip 2"
+
+FORCES = tuple(field.name for field in dataclasses.fields(SimulatedForces))
 
 
 class CodecError(PipelineError):
@@ -33,6 +36,8 @@ def encode(clip: HumanClip | RobotClip) -> bytes:
     else:
         head |= {"kind": "robot", "robot": clip.robot, "joint_names": list(clip.joint_names)}
         arrays = {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
+        if clip.forces is not None:
+            arrays |= vars(clip.forces)
     if clip.contacts is not None:
         arrays = {**arrays, "contacts": clip.contacts}
     columns = {name: _to_column(values) for name, values in arrays.items()}
@@ -51,7 +56,7 @@ def decode(data: bytes, name: str) -> HumanClip | RobotClip:
         raise CodecError(f"not a clip blob: {error}") from error
     if head.get("format") != FORMAT:
         raise CodecError(f"clip blob has format {head.get('format')!r}, this version reads {FORMAT!r}")
-    shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4)}
+    shape = {"body_pos_w": (-1, len(BODIES), 3), "body_quat_w": (-1, len(BODIES), 4), "foot_wrench_w": (-1, 2, 6)}
     arrays = {
         name: _from_column(table.column(name)).reshape(shape.get(name, (table.num_rows, -1)))
         for name in table.column_names
@@ -61,7 +66,9 @@ def decode(data: bytes, name: str) -> HumanClip | RobotClip:
     common["contacts"] = None if contacts is None else contacts > 0.5
     if head["kind"] == "human":
         return HumanClip(**common)
-    return RobotClip(robot=head["robot"], joint_names=tuple(head["joint_names"]), **common)
+    found = {name: common.pop(name) for name in FORCES if name in common}
+    forces = SimulatedForces(**found) if found else None
+    return RobotClip(robot=head["robot"], joint_names=tuple(head["joint_names"]), forces=forces, **common)
 
 
 def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:

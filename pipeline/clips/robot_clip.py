@@ -12,6 +12,24 @@ from pipeline import rotation, time_series
 
 
 @dataclass(frozen=True, kw_only=True)
+class SimulatedForces:
+    """Forces of the simulation that made a motion, as means over the control step that begins at each frame."""
+
+    joint_torque: Float[np.ndarray, "t j"]
+    """Torque of the motors [N m]."""
+    foot_wrench_w: Float[np.ndarray, "t 2 6"]
+    """Force [N] and moment about the foot link's origin [N m] of the ground on the left and right foot, world frame."""
+    other_force_w: Float[np.ndarray, "t 3"]
+    """Force of the ground on all other links [N]."""
+    push_w: Float[np.ndarray, "t 3"]
+    """External force on the root link [N]: the pushes of a disturbed rollout."""
+
+    def cut(self, start: int, stop: int) -> SimulatedForces:
+        """Frames [start, stop)."""
+        return SimulatedForces(**{name: values[start:stop].copy() for name, values in vars(self).items()})
+
+
+@dataclass(frozen=True, kw_only=True)
 class RobotClip:
     """T frames of a robot with J joints. World: right-handed, z up, ground at z = 0."""
 
@@ -30,6 +48,8 @@ class RobotClip:
     """Joint positions [rad]."""
     contacts: Bool[np.ndarray, "t 2"] | None = None
     """Foot meant to be on the ground, (left, right); None where the source does not say."""
+    forces: SimulatedForces | None = None
+    """Forces of the simulation that made the motion; None for any other motion."""
 
     @property
     def frame_count(self) -> int:
@@ -48,10 +68,11 @@ class RobotClip:
             root_quat_w=self.root_quat_w[start:stop].copy(),
             joint_pos=self.joint_pos[start:stop].copy(),
             contacts=None if self.contacts is None else self.contacts[start:stop].copy(),
+            forces=None if self.forces is None else self.forces.cut(start, stop),
         )
 
     def resampled(self, fps: float) -> RobotClip:
-        """The same motion at another rate, by time."""
+        """The same motion at another rate, by time. Simulated forces belong to their own rate and are dropped."""
         if fps == self.fps:
             return self
         times_s = time_series.resample_times(self.frame_count, self.fps, fps)
@@ -63,6 +84,7 @@ class RobotClip:
             root_quat_w=time_series.resample_quat(self.root_quat_w, self.fps, times_s),
             joint_pos=time_series.resample_linear(self.joint_pos, self.fps, times_s),
             contacts=None if contacts is None else time_series.resample_nearest(contacts, self.fps, times_s),
+            forces=None,
         )
 
     def joint_vel(self) -> Float[np.ndarray, "t j"]:

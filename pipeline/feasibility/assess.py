@@ -28,8 +28,6 @@ class Assessment:
 
     motion: Motion
     verdicts: tuple[Verdict, ...]
-    dynamic: bool
-    """Contact forces explain the motion, so that its torques are held against the limits strictly."""
 
     @property
     def holds(self) -> bool:
@@ -49,25 +47,24 @@ class Assessment:
         return bad
 
     def numbers(self) -> dict[str, float | bool | str]:
-        """A number a criterion, whether forces explain the motion, the robot's velocity as a command has it (its mean,
-        and as `command_seconds` the seconds in each cell of the command space) and its `gait_signature`."""
+        """One number a criterion, the robot's velocity as a command has it (its mean, and as `command_seconds` the
+        seconds in each cell of the command space) and its `gait_signature`."""
         found = {verdict.code: verdict.value for verdict in self.verdicts}
         motion = self.motion
         spent = command_seconds_text(motion.commands, motion.clip.fps)
         signature = gait_signature_text(motion.clip, motion.robot)
         texts = {"command_seconds": spent, "gait_signature": signature}
-        return {**found, "dynamic": self.dynamic, **vars(motion.velocity), **texts}
+        return {**found, **vars(motion.velocity), **texts}
 
 
 def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
     """Verdicts of all criteria, in a fixed order."""
-    dynamics = torque_criteria.dynamics(motion, settings.torque)
     joints, feet, root = settings.joints, settings.feet, settings.root
     verdicts = (
         joint_criteria.joint_limits(motion, joints),
         *joint_criteria.joint_speeds(motion, joints),
-        joint_criteria.joint_acceleration(motion, joints, settings.torque.cutoff_hz),
-        *dynamics.verdicts,
+        joint_criteria.joint_acceleration(motion, joints, root.cutoff_hz),
+        *torque_criteria.recorded_forces(motion, settings.torque),
         *foot_criteria.foot_slip(motion, feet),
         *foot_criteria.gliding(motion, feet),
         *foot_criteria.penetration(motion, feet),
@@ -81,4 +78,4 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
         root_criteria.root_jerk(motion, root),
         *tracking_criteria.tracking(motion, settings.tracking),
     )
-    return Assessment(motion=motion, verdicts=verdicts, dynamic=dynamics.consistent)
+    return Assessment(motion=motion, verdicts=verdicts)

@@ -34,11 +34,8 @@ GROUPS: dict[str, dict[str, str]] = {
         "joint_speed_over_run_s": "joints.speed_over_run_s",
     },
     "torque": {
-        "torque_ratio": "torque.peak_ratio",
-        "torque_over_share": "torque.over_share",
-        "torque_over_run_s": "torque.over_run_s",
-        "reference_need_run_s": "torque.reference_need.run_s",
-        "reference_lasting_need": "torque.lasting_need.most",
+        "torque_saturation_share": "torque.saturation_share",
+        "torque_saturation_run_s": "torque.saturation_run_s",
     },
     "contact consistency": {
         "floating_contact": "feet.floating",
@@ -59,10 +56,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "self_collision_depth": "collision.depth",
         "self_collision_share": "collision.share",
     },
-    "balance by contact wrench": {
-        "force_residual": "torque.reference_force",
-        "lever_residual": "torque.reference_lever",
-    },
+    "contact forces": {"force_residual": "torque.force_residual"},
     "smoothness": {
         "joint_acceleration_p99": "joints.acceleration_p99",
         "root_jerk": "root.jerk",
@@ -72,16 +66,10 @@ GROUPS: dict[str, dict[str, str]] = {
 }
 """Group -> criterion -> name of its threshold."""
 
-EXPLAINED = {
-    "force_residual": "torque.dynamic_residual.force",
-    "lever_residual": "torque.dynamic_residual.lever",
-}
-"""Thresholds that take their place in a motion that contact forces explain."""
-
 GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 """Criterion -> its group, in a fixed order."""
 
 
-def threshold_of(code: str, explained: bool) -> str:
-    """Name of a criterion's threshold in `data/feasibility.yaml`; `explained`: contact forces explain the motion."""
-    return EXPLAINED[code] if explained and code in EXPLAINED else GROUPS[GROUP_OF[code]][code]
+def threshold_of(code: str) -> str:
+    """Name of a criterion's threshold in `data/feasibility.yaml`."""
+    return GROUPS[GROUP_OF[code]][code]

@@ -13,8 +13,7 @@ BY_CRITERION = (
     *("group", "criterion", "clips", "broken", "not applicable"),
     *("closest margin", "closest number", "threshold", "unit", "closest clip", "setting", "source", "why"),
 )
-"""Columns of `by_criterion`. Threshold and where it comes from are the closest stretch's: some criteria have one limit
-where contact forces explain the motion and another where they do not."""
+"""Columns of `by_criterion`. Threshold and where it comes from are the closest stretch's."""
 
 ORIGIN = ("unit", "setting", "source", "why")
 """Columns that say where a threshold comes from."""

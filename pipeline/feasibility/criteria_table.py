@@ -125,7 +125,7 @@ def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dic
 
 
 def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapping[str, Origin]) -> dict[str, Any]:
-    setting = threshold_of(code, judgement.explained)
+    setting = threshold_of(code)
     origin = origins[setting]
     verdict = NOT_APPLICABLE if found.not_applicable else BROKEN if found.broken else HOLDS
     return {

@@ -33,9 +33,11 @@ NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
 LABELLED = "contacts are labelled"
 NO_STANCE = "no foot is in contact"
-EXPLAINED = "contact forces explain the motion"
+NO_FORCES = "no simulation recorded its forces"
 NOT_ASKED = "not asked"
 
+FORCES = (*GROUPS["torque"], *GROUPS["contact forces"])
+"""Criteria of recorded forces."""
 OF_LABELS = ("foot_slip_mean", "contact_disagreement")
 """Criteria of feet that are labelled as in contact ..."""
 OF_STANCES = ("foot_slip_mean", "foot_slip_p95")
@@ -67,8 +69,6 @@ class Judgement:
     start_s: float
     stop_s: float
     """Where the stretch lies in the clip [s]."""
-    explained: bool
-    """Contact forces explain the motion."""
     found: Mapping[str, Found]
     """Criterion -> what it said, for every one in `criteria.GROUP_OF`."""
     piece: str = ""
@@ -94,7 +94,7 @@ def judge(
         found[code] = Found(not_applicable=why) if why else _found(verdicts[code])
     clip = assessment.motion.clip
     start_s, stop_s = start / clip.fps, (start + clip.frame_count) / clip.fps
-    return Judgement(start_s=start_s, stop_s=stop_s, explained=assessment.dynamic, found=found)
+    return Judgement(start_s=start_s, stop_s=stop_s, found=found)
 
 
 def length(seconds: float, least_s: float) -> Verdict:
@@ -132,8 +132,8 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
         return NO_STANCE
     if asked:
         return ""
-    if code == "reference_need_run_s":
-        return EXPLAINED
+    if code in FORCES:
+        return NO_FORCES
     if code == "foot_glide_s":
         return LABELLED
     if code in GROUPS["tracking stability"]:
