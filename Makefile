@@ -26,7 +26,7 @@ test: setup
 
 check: setup
 	$(BIN)/ruff check .
-	$(BIN)/ruff format --check pipeline assets tests benchmarks
+	$(BIN)/ruff format --check pipeline assets tests benchmarks examples
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/dagster definitions validate

@@ -71,11 +71,12 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     """
     import numpy as np
 
-    from pipeline.export.folder import CURVES, Source, export_policy
+    from pipeline.export.folder import CURVES, Source, complete_export, export_policy
     from pipeline.export.training_run import training_data, training_run
     from pipeline.robot import load_robot
 
     facts = full_training(project, trained)
+    folder, rng = project.exported_policy(robot), np.random.default_rng(0)
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
@@ -83,7 +84,8 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
                 "trained here in full. On a machine with a GPU: dagster asset materialize --select amp_policy"
             )
-        return shipped, SHIPPED
+        complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
+        return folder, SHIPPED
     run = project.root / facts["folder"]
     curves = run / CURVES
     source = Source(
@@ -92,9 +94,8 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
         data=training_data(run),
         curves=curves if curves.is_file() else None,
     )
-    folder = project.exported_policy(robot)
     adapted = load_robot(project.robot_folder(robot))
-    export_policy(folder, facts["run"], adapted, source, np.random.default_rng(0), shippable=shippable)
+    export_policy(folder, facts["run"], adapted, source, rng, shippable=shippable)
     return folder, TRAINED
 
 

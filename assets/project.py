@@ -87,7 +87,7 @@ class Project:
         return self.policies(robot) / "runs"
 
     def exported_policy(self, robot: str) -> Path:
-        """Folder of the policy that was trained here, as it is exported."""
+        """Folder of the policy that is served, trained here or shipped, in every form."""
         return self.policies(robot) / "exported"
 
     def shipped_policies(self, robot: str) -> Path:

@@ -1,14 +1,16 @@
 """Export a trained policy: `python -m pipeline.export RUN --robot t1 --name NAME --out DIR`.
 
-RUN                 folder of a training run: policy.npz, config.json, curves.csv, done.json
---policy FILE       another npz than RUN/policy.npz: that of a chosen checkpoint
+RUN                 folder of a training run: policy.npz, config.json, curves.csv, done.json; or of a compact export
+                    (it has card.json), which is then completed: only --robot and --out are read
+--policy FILE       npz of a chosen checkpoint, instead of RUN/policy.npz
 --robot NAME        folder of robots/
---name NAME         of the policy
---commit HASH       of the code that trained it
---command TEXT      that made it, to make it again
---figures FILE      JSON of what was measured of it
---out DIR           where the export goes
---shippable         mark it as one that may ship; refused where its database's licence forbids it
+--name NAME         name of the policy
+--commit HASH       commit of the code that trained it
+--command TEXT      command that trained it
+--figures FILE      JSON with its measured figures
+--out DIR           output folder
+--shippable         mark it as a policy that may ship; refused if its database's licence forbids it
+--compact           leave out ONNX and the booster_deploy task, which are derived from policy.npz
 """
 
 from __future__ import annotations
@@ -22,32 +24,43 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FileError, PipelineError
-from pipeline.export.folder import CURVES, POLICY, Source, export_policy
+from pipeline.export.card import FILE, ModelCard
+from pipeline.export.export_error import ExportError
+from pipeline.export.folder import CURVES, POLICY, Source, complete_export, export_policy
 from pipeline.export.training_run import training_data, training_run
 from pipeline.robot import load_robot
 
 
 def main(arguments: list[str]) -> int:
-    """Export; 0 when it is written, 2 when it is refused, the reason on stderr."""
-    asked = _parser().parse_args(arguments)
+    """Export. Returns 0, or 2 with the reason on stderr if the export is refused."""
+    given = _parser().parse_args(arguments)
     try:
-        curves = asked.run / CURVES
-        source = Source(
-            policy=asked.policy or asked.run / POLICY,
-            run=training_run(asked.run, commit=asked.commit, command=asked.command),
-            data=training_data(asked.run),
-            curves=curves if curves.is_file() else None,
-            figures=_json(asked.figures) if asked.figures else None,
-        )
-        card = export_policy(
-            asked.out, asked.name, load_robot(asked.robot), source, np.random.default_rng(0), shippable=asked.shippable
-        )
+        card = _complete(given) if (given.run / FILE).is_file() else _export(given)
     except PipelineError as error:
         print(error, file=sys.stderr)
         return 2
     parity = max(card.parity["onnx"], card.parity["torch_script"])
-    print(f"{asked.out}: policy '{card.name}', digest {card.digest[:12]}, parity {parity:.1e}, ships: {card.shippable}")
+    print(f"{given.out}: policy '{card.name}', digest {card.digest[:12]}, parity {parity:.1e}, ships: {card.shippable}")
     return 0
+
+
+def _export(given: argparse.Namespace) -> ModelCard:
+    if given.name is None:
+        raise ExportError("--name is missing; give the policy a name.")
+    curves = given.run / CURVES
+    source = Source(
+        policy=given.policy or given.run / POLICY,
+        run=training_run(given.run, commit=given.commit, command=given.command),
+        data=training_data(given.run),
+        curves=curves if curves.is_file() else None,
+        figures=_json(given.figures) if given.figures else None,
+    )
+    robot, rng = load_robot(given.robot), np.random.default_rng(0)
+    return export_policy(given.out, given.name, robot, source, rng, shippable=given.shippable, compact=given.compact)
+
+
+def _complete(given: argparse.Namespace) -> ModelCard:
+    return complete_export(given.run, given.out, load_robot(given.robot), np.random.default_rng(0))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -55,12 +68,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("run", type=Path)
     parser.add_argument("--policy", type=Path)
     parser.add_argument("--robot", default="t1")
-    parser.add_argument("--name", required=True)
+    parser.add_argument("--name")
     parser.add_argument("--commit", default="")
     parser.add_argument("--command", default="")
     parser.add_argument("--figures", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--shippable", action="store_true")
+    parser.add_argument("--compact", action="store_true")
     return parser
 
 
@@ -68,7 +82,7 @@ def _json(path: Path) -> dict[str, Any]:
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError) as error:
-        raise FileError(path, f"is no JSON ({error}).") from error
+        raise FileError(path, f"is not JSON ({error}).") from error
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
-"""An exported policy as one folder, and the check that such a folder is whole.
+"""An exported policy as one folder, and the check that such a folder is complete.
 
-policy.npz             the network as numbers, with its gains (`pipeline.deployment`)
-policy.onnx            the same as ONNX, facts as metadata
-booster_deploy/        a task folder for Booster's deployment program; the TorchScript file lies there
-golden.npz             sensor readings, observations, actions and targets of a second
-curves.csv             the training run's curves, where it has them
-card.json, CARD.md     what it is; written last
+policy.npz             the network and its gains (`pipeline.deployment`)
+golden.npz             sensor readings, observations, actions and targets of one second
+curves.csv             curves of the training run, if it has any
+card.json, CARD.md     model card; written last
+policy.onnx            derived: the network as ONNX, with metadata
+booster_deploy/        derived: task folder for Booster's deployment program, with the TorchScript file
+
+A policy that ships with the project is stored compact, without the derived files; `complete_export` makes them.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +23,12 @@ import numpy as np
 from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
-from pipeline.export.golden import golden_vectors, write_golden
+from pipeline.export.export_error import ExportError
+from pipeline.export.golden import GoldenVectors, golden_vectors, read_golden, write_golden
 from pipeline.export.licence import refuse_unless_allowed, shipping
 from pipeline.export.metadata import metadata
 from pipeline.export.onnx_model import write_onnx
-from pipeline.export.parity import measure_parity, observations_to_compare
+from pipeline.export.parity import Parity, measure_parity, observations_to_compare
 from pipeline.export.trained_task import trained_task
 from pipeline.files import atomic
 from pipeline.files import digest as digests
@@ -43,43 +48,49 @@ class Source:
     run: dict[str, Any]
     """The training run, see `ModelCard.run`."""
     data: dict[str, Any]
-    """The expert database, see `ModelCard.data`; with its `licence` as the database's manifest has it."""
+    """The expert database, see `ModelCard.data`; with its `licence` as in the database's manifest."""
     curves: Path | None = None
     figures: dict[str, Any] | None = None
 
 
 def export_policy(
-    folder: Path, name: str, robot: Robot, source: Source, rng: np.random.Generator, *, shippable: bool
+    folder: Path,
+    name: str,
+    robot: Robot,
+    source: Source,
+    rng: np.random.Generator,
+    *,
+    shippable: bool,
+    compact: bool = False,
 ) -> card.ModelCard:
-    """Write the folder of a policy; its card.
+    """Write the folder of a policy and return its card.
 
     Args:
-        folder: where to
-        name: of the policy
+        folder: output folder
+        name: name of the policy
         robot: the robot it is for
         source: network, run and data
-        rng: draws the observations at which exported files are held against the network
-        shippable: mark it as one that may ship with the project
+        rng: draws the observations on which the exported files are compared with the network
+        shippable: mark it as a policy that may ship with the project
+        compact: leave out the derived files once they are verified
 
-    Raises ExportError where the licence of its data forbids to mark it so, where it has no gains, and where an exported
-    file doesn't give the network's actions.
+    Raises ExportError if the licence of its data forbids shipping and `shippable` is set, if the policy has no gains,
+    and if an exported file does not reproduce the network's actions.
     """
     allowed = shipping(source.data)
     if shippable:
         refuse_unless_allowed(allowed, name)
     policy = load_policy(source.policy)
     task = trained_task(robot, policy)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / card.FILE).unlink(missing_ok=True)
+    _clear(folder)
     atomic.write_bytes(folder / POLICY, source.policy.read_bytes())
-    write_onnx(folder / ONNX, task, policy)
-    booster_deploy.write_task_folder(folder / DEPLOY, task, policy, robot.default_root_height)
     golden = golden_vectors(robot, task, policy)
     write_golden(folder / GOLDEN, golden)
-    observations = observations_to_compare(policy, golden.observation, rng)
-    parity = measure_parity(policy, folder / ONNX, folder / TORCH_SCRIPT, observations)
     if source.curves is not None:
         atomic.write_bytes(folder / CURVES, source.curves.read_bytes())
+    parity = _write_derived(folder, robot, task, policy, golden, rng)
+    if compact:
+        _remove_derived(folder)
     written = card.ModelCard(
         name=name,
         robot=robot.name,
@@ -98,9 +109,31 @@ def export_policy(
     return written
 
 
+def complete_export(folder: Path, out: Path, robot: Robot, rng: np.random.Generator) -> card.ModelCard:
+    """Copy the export in `folder` to `out`, derive ONNX and the booster_deploy task there, and return the new card.
+
+    The card keeps everything but `files` and `parity`, which describe what was derived here.
+
+    Raises FileError if `folder` is not an export whose files match its card, ExportError if `out` is `folder` or a
+    derived file does not reproduce the network's actions.
+    """
+    if out.resolve() == folder.resolve():
+        raise ExportError(f"{folder} can't be completed in place; name another output folder.")
+    export = read_export(folder, robot)
+    golden = read_golden(folder / GOLDEN)
+    _clear(out)
+    for name in (POLICY, GOLDEN, CURVES):
+        if (folder / name).is_file():
+            atomic.write_bytes(out / name, (folder / name).read_bytes())
+    parity = _write_derived(out, robot, export.task, export.policy, golden, rng)
+    completed = dataclasses.replace(export.card, parity=asdict(parity), files=_files(out))
+    card.write_card(out, completed)
+    return completed
+
+
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """An exported policy that is whole."""
+    """An exported policy whose files match its card."""
 
     folder: Path
     card: card.ModelCard
@@ -109,7 +142,7 @@ class Export:
 
 
 def read_export(folder: Path, robot: Robot) -> Export:
-    """The policy of a folder, each file of which is the one that its card states. Raises FileError."""
+    """The policy in a folder. Raises FileError if a file is missing or differs from the digest in its card."""
     found = card.read_card(folder)
     wrong = [
         name
@@ -122,6 +155,29 @@ def read_export(folder: Path, robot: Robot) -> Export:
     if digest(policy) != found.digest:
         raise FileError(folder / POLICY, "is not the network that the card states.", "Export the policy again.")
     return Export(folder=folder, card=found, policy=policy, task=trained_task(robot, policy))
+
+
+def _clear(folder: Path) -> None:
+    """Remove an earlier export, the card first: a folder with a card is complete at any moment."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / card.FILE).unlink(missing_ok=True)
+    (folder / CURVES).unlink(missing_ok=True)
+    _remove_derived(folder)
+
+
+def _remove_derived(folder: Path) -> None:
+    (folder / ONNX).unlink(missing_ok=True)
+    shutil.rmtree(folder / DEPLOY, ignore_errors=True)
+
+
+def _write_derived(
+    folder: Path, robot: Robot, task: DeploymentTask, policy: Policy, golden: GoldenVectors, rng: np.random.Generator
+) -> Parity:
+    """Write ONNX and the booster_deploy task, and compare both with the network."""
+    write_onnx(folder / ONNX, task, policy)
+    booster_deploy.write_task_folder(folder / DEPLOY, task, policy, robot.default_root_height)
+    observations = observations_to_compare(policy, golden.observation, rng)
+    return measure_parity(policy, folder / ONNX, folder / TORCH_SCRIPT, observations)
 
 
 def _files(folder: Path) -> dict[str, str]:

@@ -19,9 +19,6 @@
                          as fast as the robot is told to; may be given for each role
     --both-sides ROLE    the teacher of a role answers as it and its mirror image do, on average; may be given often
     --with-error ROLE    the teacher of a role is told what the velocity lacks on top of the command; may be given often
-    --shift ROLE=J:A,…   the teacher of a role walks with a joint of one side, J, turned by A [rad], and with the
-                         other side's as its mirror image; may be given for each role
-    --shift-fades V:W    told to walk ahead at V each shift begins to shrink, and is gone at W [m/s]
     --beyond ROLE=S      the teacher of a role does more, by this share, of what it does otherwise than who teaches
                          `pushed`: who can't see that it was pushed a second ago learns some of that one's steps at all
                          times; may be given for each role
@@ -72,7 +69,6 @@ def _distil(given: argparse.Namespace) -> None:
     from pipeline.training.bundle import read_bundle
     from pipeline.training.distil_request import DistilRequest
     from pipeline.training.distilled_run import DistilledRun
-    from pipeline.training.posture_shift import fades_of
     from pipeline.training.roles import Borders
 
     if os.getenv("WORLD_SIZE", "1") != "1":
@@ -109,9 +105,7 @@ def _distil(given: argparse.Namespace) -> None:
         walks=pairs(given.walks, "--walks"),
         clip_joints=tuple(given.clip_joint),
         mirror_roles=tuple(given.mirror_role),
-        shifts=pairs(given.shift, "--shift"),
         beyond={role: _share(role, text) for role, text in pairs(given.beyond, "--beyond").items()},
-        shift_fades=None if given.shift_fades is None else fades_of(given.shift_fades),
         physics=given.physics,
     )
     DistilledRun(read_bundle(given.bundle, options.use_augmented), request).train()
@@ -154,9 +148,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--with-error", action="append", default=[], metavar="ROLE")
     parser.add_argument("--clip-joint", action="append", default=[], metavar="PART")
     parser.add_argument("--mirror-role", action="append", default=[], metavar="ROLE")
-    parser.add_argument("--shift", action="append", default=[], metavar="ROLE=JOINT:RAD,…")
     parser.add_argument("--beyond", action="append", default=[], metavar="ROLE=SHARE")
-    parser.add_argument("--shift-fades", metavar="FROM:TO")
     parser.add_argument("--resume", action="store_true")
     return parser
 

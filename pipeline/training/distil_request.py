@@ -55,10 +55,6 @@ class DistilRequest:
     """Roles whose teachers answer as they and their mirror images do, on average."""
     mirror_roles: tuple[str, ...] = ()
     """Roles of whose states half are learned as their mirror images."""
-    shifts: dict[str, str] = field(default_factory=dict)
-    """By how much the teacher of a role is shifted, joint by joint (`posture_shift.py`) …"""
-    shift_fades: tuple[float, float] | None = None
-    """… and from which speed ahead it shrinks, to which [m/s]; None: nowhere."""
     beyond: dict[str, float] = field(default_factory=dict)
     """By which share the teacher of a role goes beyond what it does, away from who teaches `pushed` (`teachers.py`)."""
     physics: str | None = None
@@ -74,8 +70,6 @@ class DistilRequest:
             strangers = [role for role in roles if role not in ROLES]
             if strangers:
                 raise TrainingError(f"{named} is '{strangers[0]}'; roles are {', '.join(ROLES)}.")
-        if self.shift_fades is not None and not self.shifts:
-            raise TrainingError("--shift-fades is given without a --shift; give both, or none.")
         if not self.clip_roles:
             raise TrainingError(f"--clip-role is ''; roles are {', '.join(ROLES)}.")
 
@@ -91,9 +85,7 @@ class DistilRequest:
             "clip_joints": sorted(set(self.clip_joints)),
             "clip_roles": sorted(set(self.clip_roles)),
             "mirror_roles": sorted(set(self.mirror_roles)),
-            "shifts": self.shifts,
             "beyond": self.beyond,
-            "shift_fades": None if self.shift_fades is None else list(self.shift_fades),
         }
 
 

@@ -32,7 +32,6 @@ from pipeline.training.distil_request import BATCH, DistilRequest, digest_of
 from pipeline.training.environment import AmpEnvironment
 from pipeline.training.given_network import begin_with
 from pipeline.training.mirror import Mirror
-from pipeline.training.posture_shift import PostureShift
 from pipeline.training.presets import changed_from
 from pipeline.training.roles import ROLES, Unsteadiness, is_of, role_of
 from pipeline.training.taught_memory import TaughtMemory
@@ -55,7 +54,6 @@ class DistilledRun:
 
     def __init__(self, bundle: Bundle, request: DistilRequest):
         self.bundle, self.request = bundle, request
-        fades = request.shift_fades or (math.inf, math.inf)
         self.teachers = Teachers(
             request.teachers,
             bundle.robot,
@@ -63,7 +61,6 @@ class DistilledRun:
             request.walks,
             request.both_sides,
             request.with_error,
-            {role: PostureShift(text, bundle.robot, request.device, fades) for role, text in request.shifts.items()},
             request.beyond,
         )
         self.env = AmpEnvironment(

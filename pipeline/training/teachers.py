@@ -14,7 +14,6 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.training.given_network import network_of
 from pipeline.training.mirror import Mirror
 from pipeline.training.observations import HISTORY
-from pipeline.training.posture_shift import PostureShift, told_with
 from pipeline.training.roles import ROLES, STANDS_IN
 from pipeline.training.walked_speeds import WalkedSpeeds, corrected
 
@@ -40,14 +39,12 @@ class Teachers:
         walks: Mapping[str, str] | None = None,
         both_sides: Sequence[str] = (),
         with_error: Sequence[str] = (),
-        shifts: Mapping[str, PostureShift] | None = None,
         beyond: Mapping[str, float] | None = None,
     ):
         """`walks`: how fast the teacher of a role walks as it is told (`walked_speeds.py`). `both_sides`: roles whose
         teacher answers as it and its mirror image do, on average, and so walks straight. `with_error`: roles whose
-        teacher is told what the velocity lacks on top of the command. `shifts`: of the posture in which the teacher of
-        a role walks. `beyond`: by which share of what the teacher of a role does otherwise than who teaches `pushed` it
-        does more of it.
+        teacher is told what the velocity lacks on top of the command. `beyond`: by which share of what the teacher of a
+        role does otherwise than who teaches `pushed` it does more of it.
 
         Raises TrainingError for a role that is none, or is asked something of without a teacher of its own, without
         `other`, and for a file that is no policy for this robot, its gains and what its actor sees and does."""
@@ -60,7 +57,6 @@ class Teachers:
             ("--walks", tuple(walks or {})),
             ("--both-sides", both_sides),
             ("--with-error", with_error),
-            ("--shift", tuple(shifts or {})),
             ("--beyond", tuple(beyond or {})),
         ):
             strangers = [role for role in roles if role not in paths]
@@ -71,7 +67,6 @@ class Teachers:
         self._networks = {role: _Network(_teacher(path, robot), device) for role, path in paths.items()}
         self._mirrors = dict.fromkeys(both_sides, Mirror(robot, device) if both_sides else None)
         self._with_error = frozenset(with_error)
-        self._shifts = dict(shifts or {})
         self._beyond = dict(beyond or {})
         self._taken = torch.tensor([ROLES.index(_taught(role, paths)) for role in ROLES], device=device)
 
@@ -91,12 +86,6 @@ class Teachers:
         return action
 
     def _answer(self, role: str, seen: torch.Tensor, error: torch.Tensor | None) -> torch.Tensor:
-        if role in self._shifts:
-            shift = self._shifts[role].of(seen)
-            return told_with(self._unshifted(role, self._shifts[role].seen_as(seen, shift), error), shift)
-        return self._unshifted(role, seen, error)
-
-    def _unshifted(self, role: str, seen: torch.Tensor, error: torch.Tensor | None) -> torch.Tensor:
         network = self._networks[role]
         seen = corrected(seen, error) if role in self._with_error and error is not None else seen
         seen = self._speeds[role].seen_as(seen) if role in self._speeds else seen

@@ -51,7 +51,7 @@ def ship(project, robot, name="walk"):
         data={"digest": "d0", "licence": FREE},
     )
     folder = project.shipped_policies("t1") / "walk"
-    return export_policy(folder, name, robot, source, np.random.default_rng(0), shippable=True)
+    return export_policy(folder, name, robot, source, np.random.default_rng(0), shippable=True, compact=True)
 
 
 def trained(project, robot, *, trial, licence=FREE, store=True):
@@ -114,6 +114,9 @@ def test_the_policy_that_ships_is_served_with_the_run_that_made_it(project, robo
     assert said["made by run"] == "run of the shipped"
     assert said["digest"] == card.digest
     assert said["may ship"] is True
+    facts = policy.served(project.store.load("exported_policy"))
+    assert "policy.onnx" in facts["files"] and "policy.onnx" not in card.files
+    assert (project.root / facts["folder"] / "policy.onnx").is_file()
 
 
 def test_golden_vectors_are_not_taken_for_a_policy(project, robot):
@@ -166,8 +169,8 @@ def test_it_is_marked_shippable_only_where_the_licence_allows(project, robot, li
 
 def test_a_shipped_file_that_was_changed_fails_the_run(project, robot):
     ship(project, robot)
-    (project.shipped_policies("t1") / "walk" / "policy.onnx").write_bytes(b"other")
-    assert "policy.onnx: missing or not what the card states" in why(export())
+    (project.shipped_policies("t1") / "walk" / "policy.npz").write_bytes(b"other")
+    assert "policy.npz: missing or not what the card states" in why(export())
 
 
 def test_policies_that_ship_do_not_change_what_the_robot_is(project, robot):

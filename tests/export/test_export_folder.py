@@ -13,7 +13,7 @@ from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
 from pipeline.export.card import read_card
 from pipeline.export.export_error import ExportError
-from pipeline.export.folder import Source, export_policy, read_export
+from pipeline.export.folder import Source, complete_export, export_policy, read_export
 from pipeline.export.golden import read_golden
 from pipeline.export.licence import SHIPPABLE, shipping
 from pipeline.export.trained_task import trained_task
@@ -32,10 +32,11 @@ CLOSED = {
 }
 
 
-def exported(folder, robot, data=FREE, shippable=True):
+def exported(folder, robot, data=FREE, shippable=True, compact=False):
     folder.mkdir(parents=True, exist_ok=True)
     source = Source(policy=network_file(folder / "trained.npz", robot), run=RUN, data=data)
-    return export_policy(folder / "out", "walk", robot, source, np.random.default_rng(0), shippable=shippable)
+    rng = np.random.default_rng(0)
+    return export_policy(folder / "out", "walk", robot, source, rng, shippable=shippable, compact=compact)
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +63,39 @@ def test_a_file_that_was_changed_is_named(tmp_path, robot):
     (tmp_path / "out" / "golden.npz").write_bytes(b"other")
     with pytest.raises(FileError, match=r"golden.npz: missing or not what the card states"):
         read_export(tmp_path / "out", robot)
+
+
+def test_a_compact_export_is_completed_to_the_files_of_a_full_one(tmp_path, robot):
+    full, compact = exported(tmp_path / "full", robot), exported(tmp_path / "compact", robot, compact=True)
+    assert set(full.files) - set(compact.files) >= {"policy.onnx", "booster_deploy/tasks/booster_lab/models/policy.pt"}
+    assert sorted(path.name for path in (tmp_path / "compact" / "out").iterdir()) == [
+        "CARD.md",
+        "card.json",
+        "golden.npz",
+        "policy.npz",
+    ]
+    assert read_export(tmp_path / "compact" / "out", robot).card == compact
+    command = [str(tmp_path / "compact" / "out"), "--out", str(tmp_path / "completed")]
+    assert main(command) == 0
+    assert read_export(tmp_path / "completed", robot).card == full
+
+
+def test_completing_drops_what_an_earlier_export_left(tmp_path, robot):
+    exported(tmp_path, robot, compact=True)
+    (tmp_path / "done").mkdir()
+    (tmp_path / "done" / "curves.csv").write_text("iteration\n")
+    card = complete_export(tmp_path / "out", tmp_path / "done", robot, np.random.default_rng(0))
+    assert "curves.csv" not in card.files
+    assert not (tmp_path / "done" / "curves.csv").exists()
+
+
+def test_an_export_is_not_completed_in_place_nor_if_it_was_changed(tmp_path, robot, capsys):
+    exported(tmp_path, robot, compact=True)
+    assert main([str(tmp_path / "out"), "--out", str(tmp_path / "out")]) == 2
+    assert "can't be completed in place" in capsys.readouterr().err
+    (tmp_path / "out" / "policy.npz").write_bytes(b"other")
+    with pytest.raises(FileError, match=r"policy.npz: missing or not what the card states"):
+        complete_export(tmp_path / "out", tmp_path / "done", robot, np.random.default_rng(0))
 
 
 def test_a_folder_without_a_card_is_no_export(tmp_path, robot):

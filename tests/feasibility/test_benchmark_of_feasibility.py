@@ -219,9 +219,8 @@ def test_every_table_of_rollouts_has_the_bars_and_the_axes_lend_nothing_to_the_d
 
 
 def test_the_impact_of_a_run_is_seen_two_frames_before_it_comes_and_none_sees_three(root: Path):
-    """Of one policy, whatever ships: how fast a foot is loaded and leaves is its gait's."""
     limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
-    file = root / "docs" / "training_runs" / "networks" / "joined_16_s2.npz"
+    file = root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
     beyond = judge(file, (1.6, 0.0, 0.0), (1, 1), limits, []).beyond
     assert beyond is not None
     assert len(beyond.before) == len(beyond.after) > 10

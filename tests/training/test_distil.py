@@ -132,22 +132,10 @@ def test_what_is_learned_is_what_is_put_into_the_memory(folder, tmp_path, monkey
     assert (run.memory.drawn(500)[1] == 7.0).all()
 
 
-def test_its_teachers_are_shifted_until_the_speed_at_which_that_ends(folder, tmp_path):
-    shift = {"shifts": {"other": "Left_Hip_Yaw:.09"}, "shift_fades": (1.0, 1.5)}
-    bundle = read_bundle(folder / "bundle")
-    plain = DistilledRun(bundle, request(folder, tmp_path)).teachers
-    shifted = DistilledRun(bundle, request(folder, tmp_path, **shift)).teachers
-    seen, role = torch.randn(2, 720, generator=torch.Generator().manual_seed(2)), torch.zeros(2, dtype=torch.long)
-    seen.view(2, 10, 72)[:, :, 6] = torch.tensor([[0.6], [1.5]])
-    one, other = plain.act(seen, role), shifted.act(seen, role)
-    assert (one[0] - other[0]).abs().max() > 0.1
-    torch.testing.assert_close(one[1], other[1])
-
-
 def test_a_run_goes_on_that_was_begun_before_there_was_an_option(folder, tmp_path):
     assert distil.main(asked(folder, tmp_path, "--iterations", "1")) == 0
     config = read_json(tmp_path / "config.json")
-    for name in ("beyond", "mirror_roles", "shifts", "shift_fades"):
+    for name in ("beyond", "mirror_roles"):
         del config[name]
     (tmp_path / "config.json").write_text(json.dumps(config))
     assert distil.main(asked(folder, tmp_path, "--iterations", "2", "--resume")) == 0
@@ -219,7 +207,6 @@ def test_runs_of_one_seed_are_equal_and_go_on_where_they_were_left(folder, tmp_p
         (["--walks", "other=1:1.1"], 'was begun with other none, not "1:1.1"'),
         (["--both-sides", "other"], 'was begun with both_sides [], not ["other"]'),
         (["--with-error", "other"], 'was begun with with_error [], not ["other"]'),
-        (["--shift", "other=Left_Hip_Yaw:.09"], 'was begun with other none, not "Left_Hip_Yaw:.09"'),
         (["--mirror-role", "ahead"], 'was begun with mirror_roles [], not ["ahead"]'),
         (["--clip-joint", "Elbow"], 'was begun with clip_joints [], not ["Elbow"]'),
         (["--clip-role", "run"], 'was begun with clip_roles ["ahead", "fast"], not ["run"]'),

@@ -36,10 +36,6 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "2e-4",
         "--under-way",
         ".6",
-        "--shift",
-        "other=Left_Hip_Yaw:.09",
-        "--shift-fades",
-        "1.1:1.5",
         "--mirror-role",
         "fast",
         "--teacher",
@@ -60,7 +56,6 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         "unsteady_deg": None,
     }
     assert config["with_error"] == ["other"]
-    assert (config["shifts"], config["shift_fades"]) == ({"other": "Left_Hip_Yaw:.09"}, [1.1, 1.5])
     assert (config["mirror_roles"], config["beyond"]) == (["fast"], {"other": 0.05})
     with (tmp_path / "curves.csv").open() as file:
         rates = [float(row["learning_rate"]) for row in csv.DictReader(file)]
@@ -75,9 +70,6 @@ def test_what_teachers_were_asked_is_in_the_config(folder, tmp_path):
         (["--clip-joint", "Tail"], "--clip-joint is 'Tail', which no joint has in its name"),
         (["--clip-role", "behind"], "--clip-role is 'behind'; roles are other, ahead"),
         (["--mirror-role", "behind"], "--mirror-role is 'behind'; roles are other, ahead"),
-        (["--shift", "ahead=Left_Hip_Yaw:.1"], "--shift names 'ahead', which has no --teacher"),
-        (["--shift-fades", "1.5:1.1"], "--shift-fades is '1.5:1.1'"),
-        (["--shift-fades", "1.1:1.5"], "--shift-fades is given without a --shift"),
         (["--beyond", "other=much"], "--beyond of 'other' is 'much'; it must look like other=.05"),
         (["--beyond", "other=.1"], "--beyond goes away from what --teacher pushed=POLICY does"),
         (["--walks", "other=1.0"], "--walks is '1.0'; it must look like .6:.7,1.0:1.1"),

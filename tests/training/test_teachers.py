@@ -14,7 +14,6 @@ from pipeline.learning.policy_file import act, write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import read_bundle
 from pipeline.training.mirror import Mirror
-from pipeline.training.posture_shift import PostureShift
 from pipeline.training.roles import ROLES
 from pipeline.training.teachers import Teachers
 from pipeline.training.walked_speeds import corrected
@@ -67,28 +66,6 @@ def test_what_the_velocity_lacks_is_told_to_those_who_are_corrected_alone(facts,
     torch.testing.assert_close(told[1], act(arrays["ahead"], corrected(seen, error)[1:])[0], rtol=1e-5, atol=1e-5)
     with pytest.raises(TrainingError, match="--with-error names 'fast', which has no --teacher"):
         Teachers(paths, facts, "cpu", with_error=("fast",))
-
-
-def test_who_is_shifted_is_answered_as_its_teacher_does_straight(facts, tmp_path):
-    """By hand: the left hip's yaw .08 rad less in what is seen, .32 more in what is done."""
-    arrays, paths = written(tmp_path, facts, "other", "ahead")
-    seen = torch.randn(2, SEEN, generator=torch.Generator().manual_seed(9))
-    seen.view(2, 10, 72)[:, :, 6:9] = torch.tensor([0.5, 0.0, 0.0])
-    at = [facts.policy_joints.index(f"{side}_Hip_Yaw") for side in ("Left", "Right")]
-    straight, done = seen.clone(), torch.zeros(21)
-    for joint, sign in zip(at, (1.0, -1.0), strict=True):
-        straight.view(2, 10, 72)[:, :, 9 + joint] -= 0.08 * sign
-        straight.view(2, 10, 72)[:, :, 51 + joint] -= 0.32 * sign
-        done[joint] = 0.32 * sign
-    shifts = {"ahead": PostureShift("Left_Hip_Yaw:.08", facts, "cpu")}
-    error = torch.tensor([[0.1, 0.0, 0.0]] * 2)
-    teachers = Teachers(paths, facts, "cpu", with_error=("ahead",), both_sides=("ahead",), shifts=shifts)
-    told = teachers.act(seen, torch.tensor([0, 1]), error)
-    plain = Teachers(paths, facts, "cpu", with_error=("ahead",), both_sides=("ahead",))
-    torch.testing.assert_close(told[0], act(arrays["other"], seen[:1])[0], rtol=1e-5, atol=1e-5)
-    torch.testing.assert_close(told[1], plain.act(straight, torch.tensor([0, 1]), error)[1] + done)
-    with pytest.raises(TrainingError, match="--shift names 'fast', which has no --teacher"):
-        Teachers(paths, facts, "cpu", shifts={"fast": shifts["ahead"]})
 
 
 def test_who_goes_beyond_does_more_of_what_the_teacher_of_pushes_does_not(facts, tmp_path):

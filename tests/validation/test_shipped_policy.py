@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.export.folder import Export, read_export
+from pipeline.export.folder import Export, complete_export, read_export
 from pipeline.export.golden import read_golden, replay
 from pipeline.files import settings
 from pipeline.validation.bars import ValidationSettings
@@ -56,10 +56,11 @@ def test_its_golden_vectors_are_what_the_controller_makes_of_their_readings(ship
     np.testing.assert_allclose(again.targets, golden.targets, atol=1e-5)
 
 
-def test_the_vendors_inference_gives_its_golden_targets(shipped: Export, robot):
+def test_the_vendors_inference_gives_its_golden_targets(shipped: Export, robot, tmp_path):
     golden = read_golden(shipped.folder / "golden.npz")
+    complete_export(shipped.folder, tmp_path, robot, np.random.default_rng(0))
     with vendor_modules(robot) as registered:
-        import_task(shipped.folder / "booster_deploy" / "tasks" / "booster_lab")
+        import_task(tmp_path / "booster_deploy" / "tasks" / "booster_lab")
     vendor = VendorPolicy(registered["booster_lab_walk"])
     for step in range(len(golden.command)):
         readings = (golden.gyro_b, golden.gravity_b, golden.command, golden.joint_pos, golden.joint_vel)

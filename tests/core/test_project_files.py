@@ -1,0 +1,63 @@
+"""The files of a public project agree with each other and with the tree."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+MOST_BYTES = 20_000_000
+"""Most that a clone's files may take."""
+
+
+def read_yaml(path: Path):
+    return yaml.safe_load(path.read_text())
+
+
+def test_the_licence_is_stated_in_every_place(root: Path):
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    assert project["license"] == read_yaml(root / "CITATION.cff")["license"] == "Apache-2.0"
+    assert "Apache License\n                           Version 2.0" in (root / "LICENSE").read_text()
+    assert project["version"] == read_yaml(root / "CITATION.cff")["version"]
+
+
+def test_the_changelog_has_the_version(root: Path):
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    assert f"\n## {project['version']}\n" in (root / "CHANGELOG.md").read_text()
+
+
+def test_the_citation_names_the_paper_and_its_authors(root: Path):
+    paper = read_yaml(root / "CITATION.cff")["preferred-citation"]
+    assert paper["title"].startswith("Booster Lab: A Data-Centric Pipeline")
+    assert [each["family-names"] for each in paper["authors"]] == ["Chen", "Zheng", "Zhang", "Zhao"]
+
+
+def test_the_commit_hooks_are_the_linters_of_make_check(root: Path):
+    (repository,) = read_yaml(root / ".pre-commit-config.yaml")["repos"]
+    hooks = [hook["entry"].removeprefix(".venv/bin/") for hook in repository["hooks"]]
+    recipe = (root / "Makefile").read_text().split("\ncheck: setup\n")[1].split("\n\n")[0]
+    commands = [line.strip().removeprefix("$(BIN)/") for line in recipe.splitlines()]
+    assert hooks == [command for command in commands if not command.startswith(("dagster", "dg"))]
+
+
+def test_links_between_documents_lead_somewhere(root: Path):
+    pages = [*root.glob("*.md"), *(root / "docs").glob("*.md"), *(root / "examples").glob("*.md")]
+    broken = [
+        f"{page.relative_to(root)}: {target}"
+        for page in pages
+        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text())
+        if "://" not in target and not (page.parent / target).exists()
+    ]
+    assert broken == []
+
+
+def test_the_tree_stays_light(root: Path):
+    if not (root / ".git").exists():
+        pytest.skip("not a git checkout")
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=True).stdout
+    sizes = {name: (root / name).stat().st_size for name in listed.split("\0") if (root / name).is_file()}
+    assert sum(sizes.values()) <= MOST_BYTES, sorted(sizes, key=lambda name: sizes[name])[-5:]

@@ -1,0 +1,57 @@
+"""The walk in plain MuJoCo from a bundle: compared with `pipeline.validation`, which implements it independently."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.deployment import load_policy
+from pipeline.training.plain_walk import Walk, walked
+from pipeline.validation.cells import command_cells
+from pipeline.validation.deployed import deployed
+from pipeline.validation.measure import measure
+from pipeline.validation.push_cells import push_cell
+from tests.factories.training_bundle import small_bundle
+
+SHIPPED = Path("robots/t1/policies/walk/policy.npz")
+
+
+@pytest.fixture(scope="module")
+def bundle_folder(tmp_path_factory, root, robot):
+    return small_bundle(tmp_path_factory.mktemp("bundle"), root, robot)
+
+
+@pytest.mark.parametrize("command", [(0.6, 0.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_walk_has_the_figures_that_validation_measures(bundle_folder, root, command):
+    """Two independent implementations agree within a few per cent."""
+    one = deployed(bundle_folder.parent / "robot", load_policy(root / SHIPPED))
+    (cell,) = (each for each in command_cells((0,)) if each.trials[0].command.wanted[-1].goal == command)
+    (expected,) = measure(one, [cell])[0].trials
+    found = walked(bundle_folder, root / SHIPPED, "", Walk(cell="", command=command))
+    for name in ("forward", "yaw_rate"):
+        assert found[name] == pytest.approx(expected[name], abs=0.05)
+    assert found["power"] == pytest.approx(expected["power"], rel=0.1)
+    assert found["saturation"] == pytest.approx(expected["saturation"], abs=1.0)
+
+
+@pytest.mark.parametrize(("impulse", "falls"), [(50.0, False), (70.0, True)])
+def test_a_push_ends_in_a_fall_exactly_where_validation_has_one(bundle_folder, root, robot, impulse, falls):
+    """Straight back, on both sides of the limit of 60 to 65 N s, where the outcome depends on rounding."""
+    cell = push_cell(robot, "force", "standing", impulse)
+    straight_back = dataclasses.replace(cell, trials=cell.trials[4:5])
+    one = deployed(bundle_folder.parent / "robot", load_policy(root / SHIPPED))
+    assert measure(one, [straight_back])[0].fallen == ((0,) if falls else ())
+    walk = Walk(cell="", command=(0.0, 0.0, 0.0), seconds=7.0, push=(-impulse, 0.0, 4.0))
+    found = walked(bundle_folder, root / SHIPPED, "", walk)
+    assert found["fell"] == float(falls)
+    assert not falls or 4.0 < found["fell_s"] < 7.0
+
+
+def test_a_walk_whose_network_is_not_finite_counts_as_a_fall(bundle_folder, root, tmp_path):
+    with np.load(root / SHIPPED) as arrays:
+        np.savez(tmp_path / "nan.npz", **{**arrays, "L3_b": np.full_like(arrays["L3_b"], np.nan)})
+    found = walked(bundle_folder, tmp_path / "nan.npz", "nan", Walk(cell="", command=(0.0, 0.0, 0.0), seconds=1.0))
+    assert found["fell"] == 1.0
