@@ -18,7 +18,12 @@ def mujoco_model(robot: Robot, ground: bool = False, timestep: float = 0.005) ->
         ground: add a plane `ground` at z = 0
         timestep: of the simulation [s]
     """
-    spec = mujoco.MjSpec.from_string(robot.mjcf)
+    return compiled(robot.mjcf, ground, timestep)
+
+
+def compiled(mjcf: str, ground: bool = False, timestep: float = 0.005) -> mujoco.MjModel:
+    """The model of a robot's MJCF text; see `mujoco_model`."""
+    spec = mujoco.MjSpec.from_string(mjcf)
     spec.option.timestep = timestep
     if ground:
         spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])

@@ -1,0 +1,88 @@
+"""What disturbs a rollout, drawn from a seed: pushes, friction, mass, gains, delay, start offset, action noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.tracking.settings import DisturbanceSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push:
+    """A constant horizontal force on the root link for a while."""
+
+    start_s: float
+    duration_s: float
+    force_w: tuple[float, float]
+    """[N]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """One rollout's disturbance; the default is none."""
+
+    pushes: tuple[Push, ...] = ()
+    friction: float = 1.0
+    trunk_mass: float = 1.0
+    """Factor on mass and inertia of the root link."""
+    kp: float = 1.0
+    """Factor on the stiffness of all joints."""
+    kd: float = 1.0
+    """Factor on their damping."""
+    delay_steps: int = 0
+    """Physics steps by which targets arrive late."""
+    start_offset: float = 0.0
+    """Largest offset of each joint at the start [rad]."""
+    action_noise: float = 0.0
+    """Standard deviation of the noise on the network's output."""
+
+    def numbers(self) -> dict[str, Any]:
+        """The disturbance as a clip's numbers."""
+        impulse = max((np.hypot(*push.force_w) * push.duration_s for push in self.pushes), default=0.0)
+        return {
+            "pushes": len(self.pushes),
+            "largest_push_n_s": round(float(impulse), 3),
+            "friction": round(self.friction, 4),
+            "trunk_mass": round(self.trunk_mass, 4),
+            "kp_factor": round(self.kp, 4),
+            "kd_factor": round(self.kd, 4),
+            "delay_s": self.delay_steps * 0.005,
+            "start_offset_rad": round(self.start_offset, 4),
+            "action_noise": round(self.action_noise, 4),
+        }
+
+
+NONE = Disturbance()
+
+
+def draw(settings: DisturbanceSettings, duration_s: float, rng: np.random.Generator) -> Disturbance:
+    """A disturbance for a rollout of some length [s]."""
+    return Disturbance(
+        pushes=_pushes(settings, duration_s, rng),
+        friction=rng.uniform(*settings.friction),
+        trunk_mass=rng.uniform(*settings.trunk_mass),
+        kp=rng.uniform(*settings.gains),
+        kd=rng.uniform(*settings.gains),
+        delay_steps=int(rng.integers(round(settings.delay_s[0] / 0.005), round(settings.delay_s[1] / 0.005) + 1)),
+        start_offset=settings.start_offset,
+        action_noise=rng.uniform(*settings.action_noise),
+    )
+
+
+def _pushes(settings: DisturbanceSettings, duration_s: float, rng: np.random.Generator) -> tuple[Push, ...]:
+    pushes, time_s = [], rng.uniform(0.0, settings.push_every_s[1])
+    while time_s + settings.push_s < duration_s:
+        angle, impulse = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*settings.push_impulse)
+        force = impulse / settings.push_s
+        pushes.append(
+            Push(
+                start_s=float(time_s),
+                duration_s=settings.push_s,
+                force_w=(float(force * np.cos(angle)), float(force * np.sin(angle))),
+            )
+        )
+        time_s += rng.uniform(*settings.push_every_s)
+    return tuple(pushes)

@@ -1,0 +1,136 @@
+"""KP4 on one reference: its nominal rollout and its disturbed ones, cut where tracking fails."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import ClipError
+from pipeline.robot import Robot
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.disturbance import NONE, Disturbance, draw
+from pipeline.tracking.errors import tracking_error
+from pipeline.tracking.rollout import Plant, TrackedStretch, rollout
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.task import CONTROL_HZ
+from pipeline.tracking.tracker import load_tracker
+
+NOT_TRACKED = "not_tracked"
+"""Reason against a reference that the nominal rollout does not follow to its end."""
+
+UNDISTURBED_VARIANTS = ("original", "mirror")
+"""Variants that show the motion as it was retargeted."""
+
+
+def process(
+    clip: RobotClip,
+    numbers: Numbers,
+    *,
+    settings: TrackingSettings,
+    robot: Robot,
+    envelope: TorqueEnvelope,
+    tracker: Path,
+) -> Outcome:
+    """The rollouts of a reference: `<name>~rollout`, and `<name>~rollout1`, … under disturbances.
+
+    A piece carries its reference and place in it, its disturbance and its tracking errors, and with its motion the
+    simulation's torques and contact forces. Where tracking fails a rollout is cut, and starts again a little later on
+    the reference. A failure of the nominal rollout is a reason against the reference.
+
+    Raises ClipError for a clip of another rate or of less than three frames, FileError for a tracker that does not
+    fit.
+    """
+    if clip.fps != CONTROL_HZ or clip.frame_count < 3:
+        got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
+        raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
+    plant, policy = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
+    plain = numbers.get("variant") in UNDISTURBED_VARIANTS
+    count = settings.disturbed if plain else settings.disturbed_variants
+    pieces: list[Piece] = []
+    found: Numbers = {}
+    reasons: list[Reason] = []
+    for number in range(count + 1):
+        rng = np.random.default_rng(_seed(clip, settings.seed, number))
+        disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
+        stretches = rollout(clip, plant, policy, settings.failure, disturbance, rng if number else None)
+        kept = _pieces(clip, stretches, number, disturbance, robot, settings)
+        pieces += [dataclasses.replace(piece, numbers={**numbers, **piece.numbers}) for piece in kept]
+        if number == 0:
+            reasons = [_reason(stretch) for stretch in stretches if stretch.failed]
+            found = _figures(clip, stretches, robot)
+    disturbed = [piece for piece in pieces if piece.numbers["rollout"] > 0]
+    found |= {"rollouts": count + 1, "disturbed_pieces": len(disturbed)}
+    return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers=found)
+
+
+def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
+    """Seed of a rollout from the reference's motion, so that its name and place among others do not matter."""
+    content = hashlib.sha256()
+    for values in (clip.root_pos_w, clip.root_quat_w, clip.joint_pos):
+        content.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return [seed, number, int.from_bytes(content.digest()[:8], "little")]
+
+
+def _pieces(
+    clip: RobotClip,
+    stretches: Sequence[TrackedStretch],
+    number: int,
+    disturbance: Disturbance,
+    robot: Robot,
+    settings: TrackingSettings,
+) -> list[Piece]:
+    name = f"{clip.name}~rollout{number or ''}"
+    complete = len(stretches) == 1 and not stretches[0].failed
+    pieces: list[Piece] = []
+    for stretch in stretches:
+        stop = stretch.stop - (round(settings.failure.before_s * CONTROL_HZ) if stretch.failed else 0)
+        if stop - stretch.start < settings.shortest_s * CONTROL_HZ:
+            continue
+        own = name if complete else f"{name}+{len(pieces)}"
+        motion = stretch.clip.cut(0, stop - stretch.start, own)
+        error = tracking_error(motion, clip.cut(stretch.start, stop, clip.name), robot)
+        numbers = {
+            "reference": clip.name,
+            "reference_frame": stretch.start,
+            "rollout": number,
+            "seconds": motion.duration_s,
+            "survived": complete,
+            "body_error_m": float(error.body.mean()),
+            "joint_error_rad": float(error.joint.mean()),
+            **disturbance.numbers(),
+        }
+        pieces.append(Piece(clip=motion, numbers=numbers))
+    return pieces
+
+
+def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> Numbers:
+    """How well the nominal rollout follows, failing stretches included."""
+    parts = [
+        tracking_error(stretch.clip, clip.cut(stretch.start, stretch.stop, clip.name), robot) for stretch in stretches
+    ]
+    body, joint = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint"))
+    first = stretches[0]
+    return {
+        "survived": len(stretches) == 1 and not first.failed,
+        "followed_s": (first.stop - first.start) / CONTROL_HZ,
+        "body_error_m": float(body.mean()),
+        "joint_error_rad": float(joint.mean()),
+        "worst_body_error_m": float(body.max()),
+    }
+
+
+def _reason(stretch: TrackedStretch) -> Reason:
+    at_s = (stretch.stop - 1) / CONTROL_HZ
+    return Reason(
+        code=NOT_TRACKED,
+        text=f"the tracker cannot follow it: at {at_s:.2f} s {stretch.failed}",
+        effect="rejected",
+        start_s=stretch.start / CONTROL_HZ,
+        stop_s=at_s,
+    )

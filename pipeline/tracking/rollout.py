@@ -1,0 +1,282 @@
+"""One reference rolled out by the tracker in plain MuJoCo, with all forces recorded."""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip, SimulatedForces
+from pipeline.robot import Robot
+from pipeline.robot.simulator_model import compiled
+from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.disturbance import NONE, Disturbance
+from pipeline.tracking.observation import key_link_index, observe
+from pipeline.tracking.reference import ReferenceStates, reference_states
+from pipeline.tracking.settings import FailureSettings
+from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
+from pipeline.tracking.tracker import Tracker
+
+CONTACT_N = 1.0
+"""A foot is in contact where the ground pushes it up by more than this on average over a control step [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant:
+    """The robot that references are rolled out on."""
+
+    robot: Robot
+    envelope: TorqueEnvelope
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackedStretch:
+    """Frames [start, stop) of a reference that a rollout followed."""
+
+    start: int
+    stop: int
+    clip: RobotClip
+    """What the robot did, frame for frame, with forces and contacts."""
+    failed: str
+    """Why it ended before the reference did; empty where it reached the end."""
+
+
+def rollout(
+    reference: RobotClip,
+    plant: Plant,
+    tracker: Tracker,
+    failure: FailureSettings,
+    disturbance: Disturbance = NONE,
+    rng: np.random.Generator | None = None,
+) -> tuple[TrackedStretch, ...]:
+    """Track a 50 Hz reference to its end; after a failure, start again on it a little later.
+
+    Args:
+        reference: the motion to track
+        plant: robot and motors
+        tracker: the policy
+        failure: where tracking has failed
+        disturbance: what disturbs the rollout
+        rng: of start offset and action noise; needed where the disturbance has any
+    """
+    world = _World(reference, plant, tracker, disturbance)
+    stretches: list[TrackedStretch] = []
+    start, last = 0, reference.frame_count - 1
+    while start < last:
+        stretch = world.follow(start, failure, rng)
+        stretches.append(stretch)
+        start = last if not stretch.failed else stretch.stop + round(failure.restart_s * CONTROL_HZ)
+    return tuple(stretches)
+
+
+class _World:
+    """Model, state and buffers of the rollouts of one reference."""
+
+    def __init__(self, reference: RobotClip, plant: Plant, tracker: Tracker, disturbance: Disturbance):
+        robot = plant.robot
+        self._clip, self._robot, self._tracker, self._disturbance = reference, robot, tracker, disturbance
+        base = _model(robot.mjcf)
+        self._reference = reference_states(base, reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
+        self._model = _disturbed(base, disturbance)
+        self._data = mujoco.MjData(self._model)
+        self._motors = PdControl(
+            kp=disturbance.kp * robot.kp, kd=disturbance.kd * robot.kd, envelope=plant.envelope
+        )
+        self._links = 1 + key_link_index(robot.link_names, tracker.key_links)
+        self._moved = np.array([robot.joint(name) for name in tracker.controlled])
+        self._feet = [int(self._model.site_bodyid[self._model.site(name).id]) for name in robot.feet]
+        ends = (*robot.hands, *robot.feet)
+        self._ends = np.array([int(self._model.site_bodyid[self._model.site(name).id]) for name in ends])
+        self._joints = len(robot.joint_names)
+
+    def follow(self, start: int, failure: FailureSettings, rng: np.random.Generator | None) -> TrackedStretch:
+        """Track from a frame of the reference to its end or to a failure."""
+        last = self._clip.frame_count - 1
+        record = _Record(last - start, self._joints)
+        self._place(start, rng)
+        action = np.zeros(len(self._moved), dtype=np.float32)
+        target = before = self._reference.joint_pos[start + 1]
+        failed, frame = "", start
+        while frame < last and not failed:
+            action = self._act(frame + 1, action, rng)
+            before, target = target, self._reference.joint_pos[frame + 1].copy()
+            target[self._moved] += ACTION_SCALE * action
+            record.state(self._data)
+            self._step(frame - start, target, before if frame > start else target, record)
+            frame += 1
+            failed = self._failure(frame, failure)
+        record.state(self._data)
+        return TrackedStretch(start=start, stop=frame + 1, clip=self._recorded(record, start), failed=failed)
+
+    def _place(self, frame: int, rng: np.random.Generator | None) -> None:
+        """The state of a reference frame, with the disturbance's offset."""
+        data, reference, joints = self._data, self._reference, self._joints
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[:3], data.qpos[3:7] = reference.body_pos_w[frame, 0], reference.body_quat_w[frame, 0]
+        data.qpos[7:] = reference.joint_pos[frame]
+        data.qvel[:3] = reference.body_lin_vel_w[frame, 0]
+        data.qvel[3:6] = rotation.rotate_inverse(reference.body_quat_w[frame, 0], reference.body_ang_vel_w[frame, 0])
+        data.qvel[6 : 6 + joints] = reference.joint_vel[frame]
+        if self._disturbance.start_offset and rng is not None:
+            offset = self._disturbance.start_offset * rng.uniform(-1.0, 1.0, len(self._moved))
+            data.qpos[7 + self._moved] += offset
+        low, high = self._robot.joint_lower, self._robot.joint_upper
+        data.qpos[7:] = np.clip(data.qpos[7:], low, high)
+        mujoco.mj_kinematics(self._model, data)
+
+    def _act(self, frame: int, last_action: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
+        data = self._data
+        mujoco.mj_kinematics(self._model, data)
+        observation = observe(
+            data.qpos,
+            data.qvel,
+            data.xpos[self._links],
+            data.xmat[self._links],
+            self._reference,
+            frame,
+            self._robot.default_joint_pos,
+            last_action,
+        )
+        action = self._tracker.act(observation)
+        if self._disturbance.action_noise and rng is not None:
+            noise = self._disturbance.action_noise * rng.standard_normal(len(action))
+            action = action + noise.astype(np.float32)
+        return action
+
+    def _step(self, tick: int, target: np.ndarray, before: np.ndarray, record: _Record) -> None:
+        """One control step: four physics steps with explicit motor torques."""
+        data, model, motors, late = self._data, self._model, self._motors, self._disturbance.delay_steps
+        push = self._push(tick / CONTROL_HZ)
+        data.xfrc_applied[1, :3] = push
+        for substep in range(DECIMATION):
+            aim = target if substep >= late else before
+            torque = motors.torque(aim, data.qpos[7:], data.qvel[6:])
+            data.qfrc_applied[6:] = torque
+            mujoco.mj_step(model, data)
+            mujoco.mj_rnePostConstraint(model, data)
+            record.forces(torque, data.cfrc_ext, data, self._feet)
+        record.end_of_step(push, self._feet)
+
+    def _push(self, time_s: float) -> np.ndarray:
+        force = np.zeros(3)
+        for push in self._disturbance.pushes:
+            if push.start_s <= time_s < push.start_s + push.duration_s:
+                force[:2] += push.force_w
+        return force
+
+    def _failure(self, frame: int, settings: FailureSettings) -> str:
+        """Why tracking has failed at a frame, as BeyondMimic's terminations; empty where it has not."""
+        data, reference = self._data, self._reference
+        if not np.isfinite(data.qpos).all():
+            return "the simulation diverged"
+        mujoco.mj_kinematics(self._model, data)
+        height = abs(data.xpos[1, 2] - reference.body_pos_w[frame, 0, 2])
+        if height > settings.root_height:
+            return f"the root is {height:.2f} m off in height"
+        w, x, y, z = reference.body_quat_w[frame, 0]
+        up = w * w - x * x - y * y + z * z
+        tilt = abs(data.xmat[1, 8] - up)
+        if tilt > settings.gravity:
+            return "the trunk has fallen"
+        off = np.abs((data.xpos[self._ends, 2] - data.xpos[1, 2]) - _heights(reference, frame, self._ends))
+        worst = int(np.argmax(off))
+        if off[worst] > settings.end_height:
+            link = self._model.body(int(self._ends[worst])).name
+            return f"{link} is {off[worst]:.2f} m off in height"
+        return ""
+
+    def _recorded(self, record: _Record, start: int) -> RobotClip:
+        qpos = np.array(record.qpos)
+        forces = record.as_forces()
+        return RobotClip(
+            name=self._clip.name,
+            fps=CONTROL_HZ,
+            robot=self._robot.name,
+            joint_names=self._robot.joint_names,
+            root_pos_w=qpos[:, :3],
+            root_quat_w=rotation.make_continuous(qpos[:, 3:7]),
+            joint_pos=qpos[:, 7:],
+            contacts=forces.foot_wrench_w[:, :, 2] > CONTACT_N,
+            forces=forces,
+        )
+
+
+class _Record:
+    """States and forces of a rollout while it runs."""
+
+    def __init__(self, steps: int, joints: int):
+        self.qpos: list[np.ndarray] = []
+        self._torque = np.zeros((steps + 1, joints))
+        self._wrench, self._other = np.zeros((steps + 1, 2, 6)), np.zeros((steps + 1, 3))
+        self._push = np.zeros((steps + 1, 3))
+        self._step = 0
+
+    def state(self, data: mujoco.MjData) -> None:
+        self.qpos.append(data.qpos.copy())
+
+    def forces(self, torque: np.ndarray, cfrc_ext: np.ndarray, data: mujoco.MjData, feet: Sequence[int]) -> None:
+        """Add one physics step's torques and contact forces; MuJoCo gives (moment, force) about the robot's centre of
+        mass, pushes included."""
+        self._torque[self._step] += torque
+        wrench, com = self._wrench[self._step], data.subtree_com[1]
+        for side, foot in enumerate(feet):
+            force = cfrc_ext[foot, 3:]
+            wrench[side, :3] += force
+            wrench[side, 3:] += cfrc_ext[foot, :3] + _cross(com - data.xpos[foot], force)
+        self._other[self._step] += cfrc_ext[1:, 3:].sum(axis=0)
+
+    def end_of_step(self, push: np.ndarray, feet: Sequence[int]) -> None:
+        step = self._step
+        self._torque[step] /= DECIMATION
+        self._wrench[step] /= DECIMATION
+        self._other[step] = self._other[step] / DECIMATION - self._wrench[step, :, :3].sum(axis=0) - push
+        self._push[step] = push
+        self._step += 1
+
+    def as_forces(self) -> SimulatedForces:
+        """Forces of each frame; the last frame has no step of its own and repeats the one before."""
+        count = self._step
+        rows = [*range(count), count - 1]
+        return SimulatedForces(
+            joint_torque=self._torque[rows],
+            foot_wrench_w=self._wrench[rows],
+            other_force_w=self._other[rows],
+            push_w=self._push[rows],
+        )
+
+
+def _heights(reference: ReferenceStates, frame: int, bodies: np.ndarray) -> np.ndarray:
+    return reference.body_pos_w[frame, bodies - 1, 2] - reference.body_pos_w[frame, 0, 2]
+
+
+def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Cross product of two vectors; numpy's takes longer than all else of a step."""
+    ax, ay, az = first
+    bx, by, bz = second
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+@functools.lru_cache(maxsize=4)
+def _model(mjcf: str) -> mujoco.MjModel:
+    """The robot on a plane, as mjlab's tracking task steps it."""
+    model = compiled(mjcf, ground=True, timestep=PHYSICS_S)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # a simulation that diverges would otherwise start again in the default pose and count as one that never fell
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return model
+
+
+def _disturbed(base: mujoco.MjModel, disturbance: Disturbance) -> mujoco.MjModel:
+    model = copy.copy(base)
+    model.geom_friction[:, 0] = disturbance.friction
+    if disturbance.trunk_mass != 1.0:
+        model.body_mass[1] *= disturbance.trunk_mass
+        model.body_inertia[1] *= disturbance.trunk_mass
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model

@@ -1,0 +1,101 @@
+"""How references are rolled out: the settings of `data/tracking.yaml`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pipeline.files.ranges import Range, check
+from pipeline.files.sourced import Unit
+
+_FACTOR = Range(0.5, 1.5)
+_SECONDS = Range(0.0, 10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisturbanceSettings:
+    """Ranges that the disturbances of a rollout are drawn from, uniformly."""
+
+    push_impulse: Annotated[tuple[float, float], Unit("N s")]
+    """Impulse of a horizontal push on the root link [N s]."""
+    push_s: Annotated[float, Unit("s")]
+    """Duration of a push [s]."""
+    push_every_s: Annotated[tuple[float, float], Unit("s")]
+    """Time between the starts of pushes [s]."""
+    friction: Annotated[tuple[float, float], Unit("-")]
+    """Coefficient of friction."""
+    trunk_mass: Annotated[tuple[float, float], Unit("-")]
+    """Factor on mass and inertia of the root link."""
+    gains: Annotated[tuple[float, float], Unit("-")]
+    """Factor on stiffness, and on damping, of all joints."""
+    delay_s: Annotated[tuple[float, float], Unit("s")]
+    """Delay of joint targets [s]."""
+    start_offset: Annotated[float, Unit("rad")]
+    """Largest offset of each joint at the start [rad]."""
+    action_noise: Annotated[tuple[float, float], Unit("-")]
+    """Standard deviation of the noise on the network's output, drawn for each rollout."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            push_impulse=Range(0.0, 100.0),
+            push_s=Range(0.02, 2.0),
+            push_every_s=Range(0.1, 60.0),
+            friction=Range(0.05, 3.0),
+            trunk_mass=_FACTOR,
+            gains=_FACTOR,
+            delay_s=Range(0.0, 0.02),
+            start_offset=Range(0.0, 0.5),
+            action_noise=Range(0.0, 2.0),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailureSettings:
+    """Where tracking has failed, as BeyondMimic ends an episode."""
+
+    root_height: Annotated[float, Unit("m")]
+    """Largest error of the root's height [m]."""
+    gravity: Annotated[float, Unit("-")]
+    """Largest error of the vertical in the root frame, along its z axis."""
+    end_height: Annotated[float, Unit("m")]
+    """Largest error in height of a foot or hand link [m]."""
+    before_s: Annotated[float, Unit("s")]
+    """Cut before a failure [s]."""
+    restart_s: Annotated[float, Unit("s")]
+    """The rollout starts again on the reference this long after a failure [s]."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            root_height=Range(0.0, 2.0, open_low=True),
+            gravity=Range(0.0, 2.0, open_low=True),
+            end_height=Range(0.0, 2.0, open_low=True),
+            before_s=_SECONDS,
+            restart_s=_SECONDS,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingSettings:
+    """`data/tracking.yaml`."""
+
+    seed: int
+    """Of all disturbances, with the reference's content."""
+    disturbed: int
+    """Disturbed rollouts of each original motion and of each mirror image."""
+    disturbed_variants: int
+    """Disturbed rollouts of each other variant."""
+    shortest_s: float
+    """Shorter pieces are dropped [s]."""
+    failure: FailureSettings
+    disturbance: DisturbanceSettings
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            seed=Range(0, 2**31),
+            disturbed=Range(0, 1000),
+            disturbed_variants=Range(0, 1000),
+            shortest_s=Range(0.1, 10.0),
+        )

@@ -1,0 +1,98 @@
+"""A trained tracker: its network, and the robot, joints and links it was trained for."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.deployment.policy import Policy, PolicyGains, load_policy
+from pipeline.errors import FileError
+from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.robot import Robot
+from pipeline.tracking.task import ACTION_SCALE, OBSERVATION, observation_size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracker:
+    """A tracking policy of one robot."""
+
+    network: Policy
+    """Weights in single precision."""
+    gains: PolicyGains
+    controlled: tuple[str, ...]
+    """Joints that the action moves, in its order."""
+    key_links: tuple[str, ...]
+    """Links that are observed, in order; the root link is the first."""
+
+    def act(self, observation: Float[np.ndarray, "*b n"]) -> Float[np.ndarray, "*b a"]:
+        """Mean action for observations."""
+        return self.network.act(observation.astype(np.float32))
+
+
+def load_tracker(path: Path, robot: Robot) -> Tracker:
+    """The tracker of a file. Raises FileError where it is none, or is for another robot, joint set or network size."""
+    return _checked(path, _read(path, path.stat().st_mtime_ns if path.is_file() else 0), robot)
+
+
+@functools.lru_cache(maxsize=4)
+def _read(path: Path, changed_ns: int) -> Tracker:
+    """The tracker of a file; `changed_ns` is the file's time of change, so that a new content is read again."""
+    policy = load_policy(path)
+    if policy.gains is None:
+        raise FileError(path, "has no joint names and gains, so it is no tracker.", "Train one: pipeline.tracking.")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            texts = {
+                name: tuple(str(text) for text in np.atleast_1d(arrays[name]))
+                for name in ("robot", "controlled", "key_links", "observation")
+            }
+            scale = float(arrays["action_scale"])
+    except (*DAMAGED_NPZ, KeyError, TypeError) as error:
+        raise FileError(path, f"is no tracker ({error}).", "Train one: python -m pipeline.tracking --help.") from error
+    if texts["observation"] != OBSERVATION or scale != ACTION_SCALE:
+        raise FileError(
+            path, "was trained with another observation or action scale than this version's.", "Train it again."
+        )
+    single = tuple((weight.astype(np.float32), bias.astype(np.float32)) for weight, bias in policy.layers)
+    network = dataclasses.replace(
+        policy, mean=policy.mean.astype(np.float32), scale=policy.scale.astype(np.float32), layers=single
+    )
+    return Tracker(
+        network=network, gains=policy.gains, controlled=texts["controlled"], key_links=texts["key_links"]
+    )
+
+
+def _checked(path: Path, tracker: Tracker, robot: Robot) -> Tracker:
+    cure = f"Train a tracker for '{robot.name}': dagster asset materialize --select tracking_policy."
+    if tracker.gains.joint_names != robot.joint_names:
+        unknown = [name for name in tracker.gains.joint_names if name not in robot.joint_names]
+        differs = f"joints {', '.join(unknown)}" if unknown else "another joint set or order"
+        raise FileError(path, f"the tracker is for another robot than '{robot.name}' ({differs}).", cure)
+    if tracker.key_links != robot.key_links or tracker.controlled != robot.controlled:
+        raise FileError(path, f"the tracker observes or moves other links or joints than '{robot.name}' has.", cure)
+    for name in ("kp", "kd", "default_joint_pos"):
+        given, expected = getattr(tracker.gains, name), getattr(robot, name)
+        off = ~np.isclose(given, expected, rtol=1e-6, atol=1e-9)
+        if off.any():
+            joint = int(np.flatnonzero(off)[0])
+            raise FileError(
+                path,
+                f"the tracker was trained with {name} {given[joint]:g} at '{robot.joint_names[joint]}', the robot has "
+                f"{expected[joint]:g}.",
+                cure,
+            )
+    expected_size = observation_size(len(robot.joint_names), len(robot.key_links), len(robot.controlled))
+    sizes = (tracker.network.observation_size, tracker.network.action_size)
+    if sizes != (expected_size, len(robot.controlled)):
+        raise FileError(
+            path,
+            f"the network takes {sizes[0]} numbers and gives {sizes[1]}; the robot needs {expected_size} and "
+            f"{len(robot.controlled)}.",
+            cure,
+        )
+    return tracker
