@@ -32,12 +32,15 @@ def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str
     }
 
 
-def references(manifest: Manifest) -> Any:
-    """The motions that rollouts among the clips of a manifest tracked, put into the store for any process."""
+def references_of(manifest: Manifest, reference_motions: Manifest | None = None) -> Any:
+    """The motions that rollouts among the clips of a manifest tracked, from the store, for any process.
+
+    `reference_motions` has those of KP4's own rollouts, by name.
+    """
     from pipeline.feasibility.reference import CONTENT, StoredReferences
 
     wanted = {str(entry.numbers[CONTENT]): entry.numbers for entry in manifest.entries if entry.numbers.get(CONTENT)}
-    blobs = {}
+    blobs = {entry.clip: entry.blob for entry in reference_motions.entries} if reference_motions else {}
     for content, numbers in sorted(wanted.items()):
         found = _reference(str(numbers["source"]), str(numbers["file"]))
         if found is not None and found.content == content:

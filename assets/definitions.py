@@ -13,12 +13,14 @@ from assets.hardware import hardware_logs, hardware_trials
 from assets.log_sensor import hardware_log_sensor, ingest_logs
 from assets.motions import motion_catalog, repaired_motions, selected_motions
 from assets.page_renewal import renew_feedback_page
+from assets.plan import named_plans
 from assets.policy_assets import policy_assets, training_jobs
 from assets.project import PROJECT
 from assets.recuration import approved_feedback_sensor, nightly_recuration, recurate
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
+from assets.tracking import tracker_jobs
 from assets.validation import validation_assets
 
 _assets: list[Any] = [
@@ -45,6 +47,7 @@ defs = dg.Definitions(
         approve_feedback,
         take_back_feedback,
         *training_jobs(PROJECT.robots),
+        *tracker_jobs(PROJECT.robots, {robot: named_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
     ],
     sensors=[hardware_log_sensor, approved_feedback_sensor],
     schedules=[nightly_recuration],

@@ -1,5 +1,6 @@
 """The stages that are the same for every robot: catalogue, KP1, KP2."""
 
+import dataclasses
 from functools import partial
 
 import dagster as dg
@@ -57,7 +58,8 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
-    stage = stage_of(SELECTED, partial(process, settings=curation), curation)
+    windows_only = dataclasses.replace(curation, expert_motions="rollouts")  # no window depends on it
+    stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
     feedback = approved_part(PROJECT, "selection", None)
     manifest, bounds = chosen_windows(windows, curation, feedback)

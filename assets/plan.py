@@ -122,20 +122,33 @@ def robot_plans(robot: str) -> tuple[Plan, ...]:
         Plan(
             name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
         ),
-        Plan(name="augmented_motions", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
+        Plan(name="motion_variants", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
+        Plan(name="reference_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
+        Plan(name="tracking_policy", packages=("tracking", "learning"), robot=robot, shipped_policies=True),
+        Plan(
+            name="augmented_motions",
+            packages=("tracking", "actuators", "deployment"),
+            settings_files=("tracking.yaml",),
+            robot=robot,
+        ),
         Plan(
             name="feasible_motions",
             packages=("feasibility",),
-            settings_files=("feasibility.yaml", "commands.yaml"),
+            settings_files=("feasibility.yaml", "commands.yaml", "curation.yaml"),
             robot=robot,
         ),
-        Plan(name="expert_db", packages=("expert",), robot=robot),
+        Plan(name="expert_db", packages=("expert", "tracking"), robot=robot),
     )
+
+
+def named_plans(robot: str) -> dict[str, Plan]:
+    """The stages of one robot by name."""
+    return {plan.name: plan for plan in robot_plans(robot)}
 
 
 def policy_plans(robot: str) -> tuple[Plan, ...]:
     """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
-    export, trained = ("export", "deployment"), ("training", "expert")
+    export, trained = ("export", "deployment"), ("training", "learning", "expert")
     return (
         Plan(name="amp_policy", packages=trained, robot=robot),
         Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),

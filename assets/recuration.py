@@ -20,7 +20,7 @@ from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
 
 EVERY_S = 30
-HEEDED_BY = {"augmentation": "augmented_motions", "weights": "feasible_motions", "motors": "adapted_robot"}
+HEEDED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
 """Section of a robot's feedback -> its asset that heeds it. Training does too, but nothing here starts it."""
 
 APPROVED_TAG = "booster_lab/approved"

@@ -9,9 +9,9 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approved_key, approved_part, approved_specs, noting, told
+from assets.approved import approved_part, approved_specs, noting, told
 from assets.checks import check_specs
-from assets.criteria import references, thresholds, write_table
+from assets.criteria import references_of, thresholds, write_table
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
 from assets.plainly import plainly, told_plainly
@@ -19,9 +19,8 @@ from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
-from assets.stage import materialized, stage_of
-from assets.variants import all_variants
-from pipeline.batch import Entry, Manifest, run_stage
+from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
 
 EFFECTIVE_SECONDS = (
@@ -36,7 +35,9 @@ COMMANDS = "commands that weights are spread over"
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
-    model, calibration, adapted, retargeted, augmented, feasible, database = robot_plans(robot)
+    model, calibration, adapted, retargeted, variants, references, tracker, rollouts, feasible, database = robot_plans(
+        robot
+    )
     return [
         *approved_specs(robot),
         actuator_measurements(robot),
@@ -44,37 +45,18 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
         actuator_calibration(calibration),
         adapted_robot(adapted, calibration, model),
         _retargeted_motions(retargeted, model),
-        _augmented_motions(augmented, retargeted, model),
-        _feasible_motions(feasible, augmented, adapted),
+        motion_variants(variants, retargeted, model),
+        reference_motions(references, variants, adapted),
+        tracking_policy(tracker, references, adapted),
+        augmented_motions(rollouts, references, tracker, adapted),
+        _feasible_motions(feasible, rollouts, references, adapted),
         _expert_db(database, feasible, model),
     ]
 
 
-def _declared(
-    plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None, feedback: str = ""
-) -> dict[str, Any]:
-    """What all assets of a robot declare alike. Step names bear the robot, for keys with a prefix.
-
-    `feedback` is the section of the approved feedback that the asset heeds.
-    """
-    return {
-        "key": plan.key,
-        "ins": inputs or {},
-        "deps": [approved_key(feedback, plan.robot)] if feedback else [],
-        "group_name": f"{plan.robot}_motions",
-        "kinds": {kind},
-        "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
-        "code_version": plan.code_version(),
-    }
-
-
-def _from(**plans: Plan) -> dict[str, dg.AssetIn]:
-    return {name: dg.AssetIn(plan.key) for name, plan in plans.items()}
-
-
 def _robot_model(plan: Plan) -> Any:
     @dg.asset(
-        **_declared(plan, "mujoco"),
+        **declared_motions(plan, "mujoco"),
         check_specs=[
             dg.AssetCheckSpec(
                 "models_agree",
@@ -104,10 +86,10 @@ def _robot_model(plan: Plan) -> Any:
 
 
 def _retargeted_motions(plan: Plan, model: Plan) -> Any:
-    repaired = dg.AssetKey(["repaired_motions"])
+    inputs = {"repaired_motions": dg.AssetIn(dg.AssetKey(["repaired_motions"])), **inputs_of(robot_model=model)}
 
     @dg.asset(
-        **_declared(plan, "placo", "3", {"repaired_motions": dg.AssetIn(repaired), **_from(robot_model=model)}),
+        **declared_motions(plan, "placo", "3", inputs),
         check_specs=check_specs(plan),
     )
     @plainly
@@ -134,41 +116,8 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
     return retargeted_motions
 
 
-def _augmented_motions(plan: Plan, retargeted: Plan, model: Plan) -> Any:
-    @dg.asset(
-        **_declared(plan, "numpy", "4", _from(retargeted_motions=retargeted, robot_model=model), "augmentation"),
-        check_specs=check_specs(plan),
-    )
-    @plainly
-    def augmented_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        retargeted_motions: Manifest,
-        robot_model: Manifest,
-    ):
-        """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
-        from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.strengths import KINDS
-        from pipeline.robot import load_robot
-
-        robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
-        feedback = approved_part(PROJECT, "augmentation", plan.robot)
-
-        def make(wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
-            made_with = partial(process, settings=wanted, robot=robot)
-            stage = stage_of(plan, made_with, wanted)
-            return run_stage(stage, retargeted_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
-
-        manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
-        strengths = [each.number for each in KINDS.values()]
-        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | told(feedback)
-        return materialized(plan, manifest, metadata)
-
-    return augmented_motions
-
-
-def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
+def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Plan) -> Any:
+    inputs = inputs_of(augmented_motions=rollouts, reference_motions=references, adapted_robot=adapted)
     satisfied = dg.AssetCheckSpec(
         "satisfies_its_own_file",
         asset=plan.key,
@@ -177,7 +126,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
     )
 
     @dg.asset(
-        **_declared(plan, "mujoco", "5", _from(augmented_motions=augmented, adapted_robot=adapted), "weights"),
+        **declared_motions(plan, "mujoco", "5", inputs, "weights"),
         check_specs=[*check_specs(plan), satisfied],
     )
     @plainly
@@ -185,6 +134,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
         augmented_motions: Manifest,
+        reference_motions: Manifest,
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
@@ -193,15 +143,19 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         from pipeline.feasibility.criteria_table import split
         from pipeline.feasibility.recheck import recheck
         from pipeline.robot import load_robot
+        from pipeline.selection import Curation
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
         commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-        judged_by = {"settings": values, "robot": robot, "references": references(augmented_motions)}
+        kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
+        candidates = candidate_motions(augmented_motions, reference_motions, kind)
+        tracked = references_of(candidates, reference_motions)
+        judged_by = {"settings": values, "robot": robot, "references": tracked}
         stage = stage_of(plan, partial(process, **judged_by), values, robot_files=robot.digest)
-        manifest = run_stage(stage, augmented_motions, PROJECT.store, clip_pool.pool(), context.log)
+        manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
         # Before the weights, which change with every other clip: what was judged anew once is known.
         again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
@@ -219,7 +173,7 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
             cells = coverage(manifest.entry_table(), values, commands).cells
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
-        metadata["clips that lost most"] = picture(worst_clips(manifest, augmented_motions, PROJECT.store, robot))
+        metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
         check = dg.AssetCheckResult(
             asset_key=plan.key,
             check_name=satisfied.name,
@@ -230,6 +184,19 @@ def _feasible_motions(plan: Plan, augmented: Plan, adapted: Plan) -> Any:
         return result._replace(check_results=[*result.check_results, check])
 
     return feasible_motions
+
+
+def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:
+    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`."""
+    if kind == "rollouts":
+        return rollouts
+    if kind == "references":
+        return references
+    return dataclasses.replace(
+        rollouts,
+        entries=(*rollouts.entries, *references.entries),
+        settings={**references.settings, **rollouts.settings},
+    )
 
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
@@ -262,7 +229,7 @@ def _reweighed(
 
 def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
     @dg.asset(
-        **_declared(plan, "json", inputs=_from(feasible_motions=feasible, robot_model=model)),
+        **declared_motions(plan, "json", inputs=inputs_of(feasible_motions=feasible, robot_model=model)),
         output_required=False,
         check_specs=database_check_specs(plan),
     )

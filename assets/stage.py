@@ -5,6 +5,7 @@ from typing import Any
 
 import dagster as dg
 
+from assets.approved import approved_key
 from assets.checks import evaluate
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
@@ -51,3 +52,26 @@ def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) ->
             FAULTS_TAG: str(manifest.reason_counts("rejected")["failed"]),
         },
     )
+
+
+def declared_motions(
+    plan: Plan, kind: str, kp: str = "", inputs: dict[str, Any] | None = None, feedback: str = ""
+) -> dict[str, Any]:
+    """What all motion assets of a robot declare alike.
+
+    `feedback` is the section of the approved feedback that the asset applies.
+    """
+    return {
+        "key": plan.key,
+        "ins": inputs or {},
+        "deps": [approved_key(feedback, plan.robot)] if feedback else [],
+        "group_name": f"{plan.robot}_motions",
+        "kinds": {kind},
+        "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
+        "code_version": plan.code_version(),
+    }
+
+
+def inputs_of(**plans: Plan) -> dict[str, dg.AssetIn]:
+    """Inputs by argument name."""
+    return {name: dg.AssetIn(plan.key) for name, plan in plans.items()}

@@ -70,7 +70,7 @@ def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
         *foot_criteria.penetration(motion, feet),
         foot_criteria.floating(motion, feet),
         foot_criteria.flight(motion, feet),
-        foot_criteria.label_disagreement(motion, feet),
+        *foot_criteria.label_disagreement(motion, feet),
         *collision_criteria.collisions(motion, settings.collision),
         *root_criteria.root_height(motion, root),
         root_criteria.root_tilt(motion, root),

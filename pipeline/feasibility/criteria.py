@@ -9,6 +9,7 @@ LENGTH = "too_short"
 
 GROUPS: dict[str, dict[str, str]] = {
     "tracking stability": {
+        "tracking_followed": "tracking.followed",
         "tracking_joint_p95": "tracking.joint_p95",
         "tracking_joint_worst": "tracking.joint_worst",
         "tracking_body_p95": "tracking.body_p95",

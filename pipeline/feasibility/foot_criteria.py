@@ -39,7 +39,7 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
         text=f"feet in contact slide, at {speed:.2f} m/s over ground, at more than {value:.2f} m/s in 5 % of the time",
         bad=_sliding_stances(slip, standing, limit),
     )
-    return (*((mean,) if motion.labelled else ()), of_soles, p95)
+    return (*((mean,) if motion.labelled else ()), *(() if motion.simulated else (of_soles,)), p95)
 
 
 def held_to_stand(motion: Motion, settings: FootSettings) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
@@ -150,15 +150,22 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
     )
 
 
-def label_disagreement(motion: Motion, settings: FootSettings) -> Verdict:
-    """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels."""
+def label_disagreement(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
+    """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels.
+
+    None where the contacts are those of a simulation.
+    """
+    if motion.simulated:
+        return ()
     value = float(np.mean(motion.told_contacts != motion.contacts))
-    return Verdict(
-        code="contact_disagreement",
-        value=value,
-        limit=motion.largest_share(settings.disagreement),
-        unit="of foot-frames",
-        text=f"contact labels and the soles' motion disagree in {100 * value:.0f} % of the foot-frames",
+    return (
+        Verdict(
+            code="contact_disagreement",
+            value=value,
+            limit=motion.largest_share(settings.disagreement),
+            unit="of foot-frames",
+            text=f"contact labels and the soles' motion disagree in {100 * value:.0f} % of the foot-frames",
+        ),
     )
 
 

@@ -32,6 +32,7 @@ PERTURBED = "a rollout that was changed on purpose"
 NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
 LABELLED = "contacts are labelled"
+SIMULATED = "the contacts are the simulation's"
 NO_STANCE = "no foot is in contact"
 NO_FORCES = "no simulation recorded its forces"
 NOT_ASKED = "not asked"
@@ -42,6 +43,8 @@ OF_LABELS = ("foot_slip_mean", "contact_disagreement")
 """Criteria of feet that are labelled as in contact ..."""
 OF_STANCES = ("foot_slip_mean", "foot_slip_p95")
 """... of feet that are, by their labels or as the soles tell it ..."""
+INFERRED = ("foot_told_slip_mean", "contact_disagreement", "foot_glide_s")
+"""Criteria of contacts that are inferred from the soles."""
 OF_SOLES = "foot_told_slip_mean"
 """... and of those that the soles tell, whatever is labelled."""
 
@@ -126,6 +129,8 @@ def _without_stance(assessment: Assessment, feet: FootSettings) -> frozenset[str
 def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Numbers, nobody: frozenset[str]) -> str:
     """Why a criterion says nothing of a stretch; empty where it does. Those of `nobody` found no foot to ask."""
     motion = assessment.motion
+    if motion.simulated and code in INFERRED:
+        return SIMULATED
     if code in OF_LABELS and not motion.labelled:
         return NO_LABELS
     if code in nobody:

@@ -45,6 +45,11 @@ class Motion:
     """... but no larger a share of its own."""
 
     @property
+    def simulated(self) -> bool:
+        """Whether a simulation recorded the motion's forces and contacts."""
+        return self.clip.forces is not None
+
+    @property
     def told_contacts(self) -> Bool[np.ndarray, "t 2"]:
         """Which foot is on the ground as the soles tell it, whatever is labelled."""
         return contact_from_sole(self.sole, self.contact) if self.labelled else self.contacts

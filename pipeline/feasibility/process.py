@@ -18,6 +18,7 @@ from pipeline.feasibility.likeness_criteria import likeness
 from pipeline.feasibility.motion import Motion, at_database_rate, motion_of
 from pipeline.feasibility.reference import References, no_references, reference_of
 from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.feasibility.tracking_criteria import followed
 from pipeline.feasibility.verdict import Verdict
 from pipeline.robot import Robot
 
@@ -38,7 +39,7 @@ class _Judged:
     reasons: list[Reason]
     judgements: list[Judgement]
     unlike: tuple[Verdict, ...]
-    """Verdicts on likeness, which hold for every part of the clip."""
+    """Verdicts on likeness, and on how much of its reference a rollout followed: they hold for all of the clip."""
 
 
 def process(
@@ -62,7 +63,8 @@ def process(
     reference = reference_of(at_database_rate(clip), numbers, robot, references)
     motion = motion_of(clip, robot, settings, reference)
     whole = assess(motion, settings)
-    said = _Judged(reasons=[], judgements=[], unlike=likeness(numbers, settings.likeness))
+    of_clip = (*likeness(numbers, settings.likeness), *followed(numbers, settings.tracking))
+    said = _Judged(reasons=[], judgements=[], unlike=of_clip)
     stretches = _judge(whole, 0, settings, numbers, said, settings.cut.max_cuts)
     reasons = said.reasons
     unlike = [verdict for verdict in said.unlike if not verdict.holds]

@@ -1,8 +1,8 @@
 """The motion that a rollout tracked, brought to the rollout's frames.
 
-The catalogue names it by content (`tracks_content`, pipeline.readers.tracked); both begin together. Where a window, a
-piece or a variant of the rollout is judged, the reference is sampled at the same times of the recording and mirrored as
-it was.
+A rollout of KP4 names its reference among the clips (`reference`) and the frame it begins at. For a recorded rollout
+the catalogue names the motion by content (`tracks_content`, pipeline.readers.tracked); both begin together. Where a
+window, a piece or a variant of a recording is evaluated, the reference is sampled at the same times and mirrored alike.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot
 
+CLIP = "reference"
+"""Number of a rollout of KP4 that names the clip it tracked."""
+
 CONTENT = "tracks_content"
 """Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
 
@@ -28,7 +31,7 @@ _OWN_VARIANT = re.compile(r"original|mirror|x[0-9.]+")
 """Parts of the name of a variant that shows the recorded motion."""
 
 References = Callable[[str], RobotClip]
-"""The reference motion of a content. Raises ReferenceGoneError."""
+"""The reference motion of a clip's name or of a content. Raises ReferenceGoneError."""
 
 
 class ReferenceGoneError(PipelineError):
@@ -47,7 +50,7 @@ class StoredReferences:
 
     store: Store
     blobs: Mapping[str, str]
-    """Content -> blob."""
+    """Name or content -> blob."""
 
     def __call__(self, content: str) -> RobotClip:
         if content not in self.blobs:
@@ -73,6 +76,8 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         robot: whose joints both have
         references: the motions by content
     """
+    if numbers.get(CLIP):
+        return _of_rollout(clip, numbers, references)
     content = numbers.get(CONTENT)
     if not content or is_perturbed(numbers):
         return None
@@ -90,6 +95,13 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         joint_pos=time_series.resample_cubic(reference.joint_pos, reference.fps, times_s),
     )
     return _mirrored(found, robot) if numbers.get("mirrored") else found
+
+
+def _of_rollout(clip: RobotClip, numbers: Numbers, references: References) -> RobotClip:
+    """The frames that a rollout of KP4, or a piece of one, tracked."""
+    stretch_s = float(numbers.get("stretch_start_s") or 0.0)
+    start = int(numbers.get("reference_frame") or 0) + round(stretch_s * clip.fps)
+    return references(str(numbers[CLIP])).cut(start, start + clip.frame_count, clip.name)
 
 
 def is_perturbed(numbers: Numbers) -> bool:

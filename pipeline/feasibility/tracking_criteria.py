@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
+from pipeline.clips.outcome import Numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.tracking_settings import TrackingSettings
@@ -57,6 +58,19 @@ def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Verdict, ...]:
         _peak("gravity", error.gravity, settings.gravity, "-", "the vertical in the root's frame is {:.2f} off"),
         _peak("end_height", error.end_height, settings.end_height, "m", "a hand or sole is {:.2f} m off in height"),
     )
+
+
+def followed(numbers: Numbers, settings: TrackingSettings) -> tuple[Verdict, ...]:
+    """The verdict on how much of its reference a rollout of KP4 followed; none for any other motion."""
+    share = numbers.get("followed_share")
+    if share is None:
+        return ()
+    text = f"the tracker follows {100 * float(share):.0f} % of the reference"
+    limit = settings.followed
+    verdict = Verdict(
+        code="tracking_followed", value=float(share), limit=limit, unit="of frames", text=text, lower=True
+    )
+    return (verdict,)
 
 
 def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.feasibility.units import Metres, Plain, Radians, Seconds
-from pipeline.files.ranges import Range, check
+from pipeline.feasibility.units import Metres, OfFrames, Plain, Radians, Seconds
+from pipeline.files.ranges import SHARE, Range, check
 
 _ANGLE = Range(0.0, 3.2, open_low=True)
 _LENGTH = Range(0.0, 2.0, open_low=True)
@@ -15,6 +15,8 @@ _LENGTH = Range(0.0, 2.0, open_low=True)
 class TrackingSettings:
     """How far a rollout may be from its reference, frame by frame at the same time."""
 
+    followed: OfFrames
+    """Least share of its reference that a rollout follows before tracking fails."""
     window_s: Seconds
     """The worst stretch of this length counts, and the last one [s]."""
     joint_p95: Radians
@@ -39,6 +41,7 @@ class TrackingSettings:
     def __post_init__(self) -> None:
         check(
             self,
+            followed=SHARE,
             window_s=Range(0.02, 10.0),
             joint_p95=_ANGLE,
             joint_worst=_ANGLE,

@@ -17,6 +17,8 @@ from pipeline.files.ranges import (
 )
 from pipeline.selection.skills import SkillBounds
 
+EXPERT_MOTIONS = ("rollouts", "references", "both")
+
 
 @dataclass(frozen=True, kw_only=True)
 class WindowSettings:
@@ -73,12 +75,15 @@ class Curation:
     """Patterns of names of clips or windows that are left out."""
     excluded_notes: tuple[str, ...]
     """Codes of notes (catalogue, readers) whose files are left out."""
+    expert_motions: str
+    """What the expert database is made of: `rollouts`, `references` or `both`."""
     windows: WindowSettings
     """How a clip is cut into windows."""
 
     def __post_init__(self) -> None:
         check(
             self,
+            expert_motions=OneOf(EXPERT_MOTIONS),
             skills=OneOf(LABELS),
             most_seconds=Keys(keys=OneOf(LABELS), values=NOT_NEGATIVE),
             shortest_s=NOT_NEGATIVE,

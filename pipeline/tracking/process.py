@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
+from pipeline.clips.outcome import Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
@@ -53,19 +53,20 @@ def process(
     plain = numbers.get("variant") in UNDISTURBED_VARIANTS
     count = settings.disturbed if plain else settings.disturbed_variants
     pieces: list[Piece] = []
-    found: Numbers = {}
+    found: dict[str, Number] = {}
+    disturbed = 0
     reasons: list[Reason] = []
     for number in range(count + 1):
         rng = np.random.default_rng(_seed(clip, settings.seed, number))
         disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
         stretches = rollout(clip, plant, policy, settings.failure, disturbance, rng if number else None)
         kept = _pieces(clip, stretches, number, disturbance, robot, settings)
+        disturbed += len(kept) if number else 0
         pieces += [dataclasses.replace(piece, numbers={**numbers, **piece.numbers}) for piece in kept]
         if number == 0:
             reasons = [_reason(stretch) for stretch in stretches if stretch.failed]
             found = _figures(clip, stretches, robot)
-    disturbed = [piece for piece in pieces if piece.numbers["rollout"] > 0]
-    found |= {"rollouts": count + 1, "disturbed_pieces": len(disturbed)}
+    found |= {"rollouts": count + 1, "disturbed_pieces": disturbed}
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers=found)
 
 
@@ -87,6 +88,7 @@ def _pieces(
 ) -> list[Piece]:
     name = f"{clip.name}~rollout{number or ''}"
     complete = len(stretches) == 1 and not stretches[0].failed
+    followed = sum(stretch.stop - stretch.start for stretch in stretches) / clip.frame_count
     pieces: list[Piece] = []
     for stretch in stretches:
         stop = stretch.stop - (round(settings.failure.before_s * CONTROL_HZ) if stretch.failed else 0)
@@ -101,6 +103,7 @@ def _pieces(
             "rollout": number,
             "seconds": motion.duration_s,
             "survived": complete,
+            "followed_share": min(followed, 1.0),
             "body_error_m": float(error.body.mean()),
             "joint_error_rad": float(error.joint.mean()),
             **disturbance.numbers(),
@@ -109,7 +112,7 @@ def _pieces(
     return pieces
 
 
-def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> Numbers:
+def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:
     """How well the nominal rollout follows, failing stretches included."""
     parts = [
         tracking_error(stretch.clip, clip.cut(stretch.start, stretch.stop, clip.name), robot) for stretch in stretches
@@ -122,6 +125,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
         "body_error_m": float(body.mean()),
         "joint_error_rad": float(joint.mean()),
         "worst_body_error_m": float(body.max()),
+        "worst_at_s": float(np.argmax(body)) / CONTROL_HZ,
     }
 
 

@@ -85,9 +85,7 @@ class _World:
         self._reference = reference_states(base, reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
         self._model = _disturbed(base, disturbance)
         self._data = mujoco.MjData(self._model)
-        self._motors = PdControl(
-            kp=disturbance.kp * robot.kp, kd=disturbance.kd * robot.kd, envelope=plant.envelope
-        )
+        self._motors = PdControl(kp=disturbance.kp * robot.kp, kd=disturbance.kd * robot.kd, envelope=plant.envelope)
         self._links = 1 + key_link_index(robot.link_names, tracker.key_links)
         self._moved = np.array([robot.joint(name) for name in tracker.controlled])
         self._feet = [int(self._model.site_bodyid[self._model.site(name).id]) for name in robot.feet]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -99,3 +100,7 @@ class TrackingSettings:
             disturbed_variants=Range(0, 1000),
             shortest_s=Range(0.1, 10.0),
         )
+
+    def nominal(self) -> TrackingSettings:
+        """The same with no disturbed rollout."""
+        return dataclasses.replace(self, disturbed=0, disturbed_variants=0)

@@ -62,9 +62,7 @@ def _read(path: Path, changed_ns: int) -> Tracker:
     network = dataclasses.replace(
         policy, mean=policy.mean.astype(np.float32), scale=policy.scale.astype(np.float32), layers=single
     )
-    return Tracker(
-        network=network, gains=policy.gains, controlled=texts["controlled"], key_links=texts["key_links"]
-    )
+    return Tracker(network=network, gains=policy.gains, controlled=texts["controlled"], key_links=texts["key_links"])
 
 
 def _checked(path: Path, tracker: Tracker, robot: Robot) -> Tracker:

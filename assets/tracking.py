@@ -1,0 +1,309 @@
+"""KP4's physics: the tracking policy of a robot, and the rollouts of its references."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+import pandas as pd
+
+from assets.amp_policy import commit_of
+from assets.checks import check_specs
+from assets.plainly import plainly
+from assets.plan import Plan
+from assets.policy import result_of
+from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import picture, stage_metadata, table_of
+from assets.resources import ClipPoolResource, store_left_to_others
+from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.training_process import TrainingFailedError, gpus_here, train
+from pipeline.batch import Manifest, run_stage
+from pipeline.files import digest, settings
+
+TRAINED, SHIPPED = "trained here", "ships with the project"
+
+TRACKED_SHARE = 0.8
+"""A skill is one that the tracker follows where it survives so many of the skill's other references."""
+
+
+class TrackerConfig(dg.Config):
+    """Whether a tracker is trained, and how."""
+
+    train: bool = False
+    """Train one on this machine's references; otherwise the newest trained here is served, or the one that ships."""
+    device: str = "auto"
+    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU where there is one."""
+    gpus: int = 1
+    num_envs: int = 0
+    """Of each GPU; 0: 4096, or 8 in a trial."""
+    iterations: int = 0
+    """0: as many as the minutes allow, or 2 in a trial."""
+    minutes: float = 20.0
+    seed: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerRun:
+    """One training run of a tracker."""
+
+    folder: Path
+    bundle: Path
+    device: str
+    gpus: int
+    num_envs: int
+    iterations: int
+    minutes: float
+    seed: int
+
+    @property
+    def command(self) -> list[str]:
+        """The command, without the Python that runs it."""
+        module = ["-m", "pipeline.tracking"]
+        if self.gpus > 1:
+            module = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={self.gpus}", *module]
+        given = {
+            "bundle": self.bundle,
+            "out": self.folder,
+            "device": self.device,
+            "num-envs": self.num_envs,
+            "iterations": self.iterations,
+            "minutes": f"{self.minutes:g}",
+            "seed": self.seed,
+        }
+        return [*module, *(text for name, value in given.items() for text in (f"--{name}", str(value))), "--resume"]
+
+    @property
+    def done(self) -> bool:
+        return (self.folder / "done.json").is_file()
+
+
+def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
+    """The asset `tracking_policy` of a robot."""
+
+    @dg.asset(**declared_motions(plan, "pytorch", "4", inputs_of(reference_motions=references, adapted_robot=adapted)))
+    @plainly
+    def tracking_policy(
+        context: dg.AssetExecutionContext,
+        config: TrackerConfig,
+        clip_pool: ClipPoolResource,
+        reference_motions: Manifest,
+        adapted_robot: Manifest,
+    ):
+        """The policy that tracks references in simulation: trained here when a person asks, or the one that ships."""
+        from pipeline.tracking.tracker_folder import read_card
+
+        robot = plan.robot or DEFAULT_ROBOT
+        if config.train:
+            _train(plan, config, reference_motions, robot, clip_pool, context.log)
+        folder, origin = served_tracker(PROJECT, robot)
+        card = read_card(folder)
+        known = set(card.clips)
+        unknown = sorted(entry.clip for entry in reference_motions.entries if entry.clip not in known)
+        facts = {
+            "stage": plan.name,
+            "robot": robot,
+            "origin": origin,
+            "folder": folder.relative_to(PROJECT.root).as_posix(),
+            "files": card.files,
+            "licences": list(card.licences),
+        }
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={digest.of_json(card.files): facts})
+        metadata = {
+            "origin": origin,
+            "folder": facts["folder"],
+            "figures of its own clips": dg.MetadataValue.json(card.figures),
+            "training": dg.MetadataValue.json(card.training),
+            "trained on": f"{len(card.clips)} clips",
+            "references that it was not trained on": len(unknown),
+            "licences": ", ".join(card.licences),
+        }
+        if unknown:
+            context.log.warning(
+                f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
+                f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job train_tracker."
+            )
+        return result_of(plan, manifest, metadata, [])
+
+    return tracking_policy
+
+
+def served_tracker(project: Project, robot: str) -> tuple[Path, str]:
+    """Folder of the tracker to use, and where it comes from. Raises FileError where there is none."""
+    from pipeline.errors import FileError
+
+    trained = project.policies(robot) / "tracker"
+    if (trained / "card.json").is_file():
+        return trained, TRAINED
+    shipped = project.shipped_policies(robot) / "tracker"
+    if (shipped / "card.json").is_file():
+        return shipped, SHIPPED
+    raise FileError(
+        shipped / "card.json",
+        f"there is no tracker of '{robot}': none ships, and none was trained here.",
+        "On a machine with a GPU run the job train_tracker, or set expert_motions: references in data/curation.yaml.",
+    )
+
+
+def _train(
+    plan: Plan, config: TrackerConfig, references: Manifest, robot_name: str, clip_pool: ClipPoolResource, log: Any
+) -> None:
+    """Train on the references and put the tracker's folder beside the policies. A trial leaves the served one alone."""
+    from pipeline.clips.robot_clip import RobotClip
+    from pipeline.expert.training_bundle import robot_facts
+    from pipeline.robot import load_robot
+    from pipeline.tracking.export_tracker import export_tracker
+    from pipeline.tracking.write_bundle import write_tracking_bundle
+
+    adapted = PROJECT.adapted_robot(robot_name)
+    robot = load_robot(adapted)
+    bundle = PROJECT.policies(robot_name) / "tracking_bundle"
+    clips = (PROJECT.store.get_clip(entry.blob, entry.clip) for entry in references.entries)
+    licences = [str(entry.numbers["licence"]) for entry in references.entries]
+    about = write_tracking_bundle(
+        bundle,
+        [clip for clip in clips if isinstance(clip, RobotClip)],
+        robot,
+        robot_facts(robot, adapted),
+        licences,
+    )
+    run = _run_of(config, PROJECT.policies(robot_name) / "tracker_runs", bundle, digest.of_json(about))
+    commit = commit_of(PROJECT)
+    with store_left_to_others(log):
+        train(run, PROJECT.root, PROJECT.training_lock, log)
+    if run.device == "cpu":
+        log.warning(f"{run.folder.name} was a trial on a CPU: it shows that training runs, and is not served.")
+        return
+    near = [text.replace(f"{PROJECT.root}/", "") for text in run.command]
+    made = {"command": f"python {' '.join(near)}", "commit": commit}
+    export_tracker(run.folder, bundle, adapted, PROJECT.policies(robot_name) / "tracker", made, clip_pool.pool())
+
+
+def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> TrackerRun:
+    """The run that a config asks for here; the same request continues in the same folder."""
+    there = gpus_here()
+    if config.device == "cuda" and there < config.gpus:
+        raise TrainingFailedError(
+            f"{config.gpus} GPUs are asked for, {there} are here; set the device to 'cpu' or 'auto'."
+        )
+    device = config.device if config.device != "auto" else "cuda" if there else "cpu"
+    trial = device == "cpu"
+    asked: dict[str, Any] = {
+        "device": device,
+        "gpus": 1 if trial else config.gpus,
+        "num_envs": config.num_envs or (8 if trial else 4096),
+        "iterations": config.iterations or (2 if trial else 10_000),
+        "minutes": config.minutes,
+        "seed": config.seed,
+    }
+    name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
+    return TrackerRun(folder=runs / name, bundle=bundle, **asked)
+
+
+def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
+    """The asset `augmented_motions` of a robot."""
+    inputs = inputs_of(reference_motions=references, tracking_policy=policy, adapted_robot=adapted)
+
+    @dg.asset(**declared_motions(plan, "mujoco", "4", inputs), check_specs=check_specs(plan))
+    @plainly
+    def augmented_motions(
+        context: dg.AssetExecutionContext,
+        clip_pool: ClipPoolResource,
+        reference_motions: Manifest,
+        tracking_policy: Manifest,
+        adapted_robot: Manifest,
+    ):
+        """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
+        from pipeline.viewing.tracking_plots import tracking_errors, worst_tracked
+
+        from pipeline.actuators import read_actuators, torque_envelope
+        from pipeline.robot import load_robot
+        from pipeline.tracking.process import process
+        from pipeline.tracking.settings import TrackingSettings
+
+        folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
+        robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
+        values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
+        (facts,) = tracking_policy.settings.values()
+        tracker = PROJECT.root / facts["folder"] / "tracker.npz"
+        function = partial(process, settings=values, robot=robot, envelope=envelope, tracker=tracker)
+        stage = stage_of(plan, function, values, robot_files=robot.digest)
+        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": facts["files"]["tracker.npz"]})
+        manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
+        manifest = compared_with_neighbours(manifest, reference_motions)
+        table = manifest.judged_table()
+        metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
+        metadata |= tracking_metadata(table, manifest.entry_table())
+        if len(table):
+            metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
+            metadata["worst tracked, when they fail"] = picture(
+                worst_tracked(manifest, reference_motions, PROJECT.store, robot)
+            )
+        return materialized(plan, manifest, metadata)
+
+    return augmented_motions
+
+
+def tracking_metadata(references: pd.DataFrame, rollouts: pd.DataFrame) -> dict[str, Any]:
+    """Figures of the nominal rollouts, and the share of disturbed ones that went on."""
+    tracked = references.dropna(subset=["survived"]) if "survived" in references else references.iloc[:0]
+    if tracked.empty:
+        return {"references tracked": 0}
+    disturbed = rollouts[rollouts["rollout"] > 0] if len(rollouts) else rollouts
+    asked = int((tracked["rollouts"] - 1).sum())
+    complete = int(disturbed["survived"].astype(bool).sum()) if len(disturbed) else 0
+    worst = tracked.sort_values("worst_body_error_m", ascending=False)
+    return {
+        "references tracked": f"{int(tracked['survived'].astype(bool).sum())} of {len(tracked)} to the last frame",
+        "mean body error [cm]": float(100.0 * tracked["body_error_m"].mean()),
+        "mean joint error [deg]": float(57.29578 * tracked["joint_error_rad"].mean()),
+        "disturbed rollouts": f"{complete} of {asked} to the last frame",
+        "references, the worst first": table_of(
+            worst, ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
+        ),
+    }
+
+
+def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manifest:
+    """The manifest whose reasons against references say how the tracker follows other references of the skill."""
+    from pipeline.tracking.process import NOT_TRACKED
+
+    skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
+    seen, held = Counter[str](), Counter[str]()
+    for row in manifest.judged:
+        skill = skills.get(row.clip, "")
+        seen[skill] += 1
+        held[skill] += bool(row.numbers.get("survived"))
+    judged = []
+    for row in manifest.judged:
+        skill = skills.get(row.clip, "")
+        others, kept = seen[skill] - 1, held[skill] - bool(row.numbers.get("survived"))
+        reasons = tuple(
+            _with_neighbours(reason, skill, kept, others) if reason["code"] == NOT_TRACKED else reason
+            for reason in row.reasons
+        )
+        judged.append(dataclasses.replace(row, reasons=reasons))
+    return dataclasses.replace(manifest, judged=tuple(judged))
+
+
+def _with_neighbours(reason: Mapping[str, Any], skill: str, kept: int, others: int) -> dict[str, Any]:
+    at_fault = others > 0 and kept >= TRACKED_SHARE * others
+    why = "so the reference is at fault" if at_fault else "so the tracker may be too weak for this skill"
+    text = f"{reason['text']}. It follows {kept} of {others} other references of the skill '{skill}', {why}"
+    return {**reason, "text": text}
+
+
+def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:
+    """The job `train_tracker` of each robot (`train_tracker_k1` of another one), started by a person."""
+    return [
+        dg.define_asset_job(
+            "train_tracker" if robot == DEFAULT_ROBOT else f"train_tracker_{robot}",
+            selection=dg.AssetSelection.assets(plans[robot].key),
+            config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": True}}}},
+            description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
+        )
+        for robot in robots
+    ]

@@ -1,0 +1,83 @@
+"""Write a tracker's folder from a training run: `python -m pipeline.tracking.export_tracker`.
+
+    --run DIR      a run of `python -m pipeline.tracking`
+    --bundle DIR   the bundle it was trained on
+    --robot DIR    the adapted robot, `data/adapted_robot/<robot>`
+    --out DIR      the folder, as `robots/t1/policies/tracker`
+    --command TEXT, --commit TEXT   how the run was made, for the card
+
+Every clip of the bundle is rolled out once without disturbance; the figures go into the card.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.batch.pool import ClipPool
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+from pipeline.files import settings
+from pipeline.learning.training_error import TrainingError
+from pipeline.robot import Robot, load_robot
+from pipeline.tracking.bundle import Motions, read_tracking_bundle
+from pipeline.tracking.evaluate import figures, nominal_rollouts
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.task import CONTROL_HZ
+from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, write_tracker_folder
+
+SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
+
+
+def export_tracker(
+    run: Path, bundle_folder: Path, robot_folder: Path, out: Path, made: dict[str, str], pool: ClipPool
+) -> TrackerCard:
+    """Roll out every clip of the bundle and write the folder. Raises FileError and TrainingError for files that do not
+    fit."""
+    robot, bundle = load_robot(robot_folder), read_tracking_bundle(bundle_folder)
+    envelope = torque_envelope(read_actuators(robot_folder))
+    values = settings.read(SETTINGS, TrackingSettings)
+    clips = clips_of(bundle.motions, robot)
+    found = nominal_rollouts(clips, robot, envelope, run / NETWORK, values, pool)
+    return write_tracker_folder(out, run, bundle.about, bundle.motions.names, figures(found), made)
+
+
+def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:
+    """The motions of a bundle as clips."""
+    return [
+        RobotClip(
+            name=name,
+            fps=CONTROL_HZ,
+            robot=robot.name,
+            joint_names=robot.joint_names,
+            root_pos_w=motions.root_pos_w[start:stop],
+            root_quat_w=motions.root_quat_w[start:stop],
+            joint_pos=motions.joint_pos[start:stop],
+        )
+        for name, start, stop in zip(motions.names, motions.clip_start[:-1], motions.clip_start[1:], strict=True)
+    ]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the folder and print its figures; the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.tracking.export_tracker")
+    for name in ("run", "bundle", "robot", "out"):
+        parser.add_argument(f"--{name}", type=Path, required=True)
+    parser.add_argument("--command", default="")
+    parser.add_argument("--commit", default="")
+    given = parser.parse_args(arguments)
+    made = {"command": given.command, "commit": given.commit}
+    try:
+        card = export_tracker(given.run, given.bundle, given.robot, given.out, made, ClipPool())
+    except (PipelineError, TrainingError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(", ".join(f"{name} {value:g}" for name, value in card.figures.items()))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

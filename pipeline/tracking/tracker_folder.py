@@ -1,0 +1,114 @@
+"""A tracker as a folder: its network, its curves, and a card that says what it was trained on and how well it tracks.
+
+<folder>/tracker.npz   the network with robot, joints, links and gains
+<folder>/curves.csv    one row an iteration of training
+<folder>/card.json     clips and licences, robot, command, commit, figures of the nominal rollouts, digests of the files
+
+`python -m pipeline.tracking.export_tracker` writes one from a training run.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FileError
+from pipeline.files import atomic, digest
+
+SCHEMA = "booster-lab tracker 1"
+NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
+CONFIG, DONE = "config.json", "done.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerCard:
+    """What a tracker's folder says of it."""
+
+    robot: str
+    clips: tuple[str, ...]
+    """Reference clips that it was trained on."""
+    licences: tuple[str, ...]
+    """Of these clips."""
+    training: dict[str, Any]
+    """Command, commit, seed, device, iterations, seconds, digest of the bundle."""
+    figures: dict[str, float]
+    """Nominal rollouts of these clips on a CPU."""
+    files: dict[str, str]
+    """Name -> digest."""
+
+
+def read_card(folder: Path) -> TrackerCard:
+    """The card of a tracker's folder. Raises FileError where it or a file is missing, changed or of another schema."""
+    path = folder / CARD
+    if not path.is_file():
+        raise FileError(path, "it is missing: the folder has no tracker.", "Train one, or name another folder.")
+    try:
+        value = json.loads(path.read_text())
+        if value.pop("schema") != SCHEMA:
+            raise ValueError("another schema")
+        card = TrackerCard(
+            **{**value, "clips": tuple(value["clips"]), "licences": tuple(value["licences"])},
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(path, f"is no card of a tracker ({error}).", "Write the folder again.") from error
+    for name, expected in card.files.items():
+        if not (folder / name).is_file() or digest.of_file(folder / name) != expected:
+            raise FileError(folder / name, "is missing or not the file of its card.", "Write the folder again.")
+    return card
+
+
+def write_tracker_folder(
+    folder: Path,
+    run: Path,
+    bundle: dict[str, Any],
+    clips: tuple[str, ...],
+    figures: dict[str, float],
+    made: dict[str, str],
+) -> TrackerCard:
+    """Copy network and curves of a training run to a folder and write its card.
+
+    Args:
+        folder: where to; may be the run's own
+        run: a run of `python -m pipeline.tracking`
+        bundle: its `bundle.json`
+        clips: names of its clips
+        figures: of the nominal rollouts of these clips
+        made: `command` and `commit`
+
+    Raises FileError where the run lacks a file.
+    """
+    for name in (NETWORK, CURVES, CONFIG):
+        if not (run / name).is_file():
+            raise FileError(run / name, "it is missing: the run has not ended.", "Repeat its command with --resume.")
+    config = json.loads((run / CONFIG).read_text())
+    rows = (run / CURVES).read_text().splitlines()
+    last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
+    training = {
+        **made,
+        "seed": config["seed"],
+        "num_envs": config["num_envs"],
+        "processes": config["processes"],
+        "device": config["device"],
+        "versions": config["versions"],
+        "bundle": config["bundle_digest"],
+        "robot_digest": bundle["robot_digest"],
+        "seconds_of_motion": bundle["seconds"],
+        "iterations": int(last["iteration"]),
+        "minutes": round(float(last["seconds"]) / 60.0, 1),
+    }
+    for name in (NETWORK, CURVES):
+        atomic.write_bytes(folder / name, (run / name).read_bytes())
+    files = {name: digest.of_file(folder / name) for name in (NETWORK, CURVES)}
+    card = TrackerCard(
+        robot=bundle["robot"],
+        clips=clips,
+        licences=tuple(bundle["licences"]),
+        training=training,
+        figures=figures,
+        files=files,
+    )
+    text = json.dumps({"schema": SCHEMA, **vars(card)}, indent=1, sort_keys=True) + "\n"
+    atomic.write_bytes(folder / CARD, text.encode())
+    return card
