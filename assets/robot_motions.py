@@ -17,9 +17,11 @@ from assets.database_checks import database_check_specs
 from assets.plainly import plainly, told_plainly
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.reference_motions import motion_variants, reference_motions
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.tracking import augmented_motions, tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
 

@@ -1,11 +1,13 @@
 """KP4's physics: the tracking policy of a robot, and the rollouts of its references."""
 
 import dataclasses
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import dagster as dg
@@ -217,12 +219,11 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         adapted_robot: Manifest,
     ):
         """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
-        from pipeline.viewing.tracking_plots import tracking_errors, worst_tracked
-
         from pipeline.actuators import read_actuators, torque_envelope
         from pipeline.robot import load_robot
         from pipeline.tracking.process import process
         from pipeline.tracking.settings import TrackingSettings
+        from pipeline.viewing.tracking_plots import tracking_errors, worst_tracked
 
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
         robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
@@ -234,10 +235,9 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": facts["files"]["tracker.npz"]})
         manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
         manifest = compared_with_neighbours(manifest, reference_motions)
-        table = manifest.judged_table()
         metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
-        metadata |= tracking_metadata(table, manifest.entry_table())
-        if len(table):
+        metadata |= tracking_metadata(manifest)
+        if manifest.entries:
             metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
             metadata["worst tracked, when they fail"] = picture(
                 worst_tracked(manifest, reference_motions, PROJECT.store, robot)
@@ -247,23 +247,22 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
     return augmented_motions
 
 
-def tracking_metadata(references: pd.DataFrame, rollouts: pd.DataFrame) -> dict[str, Any]:
-    """Figures of the nominal rollouts, and the share of disturbed ones that went on."""
-    tracked = references.dropna(subset=["survived"]) if "survived" in references else references.iloc[:0]
-    if tracked.empty:
+def tracking_metadata(manifest: Manifest) -> dict[str, Any]:
+    """Figures of the nominal rollouts, and the share of disturbed ones that reached their end."""
+    rows = [{"clip": row.clip, **row.numbers} for row in manifest.judged if "survived" in row.numbers]
+    if not rows:
         return {"references tracked": 0}
-    disturbed = rollouts[rollouts["rollout"] > 0] if len(rollouts) else rollouts
-    asked = int((tracked["rollouts"] - 1).sum())
-    complete = int(disturbed["survived"].astype(bool).sum()) if len(disturbed) else 0
-    worst = tracked.sort_values("worst_body_error_m", ascending=False)
+    disturbed = [entry.numbers for entry in manifest.entries if entry.numbers["rollout"] > 0]
+    asked = sum(int(row["rollouts"]) - 1 for row in rows)
+    complete = sum(bool(numbers["survived"]) for numbers in disturbed)
+    worst = pd.DataFrame(sorted(rows, key=lambda row: -row["worst_body_error_m"]))
+    columns = ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
     return {
-        "references tracked": f"{int(tracked['survived'].astype(bool).sum())} of {len(tracked)} to the last frame",
-        "mean body error [cm]": float(100.0 * tracked["body_error_m"].mean()),
-        "mean joint error [deg]": float(57.29578 * tracked["joint_error_rad"].mean()),
+        "references tracked": f"{sum(bool(row['survived']) for row in rows)} of {len(rows)} to the last frame",
+        "mean body error [cm]": 100.0 * fmean(row["body_error_m"] for row in rows),
+        "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
         "disturbed rollouts": f"{complete} of {asked} to the last frame",
-        "references, the worst first": table_of(
-            worst, ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
-        ),
+        "references, the worst first": table_of(worst, columns),
     }
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import dagster as dg
 
@@ -150,7 +150,20 @@ def gpus_here() -> int:
     return torch.cuda.device_count() if torch.cuda.is_available() else 0
 
 
-def train(run: Run, root: Path, lock: Path, log: Any) -> None:
+class TrainingCommand(Protocol):
+    """A training run that a process of its own works on."""
+
+    @property
+    def folder(self) -> Path: ...
+
+    @property
+    def command(self) -> list[str]: ...
+
+    @property
+    def done(self) -> bool: ...
+
+
+def train(run: TrainingCommand, root: Path, lock: Path, log: Any) -> None:
     """Train until the run is done; nothing where it is. Raises TrainingFailedError."""
     if run.done:
         log.info(f"{run.folder.name} is done already: nothing is trained")

@@ -43,17 +43,20 @@ def nominal_rollouts(
 
 
 def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
-    """Share that survives, and mean errors weighted by length."""
+    """Share that survives, and errors: mean over clips, mean over all frames, and the worst clip's."""
     seconds = np.array([each.seconds for each in rollouts])
-    body = np.array([each.body_error_m for each in rollouts])
-    joint = np.array([each.joint_error_rad for each in rollouts])
-    return {
+    body_cm = np.array([100.0 * each.body_error_m for each in rollouts])
+    joint_deg = np.degrees([each.joint_error_rad for each in rollouts])
+    values = {
         "clips": float(len(rollouts)),
-        "survived": float(np.mean([each.survived for each in rollouts])),
-        "body_error_cm": round(float(100.0 * np.average(body, weights=seconds)), 3),
-        "joint_error_deg": round(float(np.degrees(np.average(joint, weights=seconds))), 3),
-        "worst_body_error_cm": round(float(100.0 * body.max()), 3),
+        "survived": np.mean([each.survived for each in rollouts]),
+        "body_error_cm": body_cm.mean(),
+        "body_error_cm_over_frames": np.average(body_cm, weights=seconds),
+        "body_error_cm_worst_clip": body_cm.max(),
+        "joint_error_deg": joint_deg.mean(),
+        "joint_error_deg_over_frames": np.average(joint_deg, weights=seconds),
     }
+    return {name: round(float(value), 3) for name, value in values.items()}
 
 
 def _nominal(

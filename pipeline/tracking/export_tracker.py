@@ -21,13 +21,16 @@ from pipeline.batch.pool import ClipPool
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.files import settings
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot, load_robot
 from pipeline.tracking.bundle import Motions, read_tracking_bundle
 from pipeline.tracking.evaluate import figures, nominal_rollouts
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ
-from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, write_tracker_folder
+from pipeline.tracking.tracker_file import tracker_arrays
+from pipeline.tracking.tracker_folder import NETWORK, TrackerCard, Trained, write_tracker_folder
 
 SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
 
@@ -35,14 +38,21 @@ SETTINGS = Path(__file__).resolve().parents[2] / "data" / "tracking.yaml"
 def export_tracker(
     run: Path, bundle_folder: Path, robot_folder: Path, out: Path, made: dict[str, str], pool: ClipPool
 ) -> TrackerCard:
-    """Roll out every clip of the bundle and write the folder. Raises FileError and TrainingError for files that do not
-    fit."""
+    """Take the run's newest checkpoint, roll out every clip of the bundle with it and write the folder.
+
+    Raises FileError and TrainingError for files that do not fit.
+    """
     robot, bundle = load_robot(robot_folder), read_tracking_bundle(bundle_folder)
     envelope = torque_envelope(read_actuators(robot_folder))
     values = settings.read(SETTINGS, TrackingSettings)
-    clips = clips_of(bundle.motions, robot)
-    found = nominal_rollouts(clips, robot, envelope, run / NETWORK, values, pool)
-    return write_tracker_folder(out, run, bundle.about, bundle.motions.names, figures(found), made)
+    newest = newest_checkpoint(run / "checkpoints")
+    if newest is None:
+        raise TrainingError(f"{run}: has no checkpoint. Train first: python -m pipeline.tracking --help.")
+    state = load_checkpoint(newest, "cpu")
+    write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
+    found = nominal_rollouts(clips_of(bundle.motions, robot), robot, envelope, run / NETWORK, values, pool)
+    trained = Trained(run=run, iterations=state["iteration"], bundle=bundle.about, clips=bundle.motions.names)
+    return write_tracker_folder(out, trained, figures(found), made)
 
 
 def clips_of(motions: Motions, robot: Robot) -> list[RobotClip]:

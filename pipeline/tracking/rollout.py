@@ -96,7 +96,7 @@ class _World:
     def follow(self, start: int, failure: FailureSettings, rng: np.random.Generator | None) -> TrackedStretch:
         """Track from a frame of the reference to its end or to a failure."""
         last = self._clip.frame_count - 1
-        record = _Record(last - start, self._joints)
+        record = _Record(last - start, self._joints, self._model.nbody, self._feet)
         self._place(start, rng)
         action = np.zeros(len(self._moved), dtype=np.float32)
         target = before = self._reference.joint_pos[start + 1]
@@ -158,8 +158,8 @@ class _World:
             data.qfrc_applied[6:] = torque
             mujoco.mj_step(model, data)
             mujoco.mj_rnePostConstraint(model, data)
-            record.forces(torque, data.cfrc_ext, data, self._feet)
-        record.end_of_step(push, self._feet)
+            record.forces(torque, data)
+        record.end_of_step(push)
 
     def _push(self, time_s: float) -> np.ndarray:
         force = np.zeros(3)
@@ -208,7 +208,8 @@ class _World:
 class _Record:
     """States and forces of a rollout while it runs."""
 
-    def __init__(self, steps: int, joints: int):
+    def __init__(self, steps: int, joints: int, bodies: int, feet: Sequence[int]):
+        self._feet, self._contact, self._arm = list(feet), np.zeros((bodies, 6)), np.zeros((2, 3))
         self.qpos: list[np.ndarray] = []
         self._torque = np.zeros((steps + 1, joints))
         self._wrench, self._other = np.zeros((steps + 1, 2, 6)), np.zeros((steps + 1, 3))
@@ -218,23 +219,23 @@ class _Record:
     def state(self, data: mujoco.MjData) -> None:
         self.qpos.append(data.qpos.copy())
 
-    def forces(self, torque: np.ndarray, cfrc_ext: np.ndarray, data: mujoco.MjData, feet: Sequence[int]) -> None:
+    def forces(self, torque: np.ndarray, data: mujoco.MjData) -> None:
         """Add one physics step's torques and contact forces; MuJoCo gives (moment, force) about the robot's centre of
         mass, pushes included."""
         self._torque[self._step] += torque
-        wrench, com = self._wrench[self._step], data.subtree_com[1]
-        for side, foot in enumerate(feet):
-            force = cfrc_ext[foot, 3:]
-            wrench[side, :3] += force
-            wrench[side, 3:] += cfrc_ext[foot, :3] + _cross(com - data.xpos[foot], force)
-        self._other[self._step] += cfrc_ext[1:, 3:].sum(axis=0)
+        self._contact += data.cfrc_ext
+        self._arm += data.subtree_com[1] - data.xpos[self._feet]
 
-    def end_of_step(self, push: np.ndarray, feet: Sequence[int]) -> None:
-        step = self._step
+    def end_of_step(self, push: np.ndarray) -> None:
+        """Means over the control step. The feet's arm is a mean too: it moves by millimetres within a step."""
+        step, contact = self._step, self._contact / DECIMATION
+        force = contact[self._feet, 3:]
         self._torque[step] /= DECIMATION
-        self._wrench[step] /= DECIMATION
-        self._other[step] = self._other[step] / DECIMATION - self._wrench[step, :, :3].sum(axis=0) - push
+        self._wrench[step, :, :3] = force
+        self._wrench[step, :, 3:] = contact[self._feet, :3] + np.cross(self._arm / DECIMATION, force)
+        self._other[step] = contact[1:, 3:].sum(axis=0) - force.sum(axis=0) - push
         self._push[step] = push
+        self._contact[:], self._arm[:] = 0.0, 0.0
         self._step += 1
 
     def as_forces(self) -> SimulatedForces:
@@ -251,13 +252,6 @@ class _Record:
 
 def _heights(reference: ReferenceStates, frame: int, bodies: np.ndarray) -> np.ndarray:
     return reference.body_pos_w[frame, bodies - 1, 2] - reference.body_pos_w[frame, 0, 2]
-
-
-def _cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Cross product of two vectors; numpy's takes longer than all else of a step."""
-    ax, ay, az = first
-    bx, by, bz = second
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 @functools.lru_cache(maxsize=4)

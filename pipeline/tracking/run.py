@@ -19,11 +19,11 @@ from tensordict import TensorDict
 
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
-from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.bundle import TrackingBundle
 from pipeline.tracking.environment import tracking_environment
-from pipeline.tracking.task import ACTION_SCALE, OBSERVATION
+from pipeline.tracking.tracker_file import tracker_arrays
 
 SAVE_EVERY = 100
 """Iterations between checkpoints."""
@@ -136,7 +136,7 @@ class TrackingRun:
             return
         state = self.runner.alg.save()
         save_checkpoint(self.folder, self.iteration, state, self.env.unwrapped.common_step_counter)
-        write_policy(self.request.out / "tracker.npz", tracker_arrays(state, self.bundle))
+        write_policy(self.request.out / "tracker.npz", tracker_arrays(state, self.bundle.robot))
         self._curves.write()
 
     def _out_of_time(self, seconds: float) -> bool:
@@ -207,18 +207,6 @@ class TrackingRun:
                 "mjlab": getattr(mjlab, "__version__", "1.6.0"),
             },
         }
-
-
-def tracker_arrays(state: dict[str, Any], bundle: TrackingBundle) -> dict[str, np.ndarray]:
-    """The network of a checkpoint with all that a rollout must know: robot, joints, links, gains, action scale."""
-    robot = bundle.robot
-    return policy_arrays(state, robot) | {
-        "robot": np.array(robot.name),
-        "controlled": np.array(robot.controlled),
-        "key_links": np.array(robot.key_links),
-        "action_scale": np.array(ACTION_SCALE),
-        "observation": np.array(OBSERVATION),
-    }
 
 
 def runner_cfg() -> dict[str, Any]:

@@ -19,7 +19,7 @@ from pipeline.files import atomic, digest
 
 SCHEMA = "booster-lab tracker 1"
 NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
-CONFIG, DONE = "config.json", "done.json"
+CONFIG = "config.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,32 +59,40 @@ def read_card(folder: Path) -> TrackerCard:
     return card
 
 
+@dataclass(frozen=True, kw_only=True)
+class Trained:
+    """A training run at one of its checkpoints."""
+
+    run: Path
+    """Folder of the run; its `tracker.npz` is the checkpoint's network."""
+    iterations: int
+    bundle: dict[str, Any]
+    """`bundle.json` of what it was trained on."""
+    clips: tuple[str, ...]
+    """Names of its clips."""
+
+
 def write_tracker_folder(
-    folder: Path,
-    run: Path,
-    bundle: dict[str, Any],
-    clips: tuple[str, ...],
-    figures: dict[str, float],
-    made: dict[str, str],
+    folder: Path, trained: Trained, figures: dict[str, float], made: dict[str, str]
 ) -> TrackerCard:
     """Copy network and curves of a training run to a folder and write its card.
 
     Args:
-        folder: where to; may be the run's own
-        run: a run of `python -m pipeline.tracking`
-        bundle: its `bundle.json`
-        clips: names of its clips
-        figures: of the nominal rollouts of these clips
+        folder: where to
+        trained: the run
+        figures: of the nominal rollouts of its clips
         made: `command` and `commit`
 
     Raises FileError where the run lacks a file.
     """
+    run, bundle = trained.run, trained.bundle
     for name in (NETWORK, CURVES, CONFIG):
         if not (run / name).is_file():
             raise FileError(run / name, "it is missing: the run has not ended.", "Repeat its command with --resume.")
     config = json.loads((run / CONFIG).read_text())
-    rows = (run / CURVES).read_text().splitlines()
-    last = dict(zip(rows[0].split(","), rows[-1].split(","), strict=True))
+    head, *rows = (run / CURVES).read_text().splitlines()
+    rows = rows[: trained.iterations]
+    last = dict(zip(head.split(","), rows[-1].split(","), strict=True))
     training = {
         **made,
         "seed": config["seed"],
@@ -95,15 +103,15 @@ def write_tracker_folder(
         "bundle": config["bundle_digest"],
         "robot_digest": bundle["robot_digest"],
         "seconds_of_motion": bundle["seconds"],
-        "iterations": int(last["iteration"]),
+        "iterations": trained.iterations,
         "minutes": round(float(last["seconds"]) / 60.0, 1),
     }
-    for name in (NETWORK, CURVES):
-        atomic.write_bytes(folder / name, (run / name).read_bytes())
+    atomic.write_bytes(folder / NETWORK, (run / NETWORK).read_bytes())
+    atomic.write_bytes(folder / CURVES, "".join(f"{row}\n" for row in (head, *rows)).encode())
     files = {name: digest.of_file(folder / name) for name in (NETWORK, CURVES)}
     card = TrackerCard(
         robot=bundle["robot"],
-        clips=clips,
+        clips=trained.clips,
         licences=tuple(bundle["licences"]),
         training=training,
         figures=figures,
