@@ -10,12 +10,13 @@ from assets.bootstrap import stale_now
 from assets.database_checks import judge_database, last_verdicts
 from assets.plan import FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.realizability import realizability_check
 from assets.report import picture, table_of
 from pipeline.batch import Manifest
 
 
 def materialize_database(
-    context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest
+    context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest, pool: Any
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
     """Write the database of what left KP5 and judge it, or say that nothing is stale and what was judged."""
     from pipeline.expert import write_database
@@ -33,13 +34,18 @@ def materialize_database(
     if not feasible.entries:
         context.log.error("no clip is left after KP5: the database is empty. The assets upstream say why, clip by clip")
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings)
+    realizable, accuracy = realizability_check(plan, feasible, pool)
+    metadata = {"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())}
+    if accuracy is not None:
+        metadata["realizability"] = accuracy
     yield dg.MaterializeResult(
         asset_key=plan.key,
-        metadata={"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())},
+        metadata=metadata,
         data_version=dg.DataVersion(database_version(folder)),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
     yield from judge_database(plan)
+    yield realizable
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:

@@ -10,6 +10,7 @@ from dagster._core.storage.asset_check_execution_record import AssetCheckExecuti
 from assets.chosen_windows import short_of_wanted
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.realizability import realizability_spec
 from assets.report import table_of
 from pipeline.files import settings
 
@@ -40,6 +41,7 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
             asset=plan.key,
             description="The robot moves at every speed of the command ranges: forward, back, to both sides, turning.",
         ),
+        realizability_spec(plan),
     ]
 
 

@@ -236,10 +236,13 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
         check_specs=database_check_specs(plan),
     )
     def expert_db(
-        context: dg.AssetExecutionContext, feasible_motions: Manifest, robot_model: Manifest
+        context: dg.AssetExecutionContext,
+        clip_pool: ClipPoolResource,
+        feasible_motions: Manifest,
+        robot_model: Manifest,
     ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
         with told_plainly():
-            yield from materialize_database(context, plan, feasible_motions)
+            yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
 
     return expert_db

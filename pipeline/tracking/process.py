@@ -66,6 +66,9 @@ def process(
         if number == 0:
             reasons = [_reason(stretch) for stretch in stretches if stretch.failed]
             found = _figures(clip, stretches, robot)
+    if not pieces and not reasons:
+        text = f"its rollouts are shorter than {settings.shortest_s:g} s"
+        reasons = [Reason(code="too_short", text=text, effect="rejected", value=clip.duration_s, unit="s")]
     found |= {"rollouts": count + 1, "disturbed_pieces": disturbed}
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers=found)
 

@@ -23,8 +23,12 @@ from pipeline.tracking.settings import FailureSettings
 from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
 from pipeline.tracking.tracker import Tracker
 
-CONTACT_N = 1.0
-"""A foot is in contact where the ground pushes it up by more than this on average over a control step [N]."""
+CONTACT_SHARE = 0.1
+"""A foot is in contact where the ground pushes it up by more than this share of the weight on average over a control
+step: less is a foot that brushes the ground in its swing."""
+
+GRAVITY = 9.81
+"""[m/s^2]"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +204,7 @@ class _World:
             root_pos_w=qpos[:, :3],
             root_quat_w=rotation.make_continuous(qpos[:, 3:7]),
             joint_pos=qpos[:, 7:],
-            contacts=forces.foot_wrench_w[:, :, 2] > CONTACT_N,
+            contacts=forces.foot_wrench_w[:, :, 2] > CONTACT_SHARE * GRAVITY * self._robot.total_mass,
             forces=forces,
         )
 
@@ -209,7 +213,8 @@ class _Record:
     """States and forces of a rollout while it runs."""
 
     def __init__(self, steps: int, joints: int, bodies: int, feet: Sequence[int]):
-        self._feet, self._contact, self._arm = list(feet), np.zeros((bodies, 6)), np.zeros((2, 3))
+        self._feet = list(feet)
+        self._contact, self._com, self._pos = np.zeros((bodies, 6)), np.zeros(3), np.zeros((bodies, 3))
         self.qpos: list[np.ndarray] = []
         self._torque = np.zeros((steps + 1, joints))
         self._wrench, self._other = np.zeros((steps + 1, 2, 6)), np.zeros((steps + 1, 3))
@@ -224,18 +229,19 @@ class _Record:
         mass, pushes included."""
         self._torque[self._step] += torque
         self._contact += data.cfrc_ext
-        self._arm += data.subtree_com[1] - data.xpos[self._feet]
+        self._com += data.subtree_com[1]
+        self._pos += data.xpos
 
     def end_of_step(self, push: np.ndarray) -> None:
         """Means over the control step. The feet's arm is a mean too: it moves by millimetres within a step."""
         step, contact = self._step, self._contact / DECIMATION
-        force = contact[self._feet, 3:]
+        force, arm = contact[self._feet, 3:], (self._com - self._pos[self._feet]) / DECIMATION
         self._torque[step] /= DECIMATION
         self._wrench[step, :, :3] = force
-        self._wrench[step, :, 3:] = contact[self._feet, :3] + np.cross(self._arm / DECIMATION, force)
+        self._wrench[step, :, 3:] = contact[self._feet, :3] + rotation.cross(arm, force)
         self._other[step] = contact[1:, 3:].sum(axis=0) - force.sum(axis=0) - push
         self._push[step] = push
-        self._contact[:], self._arm[:] = 0.0, 0.0
+        self._contact[:], self._com[:], self._pos[:] = 0.0, 0.0, 0.0
         self._step += 1
 
     def as_forces(self) -> SimulatedForces:

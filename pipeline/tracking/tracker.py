@@ -29,14 +29,14 @@ class Tracker:
     key_links: tuple[str, ...]
     """Links that are observed, in order; the root link is the first."""
 
-    def act(self, observation: Float[np.ndarray, "*b n"]) -> Float[np.ndarray, "*b a"]:
-        """Mean action for observations."""
+    def act(self, observation: Float[np.ndarray, " n"]) -> Float[np.ndarray, " a"]:
+        """Mean action for one observation; `Policy.act` is for many and slower for one."""
         value = (observation.astype(np.float32) - self.network.mean) / self.network.scale
         for weight, bias in self.network.layers[:-1]:
-            value = value @ weight.T + bias
+            value = weight @ value + bias
             value = np.maximum(value, 0.0) + np.expm1(np.minimum(value, 0.0))
         weight, bias = self.network.layers[-1]
-        return value @ weight.T + bias
+        return weight @ value + bias
 
 
 def load_tracker(path: Path, robot: Robot) -> Tracker:

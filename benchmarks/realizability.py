@@ -1,0 +1,36 @@
+"""Can a classifier tell the expert motions from the robot in simulation? References against rollouts.
+
+    python -m benchmarks.realizability [--seeds 3]
+
+Held-out accuracy of a small network (pipeline/expert/realizability.py) between windows of the stored motions and
+windows of rollouts of the same references under other seeds, families held out. 0.5 is chance. Needs `expert_db`
+materialized.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from assets.plan import named_plans
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.realizability import measured
+from pipeline.batch.pool import ClipPool
+
+
+def main() -> None:
+    """Print the accuracy for references, for all rollouts and for the clips of KP5, over some seeds."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--robot", default=DEFAULT_ROBOT)
+    parser.add_argument("--seeds", type=int, default=3)
+    given = parser.parse_args()
+    plans = named_plans(given.robot)
+    for name in ("reference_motions", "augmented_motions", "feasible_motions"):
+        manifest = PROJECT.store.load(plans[name].key.to_user_string())
+        values = [measured(given.robot, manifest, ClipPool(), seed) for seed in range(given.seeds)]
+        print(f"{name:20} accuracy {np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""Can a classifier tell motions from what the simulated robot does? The held-out accuracy of a small network.
+
+0.5 is indistinguishable, 1.0 means that no policy that obeys physics can look like the motions: an adversarial
+discriminator then gives no useful signal (the two-sample test of Lopez-Paz and Oquab, ICLR 2017).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import PipelineError
+from pipeline.robot import Robot
+
+WINDOW = 10
+"""Frames of a window at 50 Hz."""
+STEP = 5
+"""Frames from the start of a window to the next."""
+HIDDEN = (256, 128)
+STEPS, BATCH, LEARNING_RATE = 400, 512, 1e-3
+TESTED_SHARE = 0.3
+"""Share of the families that accuracy is measured on."""
+
+
+class TooFewMotionsError(PipelineError):
+    """Too few families of motions to hold some out."""
+
+
+def held_out_accuracy(
+    motions: Mapping[str, Sequence[RobotClip]],
+    rollouts: Mapping[str, Sequence[RobotClip]],
+    robot: Robot,
+    seed: int = 0,
+) -> float:
+    """Balanced accuracy of a classifier of windows, on families that it was not trained on.
+
+    Args:
+        motions: clips by family; clips of one source motion are one family
+        rollouts: what the simulated robot does, by the same families
+        robot: whose clips they are
+        seed: of split, network and batches
+
+    Raises TooFewMotionsError with less than four common families.
+    """
+    families = sorted(set(motions) & set(rollouts))
+    if len(families) < 4:
+        raise TooFewMotionsError(f"{len(families)} families have motions and rollouts; at least 4 are needed.")
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(families))
+    count = max(round(TESTED_SHARE * len(families)), 1)
+    tested = [families[index] for index in order[:count]]
+    trained = [families[index] for index in order[count:]]
+    sets = [
+        [
+            np.concatenate([windows(clip, robot) for name in names for clip in source[name]])
+            for source in (motions, rollouts)
+        ]
+        for names in (trained, tested)
+    ]
+    return _accuracy(sets[0], sets[1], seed)
+
+
+def windows(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "w f"]:
+    """Windows of a 50 Hz clip: joints, their velocities, root height, and gravity and velocities in the root frame."""
+    moved = robot.controlled_index
+    features = np.concatenate(
+        [
+            clip.joint_pos[:, moved],
+            clip.joint_vel()[:, moved],
+            clip.root_pos_w[:, 2:],
+            rotation.rotate_inverse(clip.root_quat_w, np.array([0.0, 0.0, -1.0])),
+            rotation.rotate_inverse(clip.root_quat_w, time_series.derivative(clip.root_pos_w, clip.fps)),
+            rotation.rotate_inverse(clip.root_quat_w, clip.root_ang_vel_w()),
+        ],
+        axis=1,
+    )
+    starts = np.arange(0, len(features) - WINDOW + 1, STEP)
+    return (
+        np.stack([features[start : start + WINDOW].ravel() for start in starts])
+        if len(starts)
+        else np.zeros((0, WINDOW * features.shape[1]))
+    )
+
+
+def _accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray], seed: int) -> float:
+    import torch
+
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        mean, scale = train[0].mean(axis=0), train[0].std(axis=0) + 1e-3
+        known, held = (
+            [torch.from_numpy(((part - mean) / scale).astype(np.float32)) for part in parts] for parts in (train, test)
+        )
+        sizes = (known[0].shape[1], *HIDDEN)
+        layers: list[torch.nn.Module] = []
+        for inputs, outputs in itertools.pairwise(sizes):
+            layers += [torch.nn.Linear(inputs, outputs), torch.nn.ReLU()]
+        network = torch.nn.Sequential(*layers, torch.nn.Linear(HIDDEN[-1], 1))
+        optimizer = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
+        labels = torch.cat([torch.ones(BATCH // 2), torch.zeros(BATCH // 2)])
+        for _ in range(STEPS):
+            batch = torch.cat([part[torch.randint(len(part), (BATCH // 2,))] for part in known])
+            loss = torch.nn.functional.binary_cross_entropy_with_logits(network(batch)[:, 0], labels)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+        with torch.no_grad():
+            right = [float((network(part)[:, 0] > 0.0).float().mean()) for part in held]
+    return 0.5 * (right[0] + 1.0 - right[1])

@@ -1,0 +1,137 @@
+"""Rollouts on a CPU: reproducible, cut where tracking fails, with forces that obey Newton's second law."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.clips import codec
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import FileError
+from pipeline.feasibility.torque_criteria import GRAVITY, centre_of_mass
+from pipeline.files import settings
+from pipeline.robot import Robot
+from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.disturbance import draw
+from pipeline.tracking.process import NOT_TRACKED, process
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.tracker import load_tracker
+from tests.factories.robot_clips import standing
+from tests.factories.tracking_bundle import tracker_file
+
+
+@pytest.fixture(scope="module")
+def values(root: Path) -> TrackingSettings:
+    return settings.read(root / "data" / "tracking.yaml", TrackingSettings)
+
+
+@pytest.fixture(scope="module")
+def shipped(root: Path) -> Path:
+    return root / "robots" / "t1" / "policies" / "tracker" / "tracker.npz"
+
+
+def rolled(clip: RobotClip, robot: Robot, values: TrackingSettings, tracker: Path, variant: str = "original"):
+    envelope = TorqueEnvelope(limit=robot.torque_limit)
+    return process(clip, {"variant": variant}, settings=values, robot=robot, envelope=envelope, tracker=tracker)
+
+
+def test_the_shipped_tracker_stands(robot: Robot, values: TrackingSettings, shipped: Path):
+    outcome = rolled(standing(robot, seconds=3.0), robot, values, shipped)
+    assert outcome.numbers["survived"] and not outcome.reasons
+    assert outcome.numbers["body_error_m"] < 0.02
+    assert [piece.clip.name for piece in outcome.pieces][:2] == ["test/stand~rollout", "test/stand~rollout1"]
+    assert outcome.pieces[0].numbers["reference"] == "test/stand"
+
+
+def test_contact_forces_explain_the_motion(robot: Robot, values: TrackingSettings, shipped: Path):
+    """Momentum theorem over the whole rollout, against masses and kinematics that the simulation does not share."""
+    clip = rolled(standing(robot, seconds=4.0), robot, values, shipped).pieces[0].clip
+    assert isinstance(clip, RobotClip) and clip.forces is not None and clip.contacts is not None
+    com = centre_of_mass(robot, clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    start, end = (com[6] - com[4]) * clip.fps / 2.0, (com[-5] - com[-7]) * clip.fps / 2.0
+    force = clip.forces.foot_wrench_w[5:-6, :, :3].sum(axis=1) + clip.forces.other_force_w[5:-6]
+    impulse = (force - [0.0, 0.0, robot.total_mass * GRAVITY]).sum(axis=0) / clip.fps
+    np.testing.assert_allclose(robot.total_mass * (end - start), impulse, atol=0.6)
+    assert abs(clip.forces.foot_wrench_w[50:, :, 2].sum(axis=1).mean() / (robot.total_mass * GRAVITY) - 1.0) < 0.02
+    assert clip.contacts[20:].all()
+
+
+def test_equal_inputs_give_equal_bytes(robot: Robot, values: TrackingSettings, shipped: Path):
+    clip = standing(robot, seconds=1.5)
+    first, second = (rolled(clip, robot, values, shipped) for _ in range(2))
+    assert [codec.encode(piece.clip) for piece in first.pieces] == [codec.encode(piece.clip) for piece in second.pieces]
+    renamed = rolled(standing(robot, seconds=1.5, name="other/name"), robot, values, shipped)
+    assert codec.encode(renamed.pieces[1].clip) == codec.encode(first.pieces[1].clip), "seeds come from the content"
+    assert codec.encode(first.pieces[1].clip) != codec.encode(first.pieces[2].clip), "disturbances differ"
+
+
+def test_forces_survive_the_codec(robot: Robot, values: TrackingSettings, shipped: Path):
+    clip = rolled(standing(robot, seconds=1.0), robot, values.nominal(), shipped).pieces[0].clip
+    again = codec.decode(codec.encode(clip), clip.name)
+    assert isinstance(again, RobotClip) and isinstance(clip, RobotClip)
+    assert again.forces is not None and clip.forces is not None
+    np.testing.assert_array_equal(again.forces.foot_wrench_w, clip.forces.foot_wrench_w)
+    cut = again.cut(3, 7, "cut")
+    assert cut.forces is not None
+    np.testing.assert_array_equal(cut.forces.joint_torque, clip.forces.joint_torque[3:7])
+
+
+def test_a_reference_that_cannot_be_followed_has_a_reason(robot: Robot, values: TrackingSettings, shipped: Path):
+    """A robot that hovers at twice its height cannot be followed."""
+    clip = standing(robot, seconds=3.0)
+    hovering = clip.root_pos_w.copy()
+    hovering[50:, 2] += np.linspace(0.0, 0.8, 100)
+
+    outcome = rolled(dataclasses.replace(clip, root_pos_w=hovering), robot, values, shipped)
+    assert not outcome.numbers["survived"]
+    assert [reason.code for reason in outcome.reasons][:1] == [NOT_TRACKED]
+    assert "off in height" in outcome.reasons[0].text
+    nominal = [piece for piece in outcome.pieces if piece.numbers["rollout"] == 0]
+    assert all(piece.numbers["followed_share"] < 1.0 for piece in nominal)
+
+
+def test_disturbances_stay_in_their_ranges(values: TrackingSettings):
+    ranges = values.disturbance
+    for seed in range(50):
+        found = draw(ranges, 10.0, np.random.default_rng(seed))
+        assert ranges.friction[0] <= found.friction <= ranges.friction[1]
+        assert ranges.action_noise[0] <= found.action_noise <= ranges.action_noise[1]
+        impulses = [np.hypot(*push.force_w) * push.duration_s for push in found.pushes]
+        assert all(ranges.push_impulse[0] <= impulse <= ranges.push_impulse[1] + 1e-9 for impulse in impulses)
+
+
+def test_variants_have_fewer_disturbed_rollouts(robot: Robot, values: TrackingSettings, shipped: Path):
+    outcome = rolled(standing(robot, seconds=1.0), robot, values, shipped, variant="x0.9")
+    assert outcome.numbers["rollouts"] == 1 + values.disturbed_variants
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"joint_names": np.array(["knee"] * 23)}, "is for another robot than 't1'"),
+        ({"controlled": np.array(["Head_pitch"])}, "observes or moves other links or joints"),
+        ({"L1_w": np.zeros((7, 8)), "L1_b": np.zeros(7)}, "gives 7"),
+        ({"kp": np.full(23, 1.0)}, "was trained with kp 1"),
+        ({"action_scale": np.array(1.0)}, "another observation or action scale"),
+    ],
+)
+def test_a_tracker_that_does_not_fit_is_refused(tmp_path: Path, robot: Robot, changed, message):
+    path = tracker_file(tmp_path / "tracker.npz", robot, **changed)
+    with pytest.raises(FileError, match=message):
+        load_tracker(path, robot)
+
+
+def test_what_is_no_tracker_is_refused(tmp_path: Path, robot: Robot):
+    (tmp_path / "tracker.npz").write_bytes(b"no archive")
+    with pytest.raises(FileError, match="is no npz of numbers"):
+        load_tracker(tmp_path / "tracker.npz", robot)
+
+
+def test_the_shipped_card_names_its_clips(root: Path):
+    from pipeline.tracking.tracker_folder import read_card
+
+    card = read_card(root / "robots" / "t1" / "policies" / "tracker")
+    assert card.figures["survived"] >= 0.99 and card.figures["body_error_cm"] <= 2.0
+    assert card.figures["joint_error_deg"] <= 3.5
+    assert len(card.clips) == card.figures["clips"] and set(card.licences) == {"CC0-1.0"}

@@ -1,0 +1,118 @@
+"""Training of a tracker on a CPU: it trains, resumes, never crosses a seam, and observes what rollouts observe."""
+
+import csv
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from pipeline.learning.training_error import TrainingError
+from pipeline.robot import Robot
+from pipeline.tracking.__main__ import main
+from pipeline.tracking.bundle import read_tracking_bundle
+from pipeline.tracking.clips_command import _bins
+from pipeline.tracking.environment import tracking_environment
+from pipeline.tracking.observation import key_link_index, observe
+from pipeline.tracking.reference import reference_states
+from tests.factories.tracking_bundle import tracking_bundle
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory, root: Path, robot: Robot) -> Path:
+    return tracking_bundle(tmp_path_factory.mktemp("tracking"), root, robot)
+
+
+@pytest.fixture(scope="module")
+def environment(bundle: Path, tmp_path_factory):
+    torch.manual_seed(1)
+    folder = tmp_path_factory.mktemp("motions")
+    env = tracking_environment(read_tracking_bundle(bundle), folder / "motions.npz", 4, "cpu", seed=1)
+    env.reset()
+    return env
+
+
+def train(bundle: Path, out: Path, iterations: int) -> int:
+    given = ["--bundle", bundle, "--out", out, "--device", "cpu", "--num-envs", 4, "--iterations", iterations]
+    return main([str(each) for each in (*given, "--resume")])
+
+
+def test_a_run_trains_and_resumes(bundle: Path, tmp_path: Path):
+    out = tmp_path / "run"
+    assert train(bundle, out, 1) == 0
+    first = np.load(out / "tracker.npz")["L0_w"].copy()
+    assert train(bundle, out, 2) == 0
+    rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
+    assert [int(row["iteration"]) for row in rows] == [1, 2]
+    assert json.loads((out / "done.json").read_text())["iterations"] == 2
+    assert not np.array_equal(first, np.load(out / "tracker.npz")["L0_w"]), "the second iteration changed the network"
+
+
+def test_observations_equal_those_of_mjlab(environment, bundle: Path, robot: Robot):
+    """The numpy observation against mjlab's terms, at states with velocities and after actions, to 1e-5."""
+    facts = read_tracking_bundle(bundle)
+    model = mujoco.MjModel.from_xml_string(facts.robot.mjcf)
+    data = mujoco.MjData(model)
+    motions, command = facts.motions, environment.command_manager.get_term("motion")
+    clips = [
+        reference_states(model, motions.root_pos_w[part], motions.root_quat_w[part], motions.joint_pos[part])
+        for part in (slice(0, 100), slice(100, 150))
+    ]
+    links = 1 + key_link_index(robot.link_names, robot.key_links)
+    generator = torch.Generator().manual_seed(3)
+    for _ in range(5):
+        action = 0.5 * torch.randn(4, 21, generator=generator)
+        observed, *_ = environment.step(action)
+        entity = environment.scene["robot"].data
+        origins = environment.scene.env_origins.numpy()
+        for env in range(4):
+            frame = int(command.time_steps[env])
+            reference, local = (clips[0], frame) if frame < 100 else (clips[1], frame - 100)
+            data.qpos[:] = environment.sim.data.qpos[env].numpy()
+            data.qpos[:3] -= origins[env]
+            data.qvel[:] = environment.sim.data.qvel[env].numpy()
+            mujoco.mj_kinematics(model, data)
+            last = environment.action_manager.action[env].numpy()
+            ours = observe(
+                data.qpos,
+                data.qvel,
+                data.xpos[links],
+                data.xmat[links],
+                reference,
+                local,
+                robot.default_joint_pos,
+                last,
+            )
+            assert entity.joint_pos.shape[1] == 23
+            np.testing.assert_allclose(ours, observed["actor"][env].numpy(), atol=1e-5)
+
+
+def test_no_episode_crosses_a_seam(environment):
+    command = environment.command_manager.get_term("motion")
+    for _ in range(60):
+        before = command.time_steps.clone()
+        environment.step(torch.zeros(4, 21))
+        begun = environment.episode_length_buf == 0
+        went_on = ~begun
+        assert (command.time_steps[went_on] == before[went_on] + 1).all()
+        crossed = (before == 99) & (command.time_steps == 100) & went_on
+        assert not crossed.any()
+    assert command.last_frame[99] == 99 and command.last_frame[100] == 149
+
+
+def test_bins_cover_all_clips_and_start_no_episode_at_an_end():
+    first, size = _bins((0, 100, 150, 153))
+    assert sum(size) == 98 + 48 + 1
+    assert all(start + count <= stop for start, count, stop in zip(first, size, (49, 98, 148, 151), strict=True))
+
+
+def test_a_changed_bundle_is_refused(bundle: Path, tmp_path: Path):
+    copy = tmp_path / "bundle"
+    copy.mkdir()
+    for path in bundle.iterdir():
+        (copy / path.name).write_bytes(path.read_bytes())
+    (copy / "robot.xml").write_text((copy / "robot.xml").read_text() + " ")
+    with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one in bundle\.json"):
+        read_tracking_bundle(copy)
