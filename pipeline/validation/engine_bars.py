@@ -1,4 +1,4 @@
-"""Bars of the grid that is walked in several engines, from the reference policy's walks."""
+"""Bars of the cross-engine grid, from the reference policy's walks."""
 
 from __future__ import annotations
 
@@ -13,29 +13,31 @@ from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
 def engine_bars(
     runs: Sequence[CrossEngineResult], grid: CrossEngineSettings, rules: ValidationSettings
 ) -> dict[str, CellBars]:
-    """Bars of each cell from several walks of the grid: the worst of all walks in MuJoCo and DART, with the margin."""
+    """Bars of each cell from several runs of the grid: the worst walk in MuJoCo and DART plus the margin."""
     cells = zip(*(run.cells for run in runs), strict=True)
     return {same[0].name: _cell_bars(same, grid.cells[same[0].name], rules) for same in cells}
 
 
 def _cell_bars(same: Sequence[CellResult], cell: Cell, rules: ValidationSettings) -> CellBars:
     walks = [one for found in same for engine in HELD for one in found.figures[engine]]
-    said = f"{len(walks)} walks in {' and '.join(NAMES[engine] for engine in HELD)}"
+    walked = f"{len(walks)} walks in {' and '.join(NAMES[engine] for engine in HELD)}"
     errors = [errors_of(cell, one) for one in walks if not one.fell]
     worst = {name: max(each[name] for each in errors) for name in errors[0]} if errors else {}
     falls = max(sum(one.fell for one in found.figures[engine]) for found in same for engine in HELD)
-    bars: dict[str, Bar] = {"falls": bar_of("falls", float(falls), said, rules.margins)}
-    bars |= {name: bar_of(name, value, said, rules.margins) for name, value in worst.items()}
+    bars: dict[str, Bar] = {"falls": bar_of("falls", float(falls), walked, rules.margins)}
+    bars |= {name: bar_of(name, value, walked, rules.margins) for name, value in worst.items()}
     forward, lateral, yaw_rate = cell.segments[-1].command
-    asked = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
+    sizes = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
     reasons = [reason for found in same for reason in _failures(found, rules.agreement)]
-    reasons += missed(worst, asked, rules.required)
+    reasons += missed(worst, sizes, rules.required)
     return CellBars(required=not reasons, why="; ".join(dict.fromkeys(reasons)), bars=bars)
 
 
 def _failures(found: CellResult, agreement: Agreement) -> list[str]:
-    """Where the reference falls, and where the engines part for another reason than the armature on the links, of the
-    mean over the seeds or of one alone: a cell that is only agreed in on average is none to ask for."""
+    """Why the reference does not pass a cell: falls, and differences that the armature does not explain.
+
+    Differences count for the mean over the seeds and for each single seed: agreement only on average is not enough.
+    """
     reasons = []
     for engine in HELD:
         fallen = sum(one.fell for one in found.figures[engine])

@@ -1,4 +1,4 @@
-"""Bars of limit cycles, from those of the reference policy in MuJoCo and DART."""
+"""Bars of limit cycles, from the reference policy in MuJoCo and DART."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.validation.limit_cycle_walks import ENGINES, SpeedCycles, figures_
 
 
 def limit_cycle_bars(runs: Sequence[Sequence[SpeedCycles]], rules: ValidationSettings) -> dict[str, CellBars]:
-    """Bars of each speed from several runs: the worst of both legs and all planes, with the margin."""
+    """Bars of each speed from several runs: the worst of both legs and all planes plus the margin."""
     return {name_of(same[0].speed_m_s): _speed_bars(same, rules) for same in zip(*runs, strict=True)}
 
 
