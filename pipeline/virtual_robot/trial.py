@@ -102,7 +102,7 @@ def simulate(
         notes={
             **facts.notes,
             "simulated in": "MuJoCo",
-            "differs from the model": "; ".join(deviations.words()) or "no",
+            "differs from the model": differences,
         },
     )
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
