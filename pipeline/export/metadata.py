@@ -1,4 +1,4 @@
-"""What travels inside an exported network: the joints, gains and rates without which it is no policy."""
+"""Metadata inside an exported network: joints, gains, default pose and rates."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:
 
 
 def as_texts(facts: dict[str, Any]) -> dict[str, str]:
-    """The same as texts, for formats that keep nothing else: a text stays, all else is JSON."""
+    """The metadata as texts, for formats that store only texts; other values become JSON."""
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
 
 
 def from_texts(texts: dict[str, str]) -> dict[str, Any]:
-    """What `as_texts` was made from; a text that is no JSON is itself."""
+    """Inverse of `as_texts`; a text that is not JSON stays as it is."""
     return {name: _value(name, text) for name, text in texts.items()}
 
 

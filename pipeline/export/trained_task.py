@@ -1,4 +1,4 @@
-"""The task of a policy that is exported: gains and default pose are those it was trained with, never another's."""
+"""The task of an exported policy, with the gains and default pose that it was trained with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.robot import Robot
 def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
     """The deployment task of a robot with a policy's own gains.
 
-    Raises ExportError for a policy that has none, UnknownNameError where it lacks a joint of the robot.
+    Raises ExportError for a policy without gains, UnknownNameError if it lacks a joint of the robot.
     """
     if policy.gains is None:
         raise ExportError("the policy has no gains; export it with the ones that it was trained with.")

@@ -1,4 +1,4 @@
-"""The sidecar of a motion: what it is, and what has to happen to it in the pipeline."""
+"""The sidecar of a motion: description and expected results in the pipeline."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def of_sound(recipe: Recipe) -> dict:
 
 
 def of_defect(defect: Defect) -> dict:
-    """Sidecar of a spoilt motion: its defects with their places, and what must follow from them."""
+    """Sidecar of a motion with defects: locations and expected effects."""
     codes = {effect: _codes(defect, effect) for effect in ("repaired", "cut", "rejected")}
     seconds = {} if defect.fate == "rejected" else skill_seconds(defect.recipe)
     lost_s = sum(fault.stop_s - fault.start_s for fault in defect.faults if fault.effect == "cut")

@@ -1,4 +1,4 @@
-"""Which skill a recipe commands when, by the project's definitions of the ten skills."""
+"""Skills that a recipe commands over time, by the definitions of the ten skills."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pipeline import time_series
 from pipeline.generator.command import GRID_HZ, LEAD_S, Commands, Recipe, plan_commands
 
 STAND_SPEED, STAND_TURN = 0.15, np.deg2rad(20.0)
-"""Below both one stands [m/s, rad/s]."""
+"""Limits below which the command is standing [m/s, rad/s]."""
 TURN_SPEED, TURN_RATE = 0.35, np.deg2rad(30.0)
 """Slower than the first and turning faster than the second is turning [m/s, rad/s]."""
 DIRECTION_RATIO = 1.2
@@ -16,7 +16,7 @@ DIRECTION_RATIO = 1.2
 FORWARD = (("walk_slow", 0.6), ("walk", 1.3), ("walk_fast_jog", 2.0), ("run", np.inf))
 """Forward skills and the speed they end at [m/s]."""
 SHORTEST_S = 1.0
-"""A stretch of a skill is at least this long [s]."""
+"""Shortest stretch of a skill [s]."""
 
 
 def skill_seconds(recipe: Recipe) -> dict[str, float]:

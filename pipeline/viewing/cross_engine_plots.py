@@ -1,4 +1,4 @@
-"""The engines' matrix as a picture: a cell a row, what each engine walked against the command, and who fell."""
+"""Plot of the cross-engine matrix: one row per cell, velocities in each engine, and falls."""
 
 from __future__ import annotations
 

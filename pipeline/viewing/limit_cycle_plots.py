@@ -1,4 +1,4 @@
-"""Limit cycles as pictures: a row a speed and leg, a column a plane; engines and logs over each other."""
+"""Plots of limit cycles: one row per speed and leg, one column per plane; engines and logs overlaid."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OF_LOGS = ("#2ca02c", "#d62728", "#9467bd", "#8c564b")
 
 
 def limit_cycle_plots(found: Sequence[SpeedCycles]) -> bytes:
-    """PNG of the cycles of all speeds; what was not compared stands in the title."""
+    """PNG of the cycles of all speeds; missing comparisons are in the title."""
     rows = [(each, side) for each in found for side in SIDES]
     figure = Figure(figsize=(9.0, 2.6 * len(rows) + 0.4), dpi=80, layout="constrained")
     grid = figure.subplots(max(len(rows), 1), len(PLANES), squeeze=False)
