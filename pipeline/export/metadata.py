@@ -1,13 +1,25 @@
-"""Metadata inside an exported network: joints, gains, default pose and rates."""
+"""Task and metadata of an exported policy: joints, gains, default pose and rates."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from pipeline.deployment import DeploymentTask, Policy, digest
+from pipeline.deployment import DeploymentTask, Policy, digest, policy_task
+from pipeline.export.export_error import ExportError
+from pipeline.robot import Robot
 
 OBSERVATION = "gyro 3, gravity 3, command 3, q - q0, dq, last action; frames time-major, the oldest first"
+
+
+def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
+    """The deployment task of a robot with a policy's own gains.
+
+    Raises ExportError for a policy without gains, UnknownNameError if it lacks a joint of the robot.
+    """
+    if policy.gains is None:
+        raise ExportError("the policy has no gains; export it with the ones that it was trained with.")
+    return policy_task(robot, policy)
 
 
 def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:

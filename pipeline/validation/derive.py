@@ -27,14 +27,12 @@ from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
-from pipeline.validation.engine_bars import engine_bars
-from pipeline.validation.limit_cycle_bars import limit_cycle_bars
+from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.measure import Measured, measure
 from pipeline.validation.numbers_file import read_numbers, write_numbers
 from pipeline.validation.suites import full
-from pipeline.validation.webots_bars import webots_bars
 from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project
 from pipeline.webots.result import WalkResult

@@ -19,7 +19,7 @@ from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures, command_of, start_state, walk
 from pipeline.validation.deployed import Deployed
-from pipeline.viewing.cross_engine_plots import cross_engine_plots
+from pipeline.viewing.engine_plots import cross_engine_plots
 
 
 def walked(**changes: float | None) -> Figures:
