@@ -39,7 +39,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_settings import CrossEngineSettings
         from pipeline.validation.cross_engine_trials import write_failures
-        from pipeline.viewing.cross_engine_plots import cross_engine_plots
+        from pipeline.viewing.engine_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
         bars = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)

@@ -35,7 +35,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         from pipeline.validation.bars import ValidationSettings
         from pipeline.validation.limit_cycle_settings import LimitCycleSettings
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
-        from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
+        from pipeline.viewing.engine_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         rules = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)

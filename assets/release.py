@@ -17,7 +17,7 @@ from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.files import atomic, digest
-from pipeline.release.dossier import Dossier, Picture, Verdict, judged
+from pipeline.release.dossier import Dossier, Picture, Verdict, verdict_of
 
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
@@ -106,9 +106,9 @@ def _verdict(
 ) -> Verdict:
     stored = _stored(project, plan)
     if plan is None or stored is None:
-        return judged(name, None, policy)
+        return verdict_of(name, None, policy)
     outdated = f"it is stale: {stale[plan.key]}" if plan.key in stale else ""
-    return judged(name, result_in(stored), policy, outdated, pictures_in(event))
+    return verdict_of(name, result_in(stored), policy, outdated, pictures_in(event))
 
 
 def result_in(manifest: Manifest) -> dict[str, Any]:

@@ -41,7 +41,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
         from pipeline.validation.bars import ValidationSettings
-        from pipeline.validation.webots_bars import allowed_of
+        from pipeline.validation.derived_bars import allowed_of
         from pipeline.webots.checks import project_faults
         from pipeline.webots.settings import WebotsSettings
         from pipeline.webots.validate import WEBOTS, validate

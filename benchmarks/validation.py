@@ -31,7 +31,7 @@ from pipeline.validation.bars import ValidationSettings  # noqa: E402
 from pipeline.validation.cells import Cell, command_cells  # noqa: E402
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
-from pipeline.validation.derive import measured_again  # noqa: E402
+from pipeline.validation.derive import measured_or_kept  # noqa: E402
 from pipeline.validation.measure import Measured, measure  # noqa: E402
 from pipeline.validation.push_cells import push_cells  # noqa: E402
 from pipeline.validation.suites import FULL, QUICK, SEEDS, cells_of, named  # noqa: E402
@@ -105,7 +105,7 @@ def anchor_bars(models: dict[str, Deployed], pool: ClipPool, numbers: Path | Non
     bars = []
     for place, (model, one) in enumerate(models.items()):
         cells = (*command_cells(SEEDS), *push_cells(one.robot, ("force",)))
-        found = {each.cell.name: each for each in measured_again(one, cells, pool, numbers)}
+        found = {each.cell.name: each for each in measured_or_kept(one, cells, pool, numbers)}
         for name, published in VELOCITIES.items():
             value = achieved(found[name])
             bars.append(Bar(name=f"{model}: {name}", value=value, unit=f"({published:g})"))

@@ -1,4 +1,4 @@
-"""When a knee is accepted: every reason against it, with number and bound."""
+"""Acceptance of a knee: every reason against it, with value and limit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NO_FALL = "no knee: the sweep ends before the fall"
 
 
 def reasons_against(measurement: Measurement, fit: KneeFit, settings: KneeSettings) -> tuple[str, ...]:
-    """What speaks against the knee of a sweep; empty if it is accepted."""
+    """Reasons to refuse the knee of a sweep; empty if it is accepted."""
     return (
         *_no_fall(measurement, fit, settings),
         *_uncertain(fit, settings),
@@ -69,7 +69,7 @@ def _uncertain(fit: KneeFit, settings: KneeSettings) -> list[str]:
 
 
 def _directions(measurement: Measurement, settings: KneeSettings) -> list[str]:
-    """Both directions by themselves, where both have points enough."""
+    """Compare the knees of both directions if both have enough points."""
     fits = []
     for forward in (True, False):
         speed, torque = measurement.direction(forward)

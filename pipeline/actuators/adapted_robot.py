@@ -1,8 +1,7 @@
-"""The robot with the motors it has: which limits enter its model, and the table that goes with it.
+"""Adapt a robot to its measured motors: limits for its model, and the table `actuators.csv`.
 
-A limit of the model changes only where a measurement contradicts it: where the model's figure lies in the 95 % interval
-of the measured one, it is confirmed and stays. So noise of a bench does not move the robot, and with it every verdict
-that hangs on its limits; a motor that is weaker or stronger than the model does.
+A limit changes only if a measurement contradicts it: a nominal value inside the measured 95 % interval is confirmed and
+kept. So bench noise does not change the robot and the verdicts that depend on its limits.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 TABLE = "actuators.csv"
 NO_MEASUREMENTS = "no measurements: nominal limits"
 UNBOUNDED = 1e9
-"""A speed [rad/s] that no joint reaches: where the no-load speed is not known the torque does not fall."""
+"""A speed beyond any joint's [rad/s], used if the no-load speed is unknown: the torque does not fall."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +39,9 @@ class JointActuator:
 
     joint: str
     motor: str
-    """Name in the motor table; empty where there is none."""
+    """Name in the motor table; empty without an entry."""
     verdict: str
-    """What the measurement did: confirmed or changed which limit, or why it was not used."""
+    """Which limits were confirmed or changed, or why the measurement was not used."""
     box_effort_limit: float
     """[N m]"""
     box_velocity_limit: float
@@ -85,7 +84,7 @@ class JointActuator:
 
 
 def adapt(nominal: Robot, calibrations: Sequence[Calibration], settings: ActuatorSettings) -> tuple[JointActuator, ...]:
-    """The actuators of the robot's joints, in its order. Raises UnknownNameError for a joint that it lacks."""
+    """The actuators of the robot's joints, in its order. Raises UnknownNameError for an unknown joint."""
     by_joint = {joint: each for each in calibrations for joint in each.joints}
     for joint in by_joint:
         if joint not in nominal.joint_names:
@@ -126,7 +125,7 @@ def _actuator(nominal: Robot, joint: str, found: Calibration | None, settings: A
 
 
 def _limits(model: BoxLimits, found: Calibration | None, settings: ActuatorSettings) -> tuple[BoxLimits, float, str]:
-    """Box, no-load speed (NaN where it is not known) and verdict of a joint."""
+    """Box limits, no-load speed (NaN if unknown) and verdict of a joint."""
     if found is None:
         return model, math.nan, NO_MEASUREMENTS
     if found.knee is None or found.reasons:
@@ -153,9 +152,9 @@ def _line(box: BoxLimits, no_load: float) -> DcMotorLine:
 
 
 def write_adapted_robot(folder: Path, nominal_folder: Path, actuators: Sequence[JointActuator]) -> Robot:
-    """Write the adapted robot as a robot folder with `actuators.csv` beside, and load it.
+    """Write the adapted robot as a robot folder with `actuators.csv`, and load it.
 
-    Joints without an accepted measurement keep all that the nominal tables state but for their armature.
+    Joints without an accepted measurement keep the nominal values, except their armature.
     """
     description = read_description(nominal_folder)
     limits = {
@@ -196,7 +195,7 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
 
 
 def torque_envelope(actuators: Sequence[JointActuator]) -> TorqueEnvelope:
-    """What a controller clips its torque with; for MuJoCo, which knows no speed limit of a joint."""
+    """The torque envelope that a controller applies; MuJoCo has no joint speed limit."""
     known = np.array([not math.isnan(each.dc_motor_no_load_speed) for each in actuators])
     return TorqueEnvelope(
         limit=np.array([each.box_effort_limit for each in actuators]),

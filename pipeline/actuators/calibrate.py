@@ -1,4 +1,4 @@
-"""From a measurement file to a motor's knee, or to the reasons why there is none."""
+"""Calibrate a motor from its measurement file: its knee, or the reasons against it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from pipeline.errors import FileError
 IDLE_SPEED = 1.03
 """A point faster than the no-load speed by more than this factor ..."""
 IDLE_TORQUE = 0.1
-"""... and with less torque than this share of the knee's is one of a motor that is dragged."""
+"""... and with less torque than this share of the knee's belongs to a dragged motor."""
 MAX_TRIMS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Knee:
-    """What a sweep says of a motor, with 95 % intervals."""
+    """Result of a sweep, with 95 % intervals."""
 
     speed: Interval
     """[rad/s]"""
@@ -42,7 +42,7 @@ class Knee:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A motor as measured. `knee` is None where nothing could be fitted; it may be there and still be refused."""
+    """A calibrated motor. `knee` is None if nothing could be fitted; a present knee may still be refused."""
 
     motor: str
     joints: tuple[str, ...]
@@ -50,9 +50,9 @@ class Calibration:
     """[kg m^2]"""
     knee: Knee | None
     reasons: tuple[str, ...]
-    """Why the knee must not be used; empty if it may."""
+    """Reasons to refuse the knee; empty if it is accepted."""
     notes: tuple[str, ...]
-    """What else is to be known: braking points, that the sweep is synthetic."""
+    """Remarks, such as omitted braking points or a synthetic sweep."""
     speed: tuple[float, ...] = ()
     """The points: speed [rad/s] ..."""
     torque: tuple[float, ...] = ()
@@ -75,7 +75,7 @@ class Calibration:
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> Calibration:
-        """What `to_dict` gave, also after JSON made lists of its tuples."""
+        """Inverse of `to_dict`, also after a JSON round trip."""
         plain: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in value.items()}
         if (knee := plain["knee"]) is not None:
             intervals = {name: Interval(**knee[name]) for name in ("speed", "torque")}
@@ -86,7 +86,7 @@ class Calibration:
 def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSettings) -> Calibration:
     """The calibration of a motor from the text of its measurement file (None: there is none).
 
-    A file that cannot be read is no error but a refusal with the reason: the motor keeps the model's limits.
+    An unreadable file is a refusal with a reason, not an error: the motor keeps the model's limits.
     """
     if text is None:
         return _refused(motor, f"{file}: there is no such measurement file")
@@ -111,9 +111,10 @@ def calibrate(text: str | None, file: str, motor: Motor, settings: ActuatorSetti
 
 
 def fit_sweep(measurement: Measurement, settings: KneeSettings) -> tuple[Measurement, KneeFit]:
-    """The fit, and the sweep without points beyond the no-load speed, where the motor gives no torque and is dragged.
+    """Fit the knee without points beyond the no-load speed; return the remaining sweep and the fit.
 
-    The falling line ends there; points that lie flat behind it would draw it out. They are left out until none is left.
+    Beyond the no-load speed the motor is dragged; such points would flatten the falling line. They are removed
+    repeatedly until none is left.
     """
     whole = len(measurement.speed)
     fit = fit_knee(measurement.speed, measurement.torque, settings.outlier)

@@ -25,21 +25,21 @@ UNITS = {
     "voltage": {"v": 1.0},
     "temperature": {"degc": 1.0, "°c": 1.0, "c": 1.0},
 }
-"""Each column's units and what they are in SI (temperature stays in degrees Celsius); None for text."""
+"""Units of each column and their factors to SI (temperature stays in degrees Celsius); None for text."""
 
 _HEADER = re.compile(r"\s*([A-Za-z_ ]+?)\s*(?:[\[(]\s*(.+?)\s*[\])])?\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """Where a column stands and what its numbers are multiplied with."""
+    """Index of a column and factor to SI."""
 
     index: int
     factor: float
 
 
 def read_header(cells: list[str], file: str, line: int) -> dict[str, Column]:
-    """Columns by name. Raises FileError for a missing column, a missing unit or one that is not known."""
+    """Columns by name. Raises FileError for a missing column, a missing or an unknown unit."""
     columns: dict[str, Column] = {}
     for index, cell in enumerate(cells):
         match = _HEADER.fullmatch(cell)

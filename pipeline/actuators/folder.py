@@ -1,4 +1,4 @@
-"""All motors of a robot from its folder of measurements; what was calibrated before is taken from the memo."""
+"""Calibrate all motors in a folder of measurements, with memoized results."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ MOTORS = "motors.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedFolder:
-    """What a folder of measurements says."""
+    """Calibrations of a folder of measurements."""
 
     motors: tuple[Motor, ...]
     calibrations: tuple[Calibration, ...]
-    """One a motor, in the table's order."""
+    """One per motor, in the table's order."""
     recomputed: tuple[str, ...]
-    """Motors that the memo did not have."""
+    """Motors that were calibrated now, not found in the memo."""
     unused: tuple[str, ...]
     """Files that belong to no motor of the table."""
 
 
 def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store: Store) -> CalibratedFolder:
-    """Calibrate each motor of `folder`; all empty where there is no such folder.
+    """Calibrate each motor of `folder`; empty if the folder does not exist.
 
     Args:
-        version: code version, part of what an answer depends on
-    Raises FileError for a motor table that cannot be read; a measurement file that cannot is a refusal.
+        version: code version, part of the memo key
+    Raises FileError for an unreadable motor table; an unreadable measurement file is a refusal.
     """
     if not folder.is_dir():
         return CalibratedFolder(motors=(), calibrations=(), recomputed=(), unused=())
@@ -61,5 +61,5 @@ def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store
 
 
 def _text(path: Path) -> str | None:
-    """The file's text, None where there is no file. Bytes that are no UTF-8 are kept as marks, and refused later."""
+    """The file's text, None without a file. Invalid UTF-8 becomes replacement characters, refused later."""
     return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None

@@ -1,4 +1,4 @@
-"""The two forms in which simulators take a motor's limits. Both have a "velocity limit" and mean different speeds.
+"""The two forms of motor limits in simulators. Both have a "velocity limit", with different meanings.
 
 The box (the paper; Isaac Lab's `effort_limit_sim`, `velocity_limit_sim`) holds torque and speed below the knee. The DC
 motor (Isaac Lab `DCMotor`, mjlab `DcMotorActuator`) is a line from the saturation torque at rest to no torque at the
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class BoxLimits:
-    """Below the knee."""
+    """The box form: limits below the knee."""
 
     box_effort_limit: float
     """Knee torque [N m]."""
@@ -32,13 +32,13 @@ class DcMotorLine:
     dc_motor_effort_limit: float
     """Knee torque [N m]: `effort_limit` of mjlab and Isaac Lab."""
     dc_motor_saturation_effort: float
-    """Torque of the line at rest [N m]: `saturation_effort`. No torque that the motor gives."""
+    """Torque of the line at rest [N m]: `saturation_effort`. The motor never reaches it."""
     dc_motor_no_load_speed: float
-    """Speed without torque [rad/s]: what both call `velocity_limit`."""
+    """Speed without torque [rad/s]: `velocity_limit` of both."""
 
 
 def dc_motor_line(box: BoxLimits, no_load_speed: float) -> DcMotorLine:
-    """The line through a knee. Raises ValueError where the no-load speed is not above the knee speed."""
+    """The line through a knee. Raises ValueError if the no-load speed is not above the knee speed."""
     if not no_load_speed > box.box_velocity_limit:
         raise ValueError(f"no-load speed {no_load_speed:g} rad/s is not above the knee's {box.box_velocity_limit:g}.")
     saturation = box.box_effort_limit / (1.0 - box.box_velocity_limit / no_load_speed)

@@ -1,4 +1,4 @@
-"""The knee of a torque-speed curve: two straight lines that meet, and how sure the meeting point is.
+"""The knee of a torque-speed curve: two straight lines that meet, with confidence intervals.
 
     torque(speed) = T + s min(speed - k, 0) + m max(speed - k, 0)
 
@@ -24,13 +24,13 @@ from scipy.stats import t as student
 PARAMETERS = 4
 CONFIDENCE = 0.95
 GRID = 240
-"""Knee speeds tried at once."""
+"""Number of knee speeds in the search grid."""
 REFINEMENTS = 5
-"""How often the grid is laid anew about the best knee; 5 leave 1e-9 of the range."""
+"""Grid refinements around the best knee; 5 reach 1e-9 of the range."""
 FLOOR = 1e-7
-"""Noise that is assumed at least, over the largest torque: curves without noise have an interval too."""
+"""Least assumed noise over the largest torque, so that noise-free curves have an interval."""
 OUTLIER_FLOOR = 1e-3
-"""No point closer than a few times this, over the largest torque, is an outlier: sensors resolve no finer."""
+"""Sensor resolution over the largest torque; points within a few times this are never outliers."""
 MAD_TO_SIGMA = 1.4826
 
 
@@ -210,7 +210,7 @@ def _least_absolute(x: np.ndarray, y: np.ndarray) -> Float[np.ndarray, " n"]:
 
 
 def _around(knees: np.ndarray, at: int, limits: np.ndarray, count: int) -> Float[np.ndarray, " g"]:
-    """A finer grid about one knee of an even grid, within limits."""
+    """A finer grid around one knee of an even grid, within limits."""
     reach = 1.5 * (knees[1] - knees[0])
     return np.linspace(max(knees[at] - reach, limits[0]), min(knees[at] + reach, limits[1]), count)
 
@@ -282,7 +282,7 @@ def _intervals(
     knee, knee_torque = float(best.knees[0]), float(best.coefficients[0, 0])
     limits = _knees(x, 2)
     spread = _knees(x, GRID)
-    for _ in range(6):  # lay the grid over what is inside, a step wider, until it fills it
+    for _ in range(6):  # refine the grid to the accepted range plus one step until it fills it
         inside = np.flatnonzero(_profile(x, y, spread).square_sum <= bound)
         step = spread[1] - spread[0]
         first, last = (spread[inside[0]], spread[inside[-1]]) if len(inside) else (knee, knee)

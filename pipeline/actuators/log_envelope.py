@@ -1,4 +1,4 @@
-"""What a robot's motors reached in a log, against what they are calibrated to reach."""
+"""Torques and speeds reached in a log, compared with the calibrated limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
 
 BINS = 20
-"""Bins of speed, over the range that the log reached."""
+"""Number of speed bins over the range of the log."""
 TORQUE_MARGIN = 0.05
 """Share of the limit by which an estimated torque may exceed it: current sensors and gear losses."""
 SPEED_MARGIN = 0.05
@@ -20,13 +20,13 @@ SPEED_MARGIN = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class JointLog:
-    """What one joint reached in a log of n samples."""
+    """Range of one joint in a log of n samples."""
 
     joint: str
     bin_speed: Float[np.ndarray, " b"]
     """Middles of the bins of |speed| [rad/s]."""
     reached_torque: Float[np.ndarray, " b"]
-    """Largest torque in the direction of motion in each bin [N m]; NaN where no sample lies."""
+    """Largest torque in the direction of motion in each bin [N m]; NaN without samples."""
     max_speed: float
     """[rad/s]"""
     max_torque: float
@@ -36,7 +36,7 @@ class JointLog:
     over_speed: int
     """Samples faster than the box's limit, by more than the margin."""
     worst_torque_excess: float
-    """Largest torque beyond the envelope over the effort limit; 0 where none is."""
+    """Largest torque beyond the envelope over the effort limit; 0 if none is."""
 
     @property
     def holds(self) -> bool:
@@ -57,7 +57,7 @@ def log_envelope(
     joint_vel: Float[np.ndarray, "n j"],
     joint_torque: Float[np.ndarray, "n j"],
 ) -> tuple[JointLog, ...]:
-    """Each joint's reach in a log, joints in the actuators' order.
+    """The range of each joint in a log, in the actuators' order.
 
     Samples with a speed or a torque that is not finite are left out. Raises ValueError for arrays that are not of the
     actuators' joints.

@@ -20,13 +20,13 @@ class Measurement:
     forward: Bool[np.ndarray, " n"]
     """Whether the joint turned in its positive direction."""
     about: dict[str, str]
-    """What the file's comment lines state, by name."""
+    """Statements of the file's comment lines, by name."""
     notes: tuple[str, ...]
-    """What was done with the file's numbers."""
+    """Changes made to the file's numbers."""
 
     @property
     def synthetic(self) -> bool:
-        """The file says that it was never measured."""
+        """Whether the file states that it was never measured."""
         return "synthetic" in self.about
 
     def direction(self, forward: bool) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:

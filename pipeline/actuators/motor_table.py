@@ -1,4 +1,4 @@
-"""`motors.csv`: which motor moves which joints, its gear and its rotor; and the armature that follows."""
+"""`motors.csv`: joints, gear and rotor of each motor, and the resulting armature."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
-    """A kind of drive: all joints that it moves are taken to be alike."""
+    """A kind of drive, shared by all its joints."""
 
     name: str
     model: str
     joints: tuple[str, ...]
     motors_per_joint: int
-    """2 where two motors move one joint through parallel cranks: a turn of the joint turns both."""
+    """2 if two motors drive one joint through parallel cranks, so that the joint turns both."""
     gear_ratio: float
     rotor_inertia: float
     """[kg m^2]"""

@@ -1,4 +1,4 @@
-"""Numbers of a table as people write them: with a decimal point or a decimal comma, never guessed."""
+"""Parse numbers with a decimal point or a decimal comma, without guessing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pipeline.errors import AmbiguousFileError, FileError
 
 DECIMALS = {"point": ".", "comma": ","}
-"""What a file may state as `decimal`."""
+"""Allowed values of `decimal`."""
 
 _POINT = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?(\d+(,\d*)?|,\d+)([eE][+-]?\d+)?")
@@ -17,7 +17,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}[,.]\d{3}")
 
 
 def decimal_sign(texts: Sequence[str], stated: str | None, file: str) -> str:
-    """`.` or `,`: the decimal sign of all these numbers. Raises FileError where they could be read in two ways.
+    """`.` or `,`: the decimal sign of all these numbers. Raises FileError if ambiguous.
 
     "1,234" may be a thousand or one and a bit: where every number with a comma is like that, the file must say which.
     """
@@ -37,7 +37,7 @@ def decimal_sign(texts: Sequence[str], stated: str | None, file: str) -> str:
 
 
 def number(text: str, sign: str, what: str, file: str, line: int) -> float:
-    """The finite number that `text` says. Raises FileError naming the line."""
+    """The finite number in `text`. Raises FileError with the line."""
     pattern = _COMMA if sign == "," else _POINT
     if pattern.fullmatch(text):
         value = float(text.replace(",", "."))

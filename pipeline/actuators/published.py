@@ -1,4 +1,4 @@
-"""`published_curves.csv`: a manufacturer's peak curves, to hold the measured knees against. They enter no model."""
+"""`published_curves.csv`: a manufacturer's peak curves for comparison only."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [r
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedCurve:
-    """Torque up to a knee speed, then in a line to 0; flat where the knee speed is above the no-load speed."""
+    """Constant torque up to a knee speed, then linear to 0; constant if the knee is above the no-load speed."""
 
     peak_torque: float
     """[N m]"""
@@ -39,7 +39,7 @@ class PublishedCurve:
 
 
 def read_published(folder: Path) -> dict[str, PublishedCurve]:
-    """Curves by motor model; none where the folder has no table. Raises FileError."""
+    """Curves by motor model; empty without a table. Raises FileError."""
     path = folder / TABLE
     if not path.is_file():
         return {}

@@ -1,7 +1,7 @@
-"""Read a measurement file: what it states is believed, what it leaves open is asked for, what contradicts is refused.
+"""Read a measurement file: stated facts are used, missing ones are requested, contradictions are refused.
 
     # side: joint                                  joint or motor; with `motor` also `# gear_efficiency: 0.9`
-    # source: ...                                  any other remark; `# synthetic: ...` for what was never measured
+    # source: ...                                  any other remark; `# synthetic: ...` for data that was never measured
     motor,direction,speed [rad/s],torque [N m],voltage [V],temperature [degC]
     knee,positive,0.32,60.4,48,31
 
@@ -26,12 +26,12 @@ from pipeline.errors import AmbiguousFileError, FileError
 
 DIRECTIONS = {"positive": True, "+": True, "negative": False, "-": False}
 NEAR_LARGEST = 0.9
-"""A value above this share of the largest is near it."""
+"""Share of the largest value above which a value counts as near it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Rows:
-    """The table as it stands in the file."""
+    """The table as in the file."""
 
     forward: np.ndarray
     speed: np.ndarray
@@ -63,7 +63,7 @@ def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettin
 
 
 def _split(text: str) -> tuple[dict[str, str], list[tuple[int, str]]]:
-    """What comment lines state, and the other lines with their numbers."""
+    """Statements of comment lines, and the other lines with their numbers."""
     about: dict[str, str] = {}
     table = []
     for line, content in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
@@ -141,7 +141,7 @@ def _refuse_spread(rows: _Rows, file: str, settings: ReadingSettings) -> None:
 
 
 def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Magnitudes of speed and torque, NaN where the row is one of braking, and what was done."""
+    """Magnitudes of speed and torque, NaN for braking rows, and notes on what was done."""
     speed, torque = rows.speed, rows.torque
     largest = float(np.abs(torque).max())
     for forward in (True, False):
@@ -164,7 +164,7 @@ def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndar
 
 
 def _usual_sign(speed: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """For each row the sign that speeds of its direction have; 1 where none has any."""
+    """Sign of the speeds of each row's direction; 1 if none has a sign."""
     signs = {way: float(np.sign(speed[forward == way].sum())) or 1.0 for way in (True, False)}
     return np.where(forward, signs[True], signs[False])
 
@@ -180,7 +180,7 @@ def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settin
 
 
 def _refuse_swapped(rows: _Rows, file: str, settings: ReadingSettings) -> None:
-    """A sweep's torques crowd on the plateau; its speeds do not."""
+    """Detect swapped columns: torques cluster on the plateau, speeds do not."""
     near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
     if near[0] > settings.clustered and near[0] > near[1]:
         problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."

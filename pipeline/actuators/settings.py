@@ -1,4 +1,4 @@
-"""The thresholds of actuator calibration as `data/actuators.yaml` states them; there stand their values and sources."""
+"""Thresholds of actuator calibration; values and sources are in `data/actuators.yaml`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingSettings:
-    """What a measurement file may say."""
+    """Limits on a measurement file."""
 
     max_speed: float
     """Faster than this at the joint [rad/s] is taken for another unit or the motor's side."""
@@ -25,7 +25,7 @@ class ReadingSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class KneeSettings:
-    """When a knee is accepted."""
+    """Conditions for accepting a knee."""
 
     min_points: int
     """Least points of a sweep."""
@@ -51,7 +51,7 @@ class KneeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings:
-    """What may enter a robot model."""
+    """Limits on values that enter a robot model."""
 
     gear_ratio: tuple[float, float]
     rotor_inertia: tuple[float, float]

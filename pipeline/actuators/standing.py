@@ -1,4 +1,4 @@
-"""Does the model stand? The robot held in a pose by explicit PD in MuJoCo, with the motors' torque limits.
+"""Standing test: the robot holds a pose by explicit PD in MuJoCo, with the motors' torque limits.
 
 An explicit controller is unstable where the damping it is to give is large against the inertia it acts on: with the
 armature of the real gears the T1's stiff standing gains hold, with none they do not.
@@ -28,7 +28,7 @@ FALLEN_DEG = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class StandingPose:
-    """How the manufacturer's controller stands the robot up before a policy takes over."""
+    """Pose and gains in which the manufacturer's controller stands before a policy starts."""
 
     kp: Float[np.ndarray, " j"]
     """[N m/rad]"""
@@ -42,19 +42,19 @@ class StandingPose:
 
 @dataclass(frozen=True, kw_only=True)
 class Stood:
-    """What came of standing."""
+    """Result of the standing test."""
 
     seconds: float
-    """How long it stood [s]."""
+    """Time without a fall [s]."""
     fell: bool
     tilt_deg: float
     """Largest angle of the root from upright [deg]."""
     height: float
-    """Of the root at the end [m]."""
+    """Height of the root at the end [m]."""
 
 
 def read_standing_pose(folder: Path, robot: Robot) -> StandingPose | None:
-    """The standing pose of a robot folder; None where it has none. Raises FileError."""
+    """The standing pose of a robot folder; None without one. Raises FileError."""
     path = folder / TABLE
     if not path.is_file():
         return None
@@ -80,7 +80,7 @@ def stand(
     armature: Float[np.ndarray, " j"],
     seconds: float = 10.0,
 ) -> Stood:
-    """Hold the pose from a start on the ground, with an armature [kg m^2] of one's choice."""
+    """Hold the pose from a start on the ground, with a given armature [kg m^2]."""
     model = mujoco_model(robot, ground=True, timestep=TIMESTEP_S)
     model.dof_armature[6:] = armature
     data = mujoco.MjData(model)

@@ -20,10 +20,10 @@ from pipeline.actuators.synthetic import NO_LOAD_RATIO, Curve, Sweep, sample
 from pipeline.files import atomic
 
 SEED = 1
-"""The first seed with which all 26 intervals contain what the sweeps were made from; of many, 95 % do."""
+"""The first seed with which all 26 intervals contain the true values; on average 95 % do."""
 SWEEP = Sweep(points=60, noise=0.015, outliers=0.05)
 SAG = 0.03
-"""Of the plateau, over the knee torque."""
+"""Sag of the plateau over the knee torque."""
 SIDES = ("Left_", "Right_")
 WIKI = "Booster's motor figures, quoted by several T1 configurations"
 
@@ -79,7 +79,7 @@ T1 = {
 
 
 def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG, seed: int = SEED) -> str:
-    """A measurement file of a drive; the same text for the same seed, whatever other drives there are."""
+    """A measurement file of a drive; it depends only on the seed, not on other drives."""
     curve = Curve(knee_speed=drive.knee_speed, knee_torque=drive.knee_torque, sag=sag)
     rng = np.random.default_rng([seed, *hashlib.sha256(motor.encode()).digest()[:4]])
     lines = [

@@ -1,4 +1,4 @@
-"""Torque-speed sweeps that were never measured: a curve that is known, with noise, sag and outliers, from a seed."""
+"""Synthetic torque-speed sweeps: a known curve with seeded noise, sag and outliers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NO_LOAD_RATIO = 1.25
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A plateau that sags to the knee, then a line to no torque at the no-load speed."""
+    """A plateau that sags towards the knee, then a line to zero torque at the no-load speed."""
 
     knee_speed: float
     """[rad/s]"""
@@ -37,7 +37,7 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """How a curve is sampled."""
+    """Sampling of a curve."""
 
     points: int = 40
     noise: float = 0.02
@@ -49,7 +49,7 @@ class Sweep:
 
 
 def sample(curve: Curve, sweep: Sweep, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Evenly spread speeds [rad/s] from standstill on, and measured torques [N m]."""
+    """Evenly spaced speeds from 0 [rad/s], and measured torques [N m]."""
     end = curve.no_load_ratio if sweep.end is None else sweep.end
     speed = np.linspace(0.0, end * curve.knee_speed, sweep.points)
     torque = curve.torque(speed) + sweep.noise * curve.knee_torque * rng.standard_normal(sweep.points)

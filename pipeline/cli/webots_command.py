@@ -16,7 +16,7 @@ from pipeline.robot.read import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
-from pipeline.validation.webots_bars import allowed_of
+from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.checks import project_faults
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project

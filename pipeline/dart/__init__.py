@@ -1,1 +1,1 @@
-"""The robot in DART, whose contacts are of another family than MuJoCo's."""
+"""The robot in DART, which has hard contacts."""

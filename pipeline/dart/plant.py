@@ -1,4 +1,4 @@
-"""A robot on flat ground in DART, behind the interface of every engine: torques in, state and foot forces out."""
+"""A robot on flat ground in DART, with the `Plant` interface: torques in, state and foot forces out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.plant import PlantState
 
 GRAVITY = 9.81
-"""[m/s^2], that of the MuJoCo models."""
+"""As in the MuJoCo models [m/s^2]."""
 
 
 class DartPlant:
@@ -32,9 +32,9 @@ class DartPlant:
         self.reset()
 
     def reset(self, state: PlantState | None = None) -> None:
-        """Start again from a state; None is the default pose on the ground.
+        """Restart from a state; None: the default pose on the ground.
 
-        The world is built anew: collision detectors remember pairs of the past, and with them the bits change.
+        The world is rebuilt, because collision detectors remember earlier pairs, which changes the bits of results.
         """
         self._build()
         start = _standing(self.robot) if state is None else state
@@ -63,7 +63,7 @@ class DartPlant:
         self._world.addSkeleton(self._skeleton)
 
     def state(self) -> PlantState:
-        """Where the robot is and how it moves."""
+        """Current pose and velocity of the robot."""
         positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
         quat_w = rotation.from_rotvec(positions[:3])
         return PlantState(
@@ -76,7 +76,7 @@ class DartPlant:
         )
 
     def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
-        """One time step with joint torques [N m] and a force [N] at the trunk's centre of mass."""
+        """Advance by one timestep with joint torques [N m] and a force [N] at the trunk's centre of mass."""
         forces = np.zeros(self._skeleton.getNumDofs())
         forces[self._joints] = torque
         self._skeleton.setForces(forces)
@@ -87,7 +87,7 @@ class DartPlant:
     def foot_wrench_w(self) -> Float[np.ndarray, "2 6"]:
         """Force [N] and moment about the foot links' origins [N m] on the left and right foot in the last step.
 
-        Of the ground and of everything else that touched the feet.
+        Includes every contact of the feet, not only the ground.
         """
         wrench = np.zeros((2, 6))
         origins = [np.array(body.getWorldTransform().translation()).reshape(3) for body in self._feet]
@@ -97,7 +97,7 @@ class DartPlant:
         return wrench
 
     def kick(self, delta_v_w: Float[np.ndarray, " 3"]) -> None:
-        """Change the velocity of the root [m/s] at once, and with it that of all links."""
+        """Add to the velocity [m/s] of the root and thereby of all links."""
         state = self.state()
         turning = rotation.rotate(state.root_quat_w, state.root_ang_vel_b)
         self._set_root_velocity(state.root_lin_vel_w + delta_v_w, turning)
@@ -107,7 +107,7 @@ class DartPlant:
         self._root.setLinearVelocity(linear_w)
 
     def _foot_contacts(self) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Foot, point and force on it of each contact of the last step; DART gives the force on the first object."""
+        """Foot index, point and force on it for each contact; DART reports the force on the first object."""
         result = self._world.getLastCollisionResult()
         for index in range(result.getNumContacts()):
             contact = result.getContact(index)

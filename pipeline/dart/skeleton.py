@@ -1,4 +1,4 @@
-"""A robot as a DART skeleton: its URDF without visuals and sites, its rotors on the links they move."""
+"""A robot as a DART skeleton: its URDF without visuals and sites, with rotor inertia on the driven links."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from pipeline.simulation.armature_on_links import added_moments
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
-    """Skeleton with a floating root. Its parts touch each other where they do in MuJoCo: not parent and child.
+    """Skeleton with a floating root. Self-collision is as in MuJoCo: not between parent and child.
 
-    Joint limits hold. Speed and torque limits of the URDF do not: those are the motors' and cut before the plant.
+    Joint position limits are enforced. Speed and torque limits are not: they are the motors' and applied before the
+    plant.
     """
     loader = dart.utils.DartLoader()
     skeleton = loader.parseSkeletonString(dynamics_urdf(robot), dart.common.Uri(""))
@@ -58,7 +59,7 @@ def set_friction(body: dart.dynamics.BodyNode, friction: float) -> None:
 
 
 def dynamics_urdf(robot: Robot) -> str:
-    """The URDF without what has no mass: visuals, and the links that stand for sites (DART would give them one)."""
+    """The URDF without visuals and without the massless links of sites, to which DART would assign a mass."""
     model = Xml.fromstring(robot.urdf)
     for element in list(model):
         site = element.tag == "link" and element.get("name") not in robot.link_names

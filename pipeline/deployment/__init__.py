@@ -1,4 +1,4 @@
-"""What runs on the robot: observation, network, joint targets. Needs numpy; engines, exports and logs use this one."""
+"""What runs on the robot: observation, network, joint targets. Used by engines, exports and logs; needs only numpy."""
 
 from pipeline.deployment.controller import PolicyController
 from pipeline.deployment.observation import History, frame

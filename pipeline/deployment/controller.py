@@ -1,4 +1,4 @@
-"""From what the sensors say to joint targets, one control step after the other."""
+"""The policy controller: sensor readings in, joint targets out, one control step at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.errors import PipelineError
 
 
 class PolicyMisfitError(PipelineError):
-    """A policy whose sizes are not those of the task."""
+    """A policy whose sizes differ from those of the task."""
 
     def __init__(self, task: DeploymentTask, policy: Policy):
         got = f"{policy.observation_size} observations and {policy.action_size} actions"
@@ -22,9 +22,9 @@ class PolicyMisfitError(PipelineError):
 
 
 class PolicyController:
-    """Keeps the history and the last action. One instance a rollout, called `control_hz` times a second.
+    """Keeps the history and the last action. Use one instance per rollout, called at `control_hz`.
 
-    Raises PolicyMisfitError where policy and task don't fit each other.
+    Raises PolicyMisfitError if the sizes of policy and task differ.
     """
 
     def __init__(self, task: DeploymentTask, policy: Policy):
@@ -36,14 +36,14 @@ class PolicyController:
         self.reset()
 
     def reset(self) -> None:
-        """Back to the start: history and last action are zeros."""
+        """Reset history and last action to zeros."""
         self._history.reset()
         self.last_action: Float[np.ndarray, " a"] = np.zeros(len(self.task.policy_joints))
         self.observation: Float[np.ndarray, " n"] = np.zeros(self.task.observation_size)
-        """What the policy saw last."""
+        """The latest observation."""
 
     def fork(self) -> PolicyController:
-        """Another controller in the same state."""
+        """A copy in the same state."""
         twin = PolicyController(self.task, self.policy)
         twin._history = self._history.copy()
         twin.last_action, twin.observation = self.last_action, self.observation

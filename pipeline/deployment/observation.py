@@ -1,4 +1,4 @@
-"""What a policy sees: frames of 9 + 3 A numbers, the last ten of them, the oldest first."""
+"""The policy's observation: the last ten frames of 9 + 3 A numbers, oldest first."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def frame(
 
 
 class History:
-    """The last frames, time-major, the oldest first; zeros where there is none yet."""
+    """The last frames, time-major, oldest first; zeros before the first ones."""
 
     def __init__(self, task: DeploymentTask):
         self._frames = np.zeros((task.history, task.frame_size))
 
     def copy(self) -> History:
-        """Another history of the same frames."""
+        """A copy of the history."""
         twin = object.__new__(History)
         twin._frames = self._frames
         return twin
@@ -50,6 +50,6 @@ class History:
         self._frames = np.zeros_like(self._frames)
 
     def push(self, frame: Float[np.ndarray, " f"]) -> Float[np.ndarray, " n"]:
-        """The observation with `frame` as its newest."""
+        """Append `frame` and return the observation."""
         self._frames = np.concatenate([self._frames[1:], frame[None]])
         return self._frames.ravel()

@@ -1,4 +1,4 @@
-"""A policy given as numbers in an npz: normalizer, layers, and what travels with them.
+"""A policy as numbers in an npz: normalizer, layers, joint names and gains.
 
 Arrays of the file: `mean, std, eps` and layers `L0_w, L0_b, …` (ELU between, none at the end); where there are, the
 gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examples `golden_observation, golden_action`.
@@ -37,7 +37,7 @@ class PolicyGains:
 
 @dataclass(frozen=True, kw_only=True)
 class Golden:
-    """Observations and the actions that the policy gives for them."""
+    """Observations with the policy's actions."""
 
     observation: Float[np.ndarray, "g n"]
     action: Float[np.ndarray, "g a"]
@@ -49,7 +49,7 @@ class Policy:
 
     mean: Float[np.ndarray, " n"]
     scale: Float[np.ndarray, " n"]
-    """What a centred observation is divided by."""
+    """Divisor of the centred observation."""
     layers: tuple[tuple[np.ndarray, np.ndarray], ...]
     """Weight (out, in) and bias (out,) of each layer."""
     gains: PolicyGains | None = None
@@ -74,7 +74,7 @@ class Policy:
 
 
 def load_policy(path: Path) -> Policy:
-    """The policy of a file. Raises FileError that names what is missing, misshapen or not finite."""
+    """The policy in a file. Raises FileError naming what is missing, misshapen or not finite."""
     named, names = _arrays(path)
     count = sum(name.startswith("L") and name.endswith("_w") for name in named)
     wanted = ["mean", "std", "eps", *(f"L{index}_{part}" for index in range(count) for part in "wb")]
@@ -104,7 +104,7 @@ def load_policy(path: Path) -> Policy:
 
 
 def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Number arrays of the file as float, and its joint names."""
+    """The file's numeric arrays as float, and its joint names."""
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the npz of a policy.")
     try:
@@ -155,7 +155,7 @@ def save_policy(path: Path, policy: Policy) -> None:
 
 
 def digest(policy: Policy) -> str:
-    """Digest of what decides the robot's motion: network and gains, in the precision they are kept in."""
+    """Digest of network and gains, in the precision in which they are stored."""
     parts = [policy.mean, policy.scale, *(part for layer in policy.layers for part in layer)]
     names: tuple[str, ...] = ()
     if policy.gains is not None:

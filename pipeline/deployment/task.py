@@ -1,4 +1,4 @@
-"""What a policy is told and what its numbers move: joints, default pose, gains, rates."""
+"""The deployment task: joints, default pose, gains, rates."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from pipeline.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from pipeline.robot import Robot
-else:  # the robot's package brings MuJoCo, which what runs on the robot does without
+else:  # the robot package imports MuJoCo, which is not needed on the robot
     Robot = Any
 
 ACTION_SCALE = 0.25
-"""Of Booster's published walking policy and of ours [rad]."""
+"""Action scale of Booster's published walking policy and of ours [rad]."""
 HISTORY = 10
 CONTROL_HZ = 50.0
 
@@ -35,20 +35,20 @@ class DeploymentTask:
     policy_joints: tuple[str, ...]
     """The A joints that the policy reads and moves, in the network's order."""
     default_joint_pos: Float[np.ndarray, " j"]
-    """What positions are counted from, and where joints that the policy doesn't move are held [rad]."""
+    """Offset of joint positions, and target of the joints that the policy does not move [rad]."""
     kp: Float[np.ndarray, " j"]
     """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
     """[N m s/rad]"""
     action_scale: float = ACTION_SCALE
-    """Of an action in a joint's target [rad]."""
+    """Joint target per unit of action [rad]."""
     history: int = HISTORY
     """Frames in an observation."""
     control_hz: float = CONTROL_HZ
 
     @cached_property
     def policy_index(self) -> Int[np.ndarray, " a"]:
-        """Where the policy's joints are in `joint_names`."""
+        """Indices of the policy's joints in `joint_names`."""
         return np.array([self.joint_names.index(name) for name in self.policy_joints])
 
     @property
@@ -67,7 +67,7 @@ def deployment_task(
     kd: Float[np.ndarray, " j"] | None = None,
     default_joint_pos: Float[np.ndarray, " j"] | None = None,
 ) -> DeploymentTask:
-    """The task of a robot; gains and default pose are the robot's where not given."""
+    """The task of a robot; gains and default pose default to the robot's."""
     return DeploymentTask(
         robot=robot.name,
         joint_names=robot.joint_names,
@@ -79,9 +79,9 @@ def deployment_task(
 
 
 def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
-    """The task of a robot with the gains and the default pose that travel with the policy; the robot's where none do.
+    """The task of a robot with the policy's own gains and default pose, else the robot's.
 
-    Raises UnknownNameError for a joint that the policy doesn't name.
+    Raises UnknownNameError if the policy lacks a joint.
     """
     gains = policy.gains
     if gains is None:
@@ -107,7 +107,7 @@ def breadth_first(robot: Robot) -> tuple[str, ...]:
 
 
 def in_order(values: np.ndarray, names: Sequence[str], wanted: Sequence[str]) -> np.ndarray:
-    """Values that belong to `names` in the order of `wanted`. Raises UnknownNameError for a name that is missing."""
+    """Values of `names`, reordered as `wanted`. Raises UnknownNameError for a missing name."""
     where = {name: index for index, name in enumerate(names)}
     for name in wanted:
         if name not in where:

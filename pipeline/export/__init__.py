@@ -1,1 +1,1 @@
-"""A trained policy as others take it: ONNX, TorchScript, a task folder for booster_deploy, golden vectors, a card."""
+"""Export of a trained policy: ONNX, TorchScript, booster_deploy task folder, golden vectors, model card."""

@@ -1,4 +1,4 @@
-"""A policy as a task of Booster's own deployment program (booster_deploy): a folder to put beside its own tasks.
+"""A policy as a task folder of Booster's deployment program (booster_deploy).
 
     tasks/booster_lab/__init__.py    registers the task
     tasks/booster_lab/walk.py        gains, pose and joints of the policy on the vendor's robot
@@ -30,7 +30,7 @@ VENDOR_ROBOTS = {"t1": "T1_23DOF_CFG", "k1": "K1_CFG"}
 
 @dataclass(frozen=True, kw_only=True)
 class CommandLimits:
-    """What the joystick may ask for at most, both ways."""
+    """Largest joystick commands, in both directions."""
 
     forward: float = 1.0
     """[m/s]"""
@@ -43,7 +43,7 @@ class CommandLimits:
 def write_task_folder(
     folder: Path, task: DeploymentTask, policy: Policy, root_height: float, limits: CommandLimits | None = None
 ) -> list[Path]:
-    """Write the task folder below `folder`; the files written. Raises UnknownNameError for a robot it doesn't know."""
+    """Write the task folder below `folder` and return its files. Raises UnknownNameError for an unsupported robot."""
     if task.robot not in VENDOR_ROBOTS:
         raise UnknownNameError("robot of booster_deploy", task.robot, tuple(VENDOR_ROBOTS))
     place = folder / FOLDER

@@ -1,4 +1,4 @@
-"""The model card: what a policy is, what it was trained on and by which run, what it may be used for."""
+"""The model card: a policy's origin, training run, data, licence and files."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ REQUIRED = ("name", "robot", "digest", "run", "data", "shippable", "why", "netwo
 
 @dataclass(frozen=True, kw_only=True)
 class ModelCard:
-    """Everything said of an exported policy; JSON types only."""
+    """Facts of an exported policy; JSON types only."""
 
     name: str
     robot: str
     digest: str
-    """Of network and gains (`pipeline.deployment.digest`)."""
+    """Digest of network and gains (`pipeline.deployment.digest`)."""
     run: dict[str, Any]
     """The training run: `name, commit, command, preset, seed, num_envs, device, iterations, seconds, options, …`."""
     data: dict[str, Any]
     """The expert database: `digest, clips, seconds, licence` as its manifest states them."""
     shippable: bool
     why: str
-    """Why it may ship, or may not."""
+    """Why it may or may not ship."""
     network: dict[str, Any]
     """Sizes of observation, layers and action."""
     parity: dict[str, Any]
@@ -40,20 +40,20 @@ class ModelCard:
     files: dict[str, str]
     """Every other file of the export -> digest of its content."""
     figures: dict[str, Any] = field(default_factory=dict)
-    """What was measured of it, by the name of the measurement; empty where nothing was."""
+    """Measured figures by the name of the measurement; may be empty."""
 
     def to_text(self) -> str:
         return json.dumps({"schema": SCHEMA, **vars(self)}, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def write_card(folder: Path, card: ModelCard) -> None:
-    """Write `card.json` and its page for people; JSON last, so that a folder with one is whole."""
+    """Write `CARD.md`, then `card.json`, so that a folder with the latter is complete."""
     atomic.write_text(folder / PAGE, page(card))
     atomic.write_text(folder / FILE, card.to_text())
 
 
 def read_card(folder: Path) -> ModelCard:
-    """The card of an export. Raises FileError where there is none or it lacks something."""
+    """The card of an export. Raises FileError if it is missing or incomplete."""
     path = folder / FILE
     if not path.is_file():
         raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
@@ -79,7 +79,7 @@ def page(card: ModelCard) -> str:
 
 
 def card_rows(card: ModelCard) -> dict[str, str]:
-    """What a person reads first: name of a fact, and the fact."""
+    """The main facts of a card by name, for people."""
     licence = card.data.get("licence", {})
     return {
         "robot": card.robot,
@@ -101,7 +101,7 @@ def card_rows(card: ModelCard) -> dict[str, str]:
 
 
 def _preset(run: dict[str, Any]) -> str:
-    """The preset, and the options in which the run differed from it where it says so."""
+    """The preset and the options that differ from it."""
     changed = ", ".join(f"{name}={value}" for name, value in run.get("changed", {}).items())
     return str(run.get("preset", "not stated")) + (f" with {changed}" if changed else "")
 

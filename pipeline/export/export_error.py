@@ -1,4 +1,4 @@
-"""Why a policy can't be exported, or an export can't be taken."""
+"""The error of a refused export."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from pipeline.errors import PipelineError
 
 
 class ExportError(PipelineError):
-    """A policy that is not exported, with the numbers that say why."""
+    """A policy that can't be exported, with the reason and numbers."""

@@ -26,10 +26,9 @@ from pipeline.export import booster_deploy, card
 from pipeline.export.export_error import ExportError
 from pipeline.export.golden import GoldenVectors, golden_vectors, read_golden, write_golden
 from pipeline.export.licence import refuse_unless_allowed, shipping
-from pipeline.export.metadata import metadata
+from pipeline.export.metadata import metadata, trained_task
 from pipeline.export.onnx_model import write_onnx
 from pipeline.export.parity import Parity, measure_parity, observations_to_compare
-from pipeline.export.trained_task import trained_task
 from pipeline.files import atomic
 from pipeline.files import digest as digests
 from pipeline.robot import Robot

@@ -1,4 +1,4 @@
-"""Golden vectors: what the sensors said, what the policy then saw, answered and asked of the joints, step by step.
+"""Golden vectors: sensor readings, observations, actions and joint targets, step by step.
 
 Whoever writes the deployment again replays the sensor readings from the start and must get these observations, actions
 and targets. They are of the first second of a walk in simulation: the history fills and the command ramps up.
@@ -51,7 +51,7 @@ class GoldenVectors:
 
 
 def golden_vectors(robot: Robot, task: DeploymentTask, policy: Policy) -> GoldenVectors:
-    """Walk in MuJoCo for `SECONDS` from the default pose and note what went in and out."""
+    """Walk in MuJoCo for `SECONDS` from the default pose and record inputs and outputs."""
     plant = MujocoPlant(robot, MujocoOptions())
     motors = PdControl(kp=task.kp, kd=task.kd, envelope=TorqueEnvelope(limit=robot.torque_limit))
     walked = run(robot, plant, PolicyController(task, policy), motors, ramp, SECONDS, wrench_every=10_000)
@@ -73,7 +73,7 @@ def ramp(time_s: float) -> Float[np.ndarray, " 3"]:
 
 
 def replay(task: DeploymentTask, policy: Policy, **readings: np.ndarray) -> GoldenVectors:
-    """What controller and policy make of readings `gyro_b, gravity_b, command, joint_pos, joint_vel`, each (k, …)."""
+    """Controller outputs for readings `gyro_b, gravity_b, command, joint_pos, joint_vel`, each (k, …)."""
     controller = PolicyController(task, policy)
     made: dict[str, list[np.ndarray]] = {"observation": [], "action": [], "targets": []}
     for step in range(len(readings["command"])):

@@ -1,4 +1,4 @@
-"""May a policy be passed on? It may where the licences of the motions it was trained on let a derived work be."""
+"""Whether a policy may be distributed, from the licences of the motions it was trained on."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from pipeline.export.export_error import ExportError
 
 SHIPPABLE = ("public-domain", "permissive", "attribution", "share-alike")
-"""Classes of licence (`pipeline.expert.licence`) of which a trained policy may ship with the project."""
+"""Licence classes (`pipeline.expert.licence`) whose policies may ship with the project."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,9 +22,9 @@ class Shipping:
 
 
 def shipping(manifest: dict[str, Any] | None) -> Shipping:
-    """What the manifest of the expert database that a policy was trained on allows.
+    """Whether the manifest of the training database allows shipping.
 
-    Without a manifest nothing is known, and what isn't known isn't allowed.
+    Without a manifest the licence is unknown, and shipping is not allowed.
     """
     stated = (manifest or {}).get("licence", {})
     strictest = str(stated.get("strictest", "unknown"))
@@ -39,7 +39,7 @@ def shipping(manifest: dict[str, Any] | None) -> Shipping:
 
 
 def refuse_unless_allowed(found: Shipping, policy: str) -> None:
-    """Raises ExportError where a policy is to be marked shippable and may not."""
+    """Raise ExportError if the policy must not be marked as shippable."""
     if not found.allowed:
         raise ExportError(
             f"policy '{policy}' can't be marked shippable: {found.reason} "

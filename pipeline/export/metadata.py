@@ -1,13 +1,25 @@
-"""What travels inside an exported network: the joints, gains and rates without which it is no policy."""
+"""Task and metadata of an exported policy: joints, gains, default pose and rates."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
-from pipeline.deployment import DeploymentTask, Policy, digest
+from pipeline.deployment import DeploymentTask, Policy, digest, policy_task
+from pipeline.export.export_error import ExportError
+from pipeline.robot import Robot
 
 OBSERVATION = "gyro 3, gravity 3, command 3, q - q0, dq, last action; frames time-major, the oldest first"
+
+
+def trained_task(robot: Robot, policy: Policy) -> DeploymentTask:
+    """The deployment task of a robot with a policy's own gains.
+
+    Raises ExportError for a policy without gains, UnknownNameError if it lacks a joint of the robot.
+    """
+    if policy.gains is None:
+        raise ExportError("the policy has no gains; export it with the ones that it was trained with.")
+    return policy_task(robot, policy)
 
 
 def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:
@@ -31,12 +43,12 @@ def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:
 
 
 def as_texts(facts: dict[str, Any]) -> dict[str, str]:
-    """The same as texts, for formats that keep nothing else: a text stays, all else is JSON."""
+    """The metadata as texts, for formats that store only texts; other values become JSON."""
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
 
 
 def from_texts(texts: dict[str, str]) -> dict[str, Any]:
-    """What `as_texts` was made from; a text that is no JSON is itself."""
+    """Inverse of `as_texts`; a text that is not JSON stays as it is."""
     return {name: _value(name, text) for name, text in texts.items()}
 
 

@@ -1,4 +1,4 @@
-"""A policy as ONNX: `observation` (n, 720) -> `action` (n, 21) in single precision, its facts as metadata.
+"""A policy as ONNX: `observation` (n, 720) -> `action` (n, 21) in single precision, with metadata.
 
 The graph is (observation - mean) / scale, then a Gemm a layer with Elu between, written node by node: equal policies
 give equal bytes.
@@ -20,9 +20,9 @@ from pipeline.files import atomic
 
 OPSET = 17
 IR_VERSION = 8
-"""Old enough for the runtimes that robots have."""
+"""Supported by the older runtimes on robots."""
 OPERATORS = frozenset({"Sub", "Div", "Gemm", "Elu"})
-"""What a policy's graph is made of; a file with anything else is not one of ours."""
+"""Operators of an exported graph; files with others are refused."""
 MAX_BYTES = 100_000_000
 
 
@@ -63,7 +63,7 @@ def write_onnx(path: Path, task: DeploymentTask, policy: Policy) -> None:
 
 
 def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
-    """The model of a file that is whole in itself, and its metadata.
+    """The model in a self-contained file, and its metadata.
 
     Raises FileError for what can't be read, is no ONNX model, is larger than `MAX_BYTES`, keeps its numbers in another
     file or has operators that no exported policy has.
@@ -95,7 +95,7 @@ def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
 
 
 def _tensors(model: onnx.ModelProto) -> list[TensorProto]:
-    """Every tensor of the graph, those in attributes of its nodes too."""
+    """All tensors of the graph, including node attributes."""
     found = list(model.graph.initializer)
     for node in model.graph.node:
         for attribute in node.attribute:

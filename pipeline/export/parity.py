@@ -1,4 +1,4 @@
-"""Does what was exported give the network's actions? Largest difference over golden and random observations."""
+"""Compare exported networks with the original over golden and random observations."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from pipeline.export.onnx_model import read_onnx
 from pipeline.export.torch_script import read_torch_script
 
 TOLERANCE = 1e-5
-"""Largest difference of an action from the network's [1]; a quarter of it in a joint's target [rad]."""
+"""Largest allowed difference of an action [1]; a quarter of it in a joint target [rad]."""
 LARGE = 10.0
-"""Of an action beyond this a millionth is allowed: single precision has seven digits."""
+"""Magnitude of an action above which a relative 1e-6 is allowed, for single precision."""
 RANDOM = 256
-"""Random observations that are compared."""
+"""Number of random observations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parity:
-    """Largest absolute differences from the network's numbers in double precision."""
+    """Largest absolute differences from the network in double precision."""
 
     onnx: float
     torch_script: float
     times_allowed: float
-    """Largest of both, each action's over what it is allowed."""
+    """Largest difference over its tolerance, of both forms."""
     runtime: str
-    """What ran the ONNX file."""
+    """The runtime of the ONNX file."""
     observations: int
 
     @property
@@ -41,7 +41,7 @@ class Parity:
 def observations_to_compare(
     policy: Policy, golden: Float[np.ndarray, "g n"], rng: np.random.Generator
 ) -> Float[np.ndarray, "m n"]:
-    """Golden observations, then random ones spread as the normalizer says that training saw them."""
+    """Golden observations, then random ones with the mean and scale of the normalizer."""
     random = policy.mean + policy.scale * rng.normal(size=(RANDOM, policy.observation_size))
     return np.concatenate([golden, random])
 
@@ -49,7 +49,7 @@ def observations_to_compare(
 def measure_parity(
     policy: Policy, onnx_path: Path, torch_script_path: Path, observations: Float[np.ndarray, "m n"]
 ) -> Parity:
-    """Run both files on observations. Raises ExportError where either is off by more than is allowed."""
+    """Run both files on observations. Raises ExportError if either exceeds the tolerance."""
     import torch
 
     wanted = policy.act(observations)
@@ -78,7 +78,7 @@ def measure_parity(
 
 
 def _run_onnx(path: Path, observations: np.ndarray) -> tuple[str, np.ndarray]:
-    """Actions of the ONNX file: by onnxruntime where it is installed, else by ONNX's own evaluator."""
+    """Actions of the ONNX file, by onnxruntime if installed, else by ONNX's reference evaluator."""
     model, _ = read_onnx(path)
     try:
         import onnxruntime

@@ -22,10 +22,10 @@ from pipeline.export.metadata import metadata
 from pipeline.files import atomic
 
 FACTS = "metadata.json"
-"""Name of the extra file in the archive that has the facts of the policy."""
+"""Name of the archive's extra file with the metadata."""
 MAX_BYTES = 100_000_000
 _ALIGNMENT = 64
-"""Numbers begin at multiples of this in an archive that torch maps into memory [bytes]."""
+"""Alignment of tensors in an archive that torch maps into memory [bytes]."""
 
 
 class Network(torch.nn.Module):
@@ -54,7 +54,7 @@ def to_torch_script(task: DeploymentTask, policy: Policy) -> bytes:
     """The TorchScript archive of a policy."""
     stream = io.BytesIO()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # the form booster_deploy loads is this one
+        warnings.simplefilter("ignore", DeprecationWarning)  # booster_deploy loads this format
         facts = json.dumps(metadata(task, policy), sort_keys=True)
         torch.jit.save(torch.jit.script(Network(policy).eval()), stream, _extra_files={FACTS: facts})
     return _without_sources(stream.getvalue())
@@ -97,7 +97,7 @@ def _check_archive(path: Path) -> None:
 
 
 def _without_sources(data: bytes) -> bytes:
-    """The archive without notes of where its code came from, stored with fixed times and aligned numbers."""
+    """The archive without source paths, with fixed times and aligned tensors."""
     stream = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as new:
         for entry in old.infolist():

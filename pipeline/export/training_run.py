@@ -1,4 +1,4 @@
-"""What a training run's own files say of it, as the model card keeps it."""
+"""Facts of a training run from its files, for the model card."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from pipeline.errors import FileError
 
 CONFIG, DONE = "config.json", "done.json"
 BUNDLE = "bundle"
-"""Key of `config.json` under which is what the run was trained on: digests of robot and database, licence."""
+"""Key of `config.json` with the run's data: digests of robot and database, licence."""
 DATA_FACTS = ("robot_digest", "clips", "seconds", "licence")
 
 
 def training_run(folder: Path, commit: str = "", command: str = "") -> dict[str, Any]:
-    """The facts of the run in `folder`: its config, how it ended where it did, and who made it. Raises FileError."""
+    """The facts of the run in `folder`: config, end, commit and command. Raises FileError."""
     facts = _read(folder / CONFIG)
     facts.pop(BUNDLE, None)
     ended = _read(folder / DONE) if (folder / DONE).is_file() else {}
@@ -27,7 +27,7 @@ def training_data(folder: Path) -> dict[str, Any]:
     """The facts of the expert database that the run in `folder` was trained on. Raises FileError."""
     facts = _read(folder / CONFIG).get(BUNDLE)
     if not isinstance(facts, dict) or "database_digest" not in facts:
-        raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it anew.")
+        raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it again.")
     return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
 
 

@@ -1,4 +1,4 @@
-"""Human motions made from figures of gait: a footstep plan first, the body around it after.
+"""Generate human motions from figures of gait: a footstep plan first, then the body.
 
     Recipe -> Commands (speed over time, path) -> Stride (phase, stances) -> Feet -> Pelvis -> legs, trunk, arms
            -> Generated (truth as a HumanClip, the same motion as BVH)

@@ -16,7 +16,7 @@ from pipeline.generator.pose import Motion
 CM_PER_M = 100.0
 ROOT_ORDER, JOINT_ORDER = "YXZ", "ZYX"
 DECIMALS = 4
-"""Of degrees and centimetres: 2 micrometres at a metre's distance."""
+"""Decimals of degrees and centimetres: 2 micrometres at a metre's distance."""
 
 
 def channels(motion: Motion) -> Float[np.ndarray, "t c"]:
@@ -29,7 +29,7 @@ def channels(motion: Motion) -> Float[np.ndarray, "t c"]:
 
 
 def columns_of(name: str) -> slice:
-    """Where the three angles of a joint stand in the motion block."""
+    """Columns of a joint's three angles in the motion block."""
     index = [joint.name for joint in skeleton.JOINTS].index(name)
     return slice(3 + 3 * index, 6 + 3 * index)
 

@@ -1,4 +1,4 @@
-"""What a clip is asked to do: levels of speed, joined by smooth ramps, and the path that follows."""
+"""The command of a clip: levels of speed joined by smooth ramps, and the resulting path."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import numpy as np
 from jaxtyping import Float
 
 GRID_HZ = 480.0
-"""Rate that motion is planned at [Hz]; every clip's rate divides it."""
+"""Planning rate [Hz]; every clip's rate divides it."""
 LEAD_S = 3.0
 """Time planned before and after a clip, then cut off, so that no clip begins with a special step [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """A speed that is held."""
+    """A constant velocity, held for a time."""
 
     hold_s: float
     forward: float = 0.0
     """[m/s]"""
     lateral: float = 0.0
-    """To the left [m/s]."""
+    """Positive to the left [m/s]."""
     yaw_rate: float = 0.0
-    """To the left [rad/s]."""
+    """Positive to the left [rad/s]."""
 
     @property
     def command(self) -> tuple[float, float, float]:
@@ -32,14 +32,14 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """Everything a clip is made from."""
+    """The definition of a clip."""
 
     name: str
     what: str
-    """One sentence for people."""
+    """Description in one sentence."""
     levels: tuple[Level, ...]
     seed: int
-    """Of the small differences from step to step and clip to clip."""
+    """Seed of the small differences between steps and clips."""
     gait: str = "walk"
     """`walk` (a foot is always on the ground; may stand) or `run` (2 m/s and more)."""
     ramp_s: float = 1.0
@@ -71,17 +71,17 @@ class Commands:
 
     @property
     def moving(self) -> np.ndarray:
-        """Where any speed is asked for (n,)."""
+        """Whether any speed is commanded (n,)."""
         return np.abs(self.forward) + np.abs(self.lateral) + np.abs(self.yaw_rate) > 1e-9
 
     def at(self, values: Float[np.ndarray, " n"], time_s: float) -> float:
-        """A grid array at a time by linear interpolation; beyond the ends it goes on as there."""
+        """A grid array at a time by linear interpolation, extrapolated beyond the ends."""
         position = (time_s - self.times[0]) * GRID_HZ
         low = int(np.clip(np.floor(position), 0, len(values) - 2))
         return float(values[low] + (values[low + 1] - values[low]) * (position - low))
 
     def held(self, values: Float[np.ndarray, " n"], time_s: float) -> float:
-        """The same; beyond the ends it stays as there."""
+        """A grid array at a time by linear interpolation, constant beyond the ends."""
         return self.at(values, float(np.clip(time_s, self.times[0], self.times[-1])))
 
 
@@ -92,7 +92,7 @@ def smoothstep(s: np.ndarray) -> np.ndarray:
 
 
 def plan_commands(recipe: Recipe) -> Commands:
-    """The commanded speeds of a recipe over time and the path they lead along, lead-in and lead-out included."""
+    """Commanded speeds of a recipe over time and the resulting path, with lead-in and lead-out."""
     ends = round(LEAD_S * GRID_HZ)
     inside = round((recipe.frame_count - 1) * GRID_HZ / recipe.fps)
     times = np.arange(-ends, inside + ends + 1) / GRID_HZ

@@ -1,4 +1,4 @@
-"""Motions with a planted defect: a sound one, spoilt in one known way."""
+"""Motions with one planted defect each."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ Block = Float[np.ndarray, "t c"]
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """Where a defect is, in seconds of the motion itself."""
+    """Location of a defect, in the motion's own time."""
 
     code: str
     start_s: float
     stop_s: float
     effect: str
-    """What must follow: `repaired`, `cut` (these seconds go, the rest stays) or `rejected` (all goes)."""
+    """Expected effect: `repaired`, `cut` (these seconds are removed) or `rejected` (all of it)."""
     detail: str
-    """What was done, for people."""
+    """Description of the defect."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Defect:
-    """A sound recipe and what is done to it."""
+    """A sound recipe and the defect that is planted into it."""
 
     recipe: Recipe
     fate: str
@@ -40,11 +40,11 @@ class Defect:
     plant: Callable[[Block, float], Block]
     """Motion block of the sound file (x and z on the floor in cm, y up, then angles in deg) and its rate -> spoilt."""
     declared_fps: float | None = None
-    """Rate that the file states, where it is not the true one [Hz]."""
+    """Declared rate if it differs from the true one [Hz]."""
 
 
 def make_defect(defect: Defect) -> tuple[Motion, str]:
-    """The sound motion and the text of the spoilt file."""
+    """The sound motion, and the text of the file with the defect."""
     motion, _ = make_motion(defect.recipe)
     block = defect.plant(bvh.channels(motion).copy(), motion.fps)
     return motion, bvh.to_text(block, defect.declared_fps or motion.fps)
@@ -79,7 +79,7 @@ def drop_out(block: Block, fps: float) -> Block:
 
 
 def jump(block: Block, fps: float) -> Block:
-    """From `TELEPORT` on everything stands 48 cm to the left and 36 cm back."""
+    """From `TELEPORT` on everything is displaced by 48 cm to the left and 36 cm back."""
     block[round(TELEPORT.start_s * fps) :, [0, 2]] += (48.0, -36.0)
     return block
 
@@ -92,12 +92,12 @@ def freeze(block: Block, fps: float) -> Block:
 
 
 def keep(block: Block, fps: float) -> Block:
-    """As it is: the defect lies in the declared rate."""
+    """Unchanged: the defect is the declared rate."""
     return block
 
 
 def skate(block: Block, fps: float) -> Block:
-    """The root drifts ahead by 30 cm/s; feet that stood now slide."""
+    """The root drifts forward by 30 cm/s, so that standing feet slide."""
     block[:, 2] += 30.0 * np.arange(len(block)) / fps
     return np.round(block, bvh.DECIMALS)
 

@@ -1,4 +1,4 @@
-"""Where each foot is at every moment: rolling over a planted point in stance, a smooth arc in swing.
+"""Foot trajectories: rolling over a planted point in stance, a smooth arc in swing.
 
 In stance the foot turns about its heel while its toes are up, about its toe joint while its heel is
 up (the toes stay flat); the point it turns about does not move. In swing each coordinate is the
@@ -21,7 +21,7 @@ from pipeline.generator.footsteps import Stance, Stride
 from pipeline.generator.hermite import hermite
 
 MIDDLE_AHEAD = 0.045
-"""A foothold is the middle of the foot, this far ahead of the ankle [m]."""
+"""Distance of the foothold (middle of the foot) in front of the ankle [m]."""
 HEEL = np.array([-skeleton.HEEL_BACK, -skeleton.ANKLE_HEIGHT])
 """Rear end of the sole from the ankle (forward, up), flat foot [m]."""
 BALL = np.array([skeleton.BALL_AHEAD, skeleton.BALL_HEIGHT - skeleton.ANKLE_HEIGHT])
@@ -41,11 +41,11 @@ class Foot:
     toe_bend: Float[np.ndarray, " n"]
     """Toes up against the foot [rad]."""
     contact: Bool[np.ndarray, " n"]
-    """On the ground."""
+    """Whether the foot is on the ground."""
 
 
 def move_foot(recipe: Recipe, commands: Commands, stances: tuple[Stance, ...]) -> Foot:
-    """The foot over the whole time of the commands."""
+    """The foot over the whole duration."""
     times = commands.times
     values = np.zeros((len(times), 6))
     contact = np.zeros(len(times), dtype=bool)

@@ -1,4 +1,4 @@
-"""The folder of motions that ships with the project, as texts by file name."""
+"""The shipped motions as texts by file name."""
 
 from __future__ import annotations
 

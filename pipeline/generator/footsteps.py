@@ -1,4 +1,4 @@
-"""When and where each foot stands. A foothold lies beside the path at the middle of its stance, so
+"""Times and positions of footholds. A foothold is beside the path at the middle of its stance, so
 that the feet keep exactly the commanded speed."""
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Stride:
     phase: Float[np.ndarray, " n"]
     """Strides so far: the left foot lands at whole numbers, the right one in between. Stays while standing."""
     duty: Float[np.ndarray, " n"]
-    """Part of the stride that a foot is down."""
+    """Share of the stride in which a foot is on the ground."""
     activity: Float[np.ndarray, " n"]
     """0 standing, 1 stepping."""
     stances: tuple[tuple[Stance, ...], tuple[Stance, ...]]
@@ -71,7 +71,7 @@ class _Figures:
     """Figures of gait at `GRID_HZ` for the commanded speeds, each (n,)."""
 
     rate_hz: np.ndarray
-    """Strides a second."""
+    """Stride rate [Hz]."""
     duty: np.ndarray
     width: np.ndarray
     """[m]"""

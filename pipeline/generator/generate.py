@@ -1,4 +1,4 @@
-"""From a recipe to a motion: the truth as a HumanClip and the same motion as BVH."""
+"""Generate a recipe's motion: ground truth as a HumanClip, and the same motion as BVH."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pipeline.generator.command import GRID_HZ, LEAD_S, Recipe
 from pipeline.generator.pose import Motion
 
 SOURCE = "booster_lab"
-"""Source that the names of the clips begin with."""
+"""Source name, the prefix of clip names."""
 SIDES = ("Left", "Right")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Generated:
-    """A motion that was made."""
+    """A generated motion."""
 
     clip: HumanClip
-    """The truth, with contacts."""
+    """The ground truth, with contacts."""
     bvh: str
     """The same as the text of a BVH file."""
 
@@ -31,14 +31,14 @@ class Generated:
 def generate(recipe: Recipe) -> Generated:
     """The motion of a recipe. Pure and seeded: the same recipe gives the same bytes.
 
-    Raises ValueError for a recipe that no body can follow.
+    Raises ValueError for an infeasible recipe.
     """
     motion, contacts = make_motion(recipe)
     return Generated(clip=to_clip(recipe.name, motion, contacts), bvh=bvh.write(motion))
 
 
 def make_motion(recipe: Recipe) -> tuple[Motion, np.ndarray]:
-    """Joint rotations and root of a recipe at its rate, and who stands (t, 2)."""
+    """Joint rotations and root of a recipe at its rate, and foot contacts (t, 2)."""
     commands = command.plan_commands(recipe)
     stride = footsteps.plan_steps(recipe, commands)
     both_feet = feet.move_feet(recipe, commands, stride)
@@ -70,7 +70,7 @@ def hanging(side: int) -> Float[np.ndarray, " 4"]:
 
 
 def to_clip(name: str, motion: Motion, contacts: np.ndarray | None) -> HumanClip:
-    """A motion on the canonical skeleton; an arm that hangs is upright there."""
+    """A motion on the canonical skeleton, in which a hanging arm is upright."""
     positions = motion.positions_w()
     names = [skeleton.JOINT_OF_BODY[body] for body in BODIES]
     quat = {}

@@ -1,15 +1,27 @@
-"""The sidecar of a motion: what it is, and what has to happen to it in the pipeline."""
+"""The sidecar of a motion: description, expected results in the pipeline, and seconds of each commanded skill."""
 
 from __future__ import annotations
 
+import numpy as np
 import yaml
 
-from pipeline.generator.command import Recipe
+from pipeline import time_series
+from pipeline.generator.command import GRID_HZ, LEAD_S, Commands, Recipe, plan_commands
 from pipeline.generator.defects import Defect
-from pipeline.generator.skills import skill_seconds
 
 MADE_BY = "pipeline.generator of this project; no recording of a person went into it"
 LICENCE = "CC0-1.0"
+
+STAND_SPEED, STAND_TURN = 0.15, np.deg2rad(20.0)
+"""Limits below which the command is standing [m/s, rad/s]."""
+TURN_SPEED, TURN_RATE = 0.35, np.deg2rad(30.0)
+"""Slower than the first and turning faster than the second is turning [m/s, rad/s]."""
+DIRECTION_RATIO = 1.2
+"""To the side or back: faster that way by this factor than the other [-]."""
+FORWARD = (("walk_slow", 0.6), ("walk", 1.3), ("walk_fast_jog", 2.0), ("run", np.inf))
+"""Forward skills and the speed they end at [m/s]."""
+SHORTEST_S = 1.0
+"""Shortest stretch of a skill [s]."""
 
 
 def of_sound(recipe: Recipe) -> dict:
@@ -19,7 +31,7 @@ def of_sound(recipe: Recipe) -> dict:
 
 
 def of_defect(defect: Defect) -> dict:
-    """Sidecar of a spoilt motion: its defects with their places, and what must follow from them."""
+    """Sidecar of a motion with defects: locations and expected effects."""
     codes = {effect: _codes(defect, effect) for effect in ("repaired", "cut", "rejected")}
     seconds = {} if defect.fate == "rejected" else skill_seconds(defect.recipe)
     lost_s = sum(fault.stop_s - fault.start_s for fault in defect.faults if fault.effect == "cut")
@@ -49,3 +61,36 @@ def _head(recipe: Recipe) -> dict:
 
 def _codes(defect: Defect, effect: str) -> list[str]:
     return list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
+
+
+def skill_seconds(recipe: Recipe) -> dict[str, float]:
+    """Seconds of each skill that a recipe commands, in stretches of `SHORTEST_S` and more; rounded to .1 s."""
+    commands = plan_commands(recipe)
+    ends = int(LEAD_S * GRID_HZ)
+    labels = label(commands)[ends:-ends]
+    seconds: dict[str, float] = {}
+    for skill in dict.fromkeys(labels.tolist()):
+        lengths = [(stop - start) / GRID_HZ for start, stop in time_series.runs(labels == skill)]
+        total_s = sum(length for length in lengths if length >= SHORTEST_S)
+        if total_s > 0.0 and skill != "transition":
+            seconds[skill] = round(total_s, 1)
+    return seconds
+
+
+def label(commands: Commands) -> np.ndarray:
+    """Skill at every moment of the commands (n,); `transition` where no definition holds."""
+    forward, lateral, turn = commands.forward, commands.lateral, commands.yaw_rate
+    speed = np.hypot(forward, lateral)
+    names = np.full(len(speed), "transition", dtype="<U16")
+    low = 0.0
+    for skill, high in FORWARD:
+        names[(forward >= low) & (forward < high) & (speed >= STAND_SPEED)] = skill
+        low = high
+    names[(forward < 0.0) & (-forward > DIRECTION_RATIO * np.abs(lateral)) & (speed >= STAND_SPEED)] = "back"
+    sideways = (np.abs(lateral) > DIRECTION_RATIO * np.abs(forward)) & (speed >= STAND_SPEED)
+    names[sideways & (lateral > 0.0)], names[sideways & (lateral < 0.0)] = "side_left", "side_right"
+    turning = (speed < TURN_SPEED) & (np.abs(turn) > TURN_RATE)
+    names[turning & (turn > 0.0)], names[turning & (turn < 0.0)] = "turn_left", "turn_right"
+    names[(speed < STAND_SPEED) & (np.abs(turn) < STAND_TURN)] = "stand"
+    names[(speed < STAND_SPEED) & (np.abs(turn) >= STAND_TURN) & (np.abs(turn) <= TURN_RATE)] = "transition"
+    return names

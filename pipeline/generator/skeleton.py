@@ -1,4 +1,4 @@
-"""The person that walks: segment lengths, joints, rest pose. Axes here: x forward, y left, z up [m].
+"""The skeleton: segment lengths, joints, rest pose. Axes here: x forward, y left, z up [m].
 
 Lengths are fractions of stature after Drillis and Contini (1966) as printed in D. A. Winter,
 Biomechanics and Motor Control of Human Movement, 4th ed. (2009), fig. 4.1; the hip joint centres lie
@@ -47,11 +47,11 @@ class Joint:
     name: str
     parent: str | None
     offset: tuple[float, float, float]
-    """From the parent joint, rest pose [m]."""
+    """Offset from the parent joint in the rest pose [m]."""
     body: str | None
-    """Canonical body that turns with it; None for the collar bones."""
+    """Canonical body that rotates with it; None for the collar bones."""
     end: tuple[float, float, float] | None = None
-    """End site, where the joint has no child."""
+    """End site of a joint without children."""
 
 
 def _leg(side: str, sign: float) -> list[Joint]:

@@ -1,4 +1,4 @@
-"""Trunk, head and arms: the chest turns against the pelvis, each arm swings with the other leg, the head is steady."""
+"""Trunk, head and arms: the chest counter-rotates, each arm swings with the opposite leg, the head is steady."""
 
 from __future__ import annotations
 

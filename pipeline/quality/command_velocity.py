@@ -1,4 +1,4 @@
-"""How a motion moves in the terms a walking command has: forward, to the left, turning left."""
+"""Velocity of a motion in the terms of a walking command: forward, left, yaw rate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from pipeline import rotation, time_series
 
 STRIDE_S = 1.0
-"""Over about this time [s] the sway and the bobbing of a gait cancel: a stride of a walking T1 or person."""
+"""Averaging time over which sway and bobbing of a gait cancel: about one stride [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

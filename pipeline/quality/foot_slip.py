@@ -1,4 +1,4 @@
-"""Foot slip: how fast the point slides that stands on the ground.
+"""Foot slip: speed of the sole's lowest corner while in contact.
 
 Sources know three: the speed of the ankle, of the sole's centre, of a corner. Here it is the horizontal speed
 of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel and toe.
@@ -17,7 +17,7 @@ from pipeline.quality.sole import SoleMotion
 
 @dataclass(frozen=True, kw_only=True)
 class FootSlip:
-    """Slip over all foot-frames in contact [m/s]; 0 where there are none."""
+    """Slip over all foot-frames in contact [m/s]; 0 without contact."""
 
     mean: float
     p95: float
@@ -35,7 +35,7 @@ def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"], leas
 
 
 def inner_contacts(contacts: Bool[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
-    """Contacts without the first and last frame of each: a central difference there sees the swing."""
+    """Contacts without the first and last frame of each, where central differences include the swing."""
     inner = contacts.copy()
     inner[1:] &= contacts[:-1]
     inner[:-1] &= contacts[1:]

@@ -1,4 +1,4 @@
-"""Short gaps of a recording bridged so that velocities can be measured across them; no motion is made of them.
+"""Bridge short gaps of a recording to measure velocities across them; the result is not used as motion.
 
 A spline through the frames beside a gap is as good as anything up to .1 s (Sensors 21:6115, 2021) and keeps
 accelerations; beyond it may overshoot, there a straight line tells the mean velocity and nothing else.
@@ -16,13 +16,13 @@ from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
 
 SPLINE_S = 0.1
-"""Longest gap that a spline goes through [s]."""
+"""Longest gap that is bridged by a spline [s]."""
 SPLINE_FRAMES = 4
-"""A spline on each side of a gap needs neighbours: fewer recorded frames in all get a line."""
+"""Least recorded frames for a spline; fewer are interpolated linearly."""
 
 
 def short_gaps(recorded: Bool[np.ndarray, " t"], fps: float, longest_s: float) -> Bool[np.ndarray, " t"]:
-    """Frames in gaps up to `longest_s` [s] between two recorded frames; what is at an end is no gap."""
+    """Frames in gaps up to `longest_s` [s] between two recorded frames, excluding the ends."""
     inside = np.zeros(len(recorded), dtype=bool)
     for start, stop in time_series.runs(~recorded):
         inside[start:stop] = start > 0 and stop < len(recorded) and (stop - start) / fps <= longest_s + 1e-9
@@ -32,7 +32,7 @@ def short_gaps(recorded: Bool[np.ndarray, " t"], fps: float, longest_s: float) -
 def bridge(
     values: Float[np.ndarray, "t k"], recorded: Bool[np.ndarray, " t"], fps: float, longest_s: float
 ) -> Float[np.ndarray, "t k"]:
-    """Values with the gaps up to `longest_s` [s] interpolated, whatever stood there; all else is left as it is."""
+    """Values with gaps up to `longest_s` [s] interpolated; all other values are unchanged."""
     inside = short_gaps(recorded, fps, longest_s)
     result = np.array(values, dtype=float)
     if not inside.any():
@@ -47,7 +47,7 @@ def bridge(
 
 
 def bridge_positions(clip: HumanClip, longest_s: float) -> HumanClip:
-    """The clip with the bodies' positions bridged, each body by itself; the orientations are not touched."""
+    """The clip with each body's positions bridged; orientations are unchanged."""
     recorded = np.asarray(np.isfinite(clip.body_pos_w).all(axis=2))
     if recorded.all():
         return clip

@@ -1,4 +1,4 @@
-"""How a body travels over the ground, frame by frame: forward, to the left, turning.
+"""Planar motion of a body per frame: forward and lateral velocity, yaw rate.
 
     clip -> short gaps bridged -> continuous stretches -> facing, heading-frame velocity, yaw rate
 
@@ -20,14 +20,14 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.gap_bridge import bridge, short_gaps
 
 TELEPORT_M_S = 15.0
-"""Speed of the root that is no motion but a break in the recording [m/s]: the fastest sprint is at 12.4 m/s."""
+"""Speed of the root above which there is a break in the recording [m/s]; the fastest sprint is 12.4 m/s."""
 TELEPORT_STEP = 0.05
-"""Shorter steps of the root [m] are no break at any rate: a marker's jitter at 1000 Hz is fast too."""
+"""Displacement below which there is no break at any rate [m]: marker jitter at 1000 Hz is fast too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarMotion:
-    """Signals of one clip at its own rate. Where `valid` is false they mean nothing."""
+    """Signals of one clip at its own rate. They are meaningless where `valid` is false."""
 
     forward: Float[np.ndarray, " t"]
     """Velocity of the root along the facing [m/s]."""
@@ -38,9 +38,9 @@ class PlanarMotion:
     yaw_rate: Float[np.ndarray, " t"]
     """[rad/s], left is positive."""
     recorded: Bool[np.ndarray, " t"]
-    """The root and the facing were recorded here."""
+    """Frames in which root and facing were recorded."""
     valid: Bool[np.ndarray, " t"]
-    """They were, or a short gap was bridged, and the stretch is long enough for a velocity."""
+    """Recorded or bridged, in a stretch that is long enough for a velocity."""
 
     @property
     def speed(self) -> Float[np.ndarray, " t"]:
@@ -123,7 +123,7 @@ def _mean(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
 
 
 def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
-    """The same for values that go on rising or falling at the ends: continued there by their point reflection."""
+    """Moving mean with the ends extended by point reflection, for values with a trend."""
     half = min(_odd(width_s * fps) // 2, len(values) - 1)
     before = 2.0 * values[0] - values[half:0:-1]
     after = 2.0 * values[-1] - values[-2 : -half - 2 : -1]

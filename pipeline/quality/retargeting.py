@@ -1,4 +1,4 @@
-"""How well a robot's motion shows the human's: directions, trunk, heading, smoothness, drift.
+"""Likeness of a robot's motion to the human's: directions, trunk, heading, smoothness, drift.
 
 Angles are between what both bodies have; no offset is fitted, because canonical body frames are identity
 for a person who stands upright facing +x, as the robot's are.
@@ -87,7 +87,7 @@ def jump_frames(clip: RobotClip) -> Bool[np.ndarray, " t"]:
 
 
 def stance_drifts(point_pos_w: Float[np.ndarray, "t 3"], contact: Bool[np.ndarray, " t"]) -> Float[np.ndarray, " n"]:
-    """For each stance the largest horizontal distance [m] between two places of the point (the sole's centre) in it."""
+    """Largest horizontal distance [m] between two positions of the point (the sole's centre), per stance."""
     drifts = []
     for start, stop in time_series.runs(contact):
         way_x, way_y = (np.subtract.outer(place, place) for place in point_pos_w[start:stop, :2].T)

@@ -1,4 +1,4 @@
-"""How smooth a motion is."""
+"""Smoothness of a motion: jerk and acceleration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> 
 def acceleration_p99(values: Float[np.ndarray, "t j"], fps: float, cutoff_hz: float, least_frames: int = 0) -> float:
     """99th percentile of |second derivative| over all frames and columns, low-passed at `cutoff_hz` first.
 
-    Of fewer than `least_frames` frames it is taken as if the rest of them had none.
+    Fewer than `least_frames` frames are padded with zeros.
     """
     if len(values) < 3:
         return 0.0

@@ -1,4 +1,4 @@
-"""The soles of a robot motion: where their corners are and how they move."""
+"""Positions and velocities of the sole corners of a robot motion."""
 
 from __future__ import annotations
 

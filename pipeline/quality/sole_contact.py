@@ -1,4 +1,4 @@
-"""Which foot is on the ground, told from the motion of its sole alone."""
+"""Foot contacts inferred from sole kinematics."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _SPEED = Range(0.0, 5.0, open_low=True)
 
 @dataclass(frozen=True, kw_only=True)
 class ContactSettings:
-    """A foot is on the ground where its sole is low and slow: the section `contact` of `data/feasibility.yaml`, and of
+    """A foot is in contact if its sole is low and slow: the section `contact` of `data/feasibility.yaml`, and of
     `data/augment.yaml`."""
 
     height: Annotated[float, Unit("m")]
-    """Its lowest corner is below this [m]."""
+    """Largest height of the lowest corner [m]."""
     on_speed: Annotated[float, Unit("m/s")]
     """Contact begins below this speed of the sole [m/s] ..."""
     off_speed: Annotated[float, Unit("m/s")]
     """... and ends above this [m/s]."""
     shortest_s: Annotated[float, Unit("s")]
-    """Contacts and gaps that are shorter are not believed [s]."""
+    """Contacts and gaps shorter than this are ignored [s]."""
 
     def __post_init__(self) -> None:
         check(

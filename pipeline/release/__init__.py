@@ -1,1 +1,1 @@
-"""The page that a person signs before hardware."""
+"""The report that a person signs before a policy runs on hardware."""

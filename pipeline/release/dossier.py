@@ -1,7 +1,7 @@
-"""What a person reads before a policy goes to a robot, as data: card, lineage, verdicts, pictures, what was not run.
+"""Data of the release report: card, lineage, verdicts, pictures, and what was not run.
 
-A check has passed only where its result says so in so many words, of this very policy, and is not outdated. All else is
-failed, failed to run, outdated or not run, and the page says which; nothing without a verdict counts as passed.
+A check has passed only if its result says so explicitly, belongs to this policy and is not outdated. Everything else is
+failed, failed to run, outdated or not run; nothing without a verdict counts as passed.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from typing import Any
 
 
 class Status(enum.Enum):
-    """What came of a check."""
+    """Status of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
     OUTDATED = "outdated"
-    """It was run, but of another policy, or what it depends on has changed since."""
+    """It was run, but on another policy, or one of its inputs has changed since."""
     FAILED_TO_RUN = "failed to run"
-    """It was started and gave no verdict: it crashed, took too long, or what it said can't be read."""
+    """It was started and gave no verdict: crash, timeout or invalid output."""
     NOT_RUN = "not run"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """An image that the page holds."""
+    """An image embedded in the page."""
 
     caption: str
     data: bytes
@@ -41,15 +41,15 @@ class Verdict:
     name: str
     status: Status
     reasons: tuple[str, ...] = ()
-    """Why it failed, is outdated or was not run; every reason."""
+    """Every reason why it failed, is outdated or was not run."""
     not_required: tuple[str, ...] = ()
-    """What fails or differs and is not asked for."""
+    """Failures that are not required."""
     not_run: tuple[str, ...] = ()
     """Parts of it that were not run."""
     failed_to_run: tuple[str, ...] = ()
-    """What of it was started and gave no verdict, and how that came."""
+    """Parts that were started and gave no verdict, with the cause."""
     facts: tuple[tuple[str, str], ...] = ()
-    """What else its result says, name and value."""
+    """Other facts of its result, name and value."""
     pictures: tuple[Picture, ...] = ()
 
 
@@ -59,40 +59,39 @@ class Dossier:
 
     title: str
     policy: str
-    """Digest of network and gains; empty where there is no policy."""
+    """Digest of network and gains; empty without a policy."""
     card: tuple[tuple[str, str], ...]
     lineage: tuple[tuple[str, str, str], ...]
-    """Asset, version of its content, what is said of it."""
+    """Asset, version of its content, remark."""
     verdicts: tuple[Verdict, ...]
     pictures: tuple[Picture, ...] = ()
     conditions: tuple[str, ...] = field(default_factory=tuple)
-    """What holds for its use: licence, command range, whether it may ship."""
+    """Conditions of use: licence, command range, whether it may ship."""
 
     @property
     def open_points(self) -> tuple[str, ...]:
-        """Why it can't be signed without a word: each check that has not passed, each part that was not run or failed
-        to run."""
+        """What keeps the report from being ready to sign: checks that have not passed, parts that were not run."""
         if not self.policy:
             return ("there is no policy",)
-        told = (Status.PASSED, Status.FAILED_TO_RUN)
-        points = [f"{each.name}: {each.status.value}" for each in self.verdicts if each.status not in told]
+        listed = (Status.PASSED, Status.FAILED_TO_RUN)
+        points = [f"{each.name}: {each.status.value}" for each in self.verdicts if each.status not in listed]
         points += [f"{each.name}: {text}" for each in self.verdicts for text in each.failed_to_run]
         points += [f"{each.name}: not run: {text}" for each in self.verdicts for text in each.not_run]
         return tuple(points) if self.verdicts else ("nothing was checked",)
 
 
-def judged(
+def verdict_of(
     name: str, result: Mapping[str, Any] | None, policy: str, outdated: str = "", pictures: Sequence[Picture] = ()
 ) -> Verdict:
-    """The verdict that a check's stored result amounts to.
+    """The verdict of a check from its stored result.
 
     Args:
-        name: of the check
-        result: what it stored: `passed` (true, false, or null where there is no verdict), `policy` (digest), and
-            `reasons`, `not_required`, `not_run`, `failed_to_run` where there are any; None where nothing is stored
-        policy: digest of the policy that is to be signed
-        outdated: why its result no longer holds, empty where it does
-        pictures: that it made
+        name: name of the check
+        result: stored result: `passed` (true, false, or null without a verdict), `policy` (digest), and optionally
+            `reasons`, `not_required`, `not_run`, `failed_to_run`; None if nothing is stored
+        policy: digest of the policy to sign
+        outdated: why the result is outdated; empty if it is current
+        pictures: pictures of the check
     """
     if result is None:
         return Verdict(name=name, status=Status.NOT_RUN, reasons=("it was never run here",))
@@ -131,7 +130,7 @@ def _status(result: Mapping[str, Any], policy: str, outdated: str, broken: bool)
 
 
 def _texts(value: Any) -> tuple[str, ...]:
-    """Reasons given as text, as a list or as name -> reasons."""
+    """Reasons from a text, a list or a mapping name -> reasons."""
     if value in (None, "", (), []):
         return ()
     if isinstance(value, str):
@@ -145,7 +144,7 @@ _OWN = ("passed", "policy", "reasons", "not_required", "not required", "not_run"
 
 
 def _facts(result: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    """Numbers and texts of a result; lists and tables of cells stay in the asset."""
+    """Numbers and texts of a result, without lists and tables."""
     plain = {name: value for name, value in result.items() if name not in _OWN and isinstance(value, (str, int, float))}
     return tuple((name.replace("_", " "), _number(value)) for name, value in sorted(plain.items()))
 

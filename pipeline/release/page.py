@@ -1,7 +1,7 @@
-"""The release report as one HTML page that needs nothing else: no script, no link, pictures inside.
+"""The release report as one self-contained HTML page: no scripts, no links, embedded pictures.
 
-Every text is escaped; the same dossier gives the same bytes, as there is no clock in it: date and name are written by
-the person who signs.
+All text is escaped. The page contains no time, so equal dossiers give equal bytes; date and name are written by the
+person who signs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ section { page-break-inside: avoid; } .status { color: #fff; padding: .1em .6em;
 
 
 def page(dossier: Dossier) -> str:
-    """The page. Raises ValueError for a picture of an unknown kind."""
+    """The page as HTML. Raises ValueError for a picture of an unknown kind."""
     body = [
         f"<h1>{escape(dossier.title)}</h1>",
         _summary(dossier),
@@ -54,11 +54,11 @@ def page(dossier: Dossier) -> str:
 
 def _summary(dossier: Dossier) -> str:
     counts = {status: sum(each.status is status for each in dossier.verdicts) for status in Status}
-    said = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count) or "no checks"
+    summary = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count) or "no checks"
     points = dossier.open_points
     if points:
-        return f"<p><b>Not ready to sign:</b> {escape(said)}.</p>{_list(points)}"
-    return f"<p><b>Every check was run and passed</b> ({escape(said)}).</p>"
+        return f"<p><b>Not ready to sign:</b> {escape(summary)}.</p>{_list(points)}"
+    return f"<p><b>Every check was run and passed</b> ({escape(summary)}).</p>"
 
 
 def _verdict(verdict: Verdict) -> str:
@@ -93,7 +93,7 @@ def _not_run(dossier: Dossier) -> tuple[str, ...]:
 
 
 def _signature(dossier: Dossier, content: str) -> str:
-    asked = [
+    fields = [
         ("Policy (digest of network and gains)", escape(dossier.policy or "none")),
         ("This page (digest of what stands above)", content),
         ("I have read what failed and what was not run", "&#9744; yes"),
@@ -102,7 +102,7 @@ def _signature(dossier: Dossier, content: str) -> str:
         ("Date", ""),
         ("Signature", ""),
     ]
-    rows = "".join(f"<tr><th>{escape(name)}</th><td>{value}</td></tr>" for name, value in asked)
+    rows = "".join(f"<tr><th>{escape(name)}</th><td>{value}</td></tr>" for name, value in fields)
     return f'<h2>Signature</h2><table class="signature">{rows}</table>'
 
 

@@ -1,4 +1,4 @@
-"""A robot with other motor limits than its tables state: the same folder, written anew."""
+"""Write a robot folder with changed motor limits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pipeline.robot.tables import JointRow
 
 @dataclass(frozen=True, kw_only=True)
 class MotorLimits:
-    """What a motor gives its joint."""
+    """Limits and armature of a joint's motor."""
 
     torque: float
     """[N m]"""
@@ -33,9 +33,9 @@ class MotorLimits:
 
 
 def adapted_description(source: Description, limits: Mapping[str, MotorLimits]) -> Description:
-    """The robot with other limits for some joints. Both speed columns become the motor's: the URDF then has it too.
+    """The robot with other limits for some joints. Both speed columns become the motor's, so the URDF has it too.
 
-    Raises UnknownNameError for a joint that the robot lacks, RobotError for limits that no joint may have.
+    Raises UnknownNameError for an unknown joint, RobotError for invalid limits.
     """
     for name in limits:
         if name not in source.joint_rows:

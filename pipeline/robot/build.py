@@ -1,4 +1,4 @@
-"""From the tables of a robot folder to its arrays and the text of its model files."""
+"""Build a robot's arrays and model files from the tables of its folder."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.robot.urdf import render_urdf
 
 
 def build_robot(source: Description) -> Robot:
-    """The robot of a checked description. Raises RobotError where left and right are no mirror images."""
+    """The robot of a checked description. Raises RobotError if left and right are not mirror images."""
     config, tree = source.config, build_tree(source)
     joint_names = tuple(row.joint for row in source.joints)
     partner = mirror_index(joint_names, config.mirror_names)

@@ -1,4 +1,4 @@
-"""What the tables of a robot folder must fulfil together: names known, tree sound, inertia possible."""
+"""Consistency checks across the tables of a robot folder: names, tree, inertia."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from pipeline.robot.robot_error import Fault
 from pipeline.robot.tables import SHAPE_ROLES, SHAPE_SIZES, LinkRow, Row
 
 INERTIA_TOLERANCE = 1e-6
-"""Part of the trace by which the triangle inequality may fail: rounding of published figures."""
+"""Tolerance of the triangle inequality as a share of the trace, for rounded published figures."""
 AXIS_TOLERANCE = 1e-9
 """Allowed deviation of a joint axis from unit length."""
 
 
 def faults_of(robot: Description) -> list[Fault]:
-    """Every fault of the tables. Later checks need what earlier ones ensure, so the first that fails ends it."""
+    """The faults of the tables. Later checks depend on earlier ones, so the first failing check ends the list."""
     for check in (_tree, _joints, _inertia, _shapes, _sites, _config, _mirror):
         faults = list(check(robot))
         if faults:
@@ -82,7 +82,7 @@ def _joints(robot: Description) -> Iterator[Fault]:
 
 
 def depth_first(robot: Description) -> list[LinkRow]:
-    """Rows of the links table down one limb after the other, in the order that the model files have."""
+    """Rows of the links table in depth-first order, as in the model files."""
     rows: list[LinkRow] = []
     waiting = [robot.links[0]]
     while waiting:

@@ -1,4 +1,4 @@
-"""A robot folder as it was written: its tables and `robot.toml`."""
+"""A robot folder as written: its tables and `robot.toml`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow
 CONFIG = "robot.toml"
 LINKS, JOINTS, SHAPES, SITES = "links.csv", "joints.csv", "shapes.csv", "sites.csv"
 FILES = (CONFIG, LINKS, JOINTS, SHAPES, SITES)
-"""The files of a robot folder that everything else is made from."""
+"""The source files of a robot folder."""
 
 SIDES = ("left", "right")
 HUMAN_LINKS = (
@@ -28,21 +28,21 @@ HUMAN_SITES = tuple(
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """What `robot.toml` says. Pairs are (left, right)."""
+    """Content of `robot.toml`. Pairs are (left, right)."""
 
     root_link: str
     key_links: tuple[str, ...]
-    """Links whose pose a tracking reward or a discriminator looks at."""
+    """Links whose pose is used by tracking rewards and the discriminator."""
     hands: tuple[str, str]
     """Sites at the ends of the arms."""
     feet: tuple[str, str]
     """Sites at the centres of the soles."""
     sole_corners: tuple[tuple[str, str, str, str], tuple[str, str, str, str]]
-    """Sites at the corners of the soles, in one sense round each sole."""
+    """Sites at the corners of the soles, in order around each sole."""
     mirror_names: tuple[tuple[str, str], ...]
-    """Pieces of names that a mirror swaps."""
+    """Parts of names that are swapped in the mirror image."""
     contact_excludes: tuple[tuple[str, str], ...]
-    """Pairs of links that never touch each other in simulation."""
+    """Pairs of links without collision in simulation."""
     colours: dict[str, tuple[float, float, float]]
     """Red, green, blue in 0..1 of each colour named in the shapes table."""
     human_links: dict[str, str]
@@ -51,7 +51,7 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """The tables of a robot folder. `links[0]` is the root link; parents stand above their children."""
+    """The tables of a robot folder. `links[0]` is the root link; parents precede their children."""
 
     folder: Path
     config: Config

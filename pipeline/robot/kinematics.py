@@ -1,4 +1,4 @@
-"""Forward kinematics of a robot over many frames at once, in numpy alone."""
+"""Vectorized forward kinematics of a robot in numpy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.robot.robot import Robot
 
 @dataclass(frozen=True, kw_only=True)
 class LinkPoses:
-    """Where all links are in T frames; links in the order of `Robot.link_names`."""
+    """Poses of all links over T frames; links in the order of `Robot.link_names`."""
 
     pos_w: Float[np.ndarray, "t l 3"]
     """Origins of the link frames, world frame [m]."""

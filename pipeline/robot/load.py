@@ -10,7 +10,7 @@ from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import Fault, refuse
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
-"""Where the robots of this project are."""
+"""Folder of the project's robots."""
 
 
 def robot_names() -> tuple[str, ...]:
@@ -19,9 +19,9 @@ def robot_names() -> tuple[str, ...]:
 
 
 def load_robot(robot: str | Path) -> Robot:
-    """The robot of that name in `robots/`, or of that folder.
+    """The robot of a name in `robots/` or of a folder.
 
-    Raises RobotError when the folder has faults, or when its MJCF or URDF is not what its tables say.
+    Raises RobotError if the folder has faults, or if its MJCF or URDF differs from its tables.
     """
     built = build_robot(read_description(model_folder(robot)))
     faults = []
@@ -34,10 +34,10 @@ def load_robot(robot: str | Path) -> Robot:
 
 
 def model_folder(robot: str | Path) -> Path:
-    """The folder meant by a robot's name or path."""
+    """The folder of a robot's name or path."""
     return ROBOTS / robot if isinstance(robot, str) else robot.resolve()
 
 
 def model_files(folder: Path, robot: Robot) -> dict[Path, str]:
-    """The model files of a robot folder and what they must hold."""
+    """The model files of a robot folder and their expected content."""
     return {folder / f"{robot.name}.xml": robot.mjcf, folder / f"{robot.name}.urdf": robot.urdf}

@@ -1,4 +1,4 @@
-"""The mirror image of a robot in its x-z plane: which joint takes which joint's value, and with which sign."""
+"""The mirror image of a robot in its x-z plane: partner and sign of each joint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AXIS_TOLERANCE = 0.01
 
 
 def mirrored_name(name: str, pairs: Sequence[tuple[str, str]]) -> str:
-    """`name` with each piece of `pairs` swapped for its partner wherever it occurs."""
+    """`name` with each part of `pairs` replaced by its partner."""
     swap = {piece: other for left, right in pairs for piece, other in ((left, right), (right, left))}
     if not swap:
         return name
@@ -27,7 +27,7 @@ def mirror_index(names: Sequence[str], pairs: Sequence[tuple[str, str]]) -> Int[
 
 
 def mirror_sign(axis_root: Float[np.ndarray, "n 3"], index: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Sign with which a joint takes its partner's position: +1 or -1, or 0 where the axes are no mirror images.
+    """Sign with which a joint takes its partner's position: +1 or -1, or 0 if the axes are not mirror images.
 
     An axis of rotation is a pseudovector: reflection in the x-z plane takes (x, y, z) to (-x, y, -z).
 

@@ -1,4 +1,4 @@
-"""The MJCF of a robot, rendered from its tables: bodies, joints, shapes, sites; nothing a simulation adds itself."""
+"""The MJCF of a robot, rendered from its tables: bodies, joints, shapes, sites."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot as plain arrays and text: what every stage takes, and what a worker process is handed."""
+"""A robot as plain arrays and text, picklable for worker processes."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ class Robot:
     feet: tuple[str, str]
     """Sites at the centres of the soles."""
     sole_corners: tuple[tuple[str, str, str, str], tuple[str, str, str, str]]
-    """Sites at the corners of the soles, in one sense round each sole."""
+    """Sites at the corners of the soles, in order around each sole."""
     key_links: tuple[str, ...]
-    """Links whose pose a tracking reward or a discriminator looks at."""
+    """Links whose pose is used by tracking rewards and the discriminator."""
     human: dict[str, str]
     """Part of a person to what stands for it: for `trunk, pelvis` and, with `left_` or `right_` before
     it, `thigh, shank, foot, upper_arm, forearm` a link; for `left_/right_` with `hip, knee, ankle,

@@ -10,13 +10,13 @@ from pipeline.errors import PipelineError
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One thing that is wrong with a robot folder."""
+    """One fault of a robot folder."""
 
     path: Path
     problem: str
-    """What is wrong, as a sentence without the file's name."""
+    """The problem, as a sentence without the file's name."""
     do: str
-    """What the user can do about it."""
+    """The remedy."""
     line: int | None = None
     """Line of the file, counted from 1."""
 
@@ -26,7 +26,7 @@ class Fault:
 
 
 class RobotError(PipelineError):
-    """A robot folder that cannot be used; the text has one line for each fault."""
+    """An unusable robot folder; the text has one line per fault."""
 
     def __init__(self, faults: list[Fault]):
         self.faults = tuple(faults)

@@ -1,4 +1,4 @@
-"""The tables of a robot folder (CSV) as typed rows. What a single row must fulfil is checked here."""
+"""The tables of a robot folder (CSV) as typed rows, with checks of single rows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.robot.robot_error import Fault, refuse
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A row of a table and where it stands. The first column names the row."""
+    """A row of a table with its line. The first column names the row."""
 
     line: int
     """Line in the file, counted from 1."""
@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class LinkRow(Row):
-    """A link, the joint it hangs on and its inertia. Lengths in m, angles in rad, mass in kg, inertia in kg m^2."""
+    """A link, the joint to its parent and its inertia. Lengths in m, angles in rad, mass in kg, inertia in kg m^2."""
 
     link: str
     parent: str
@@ -102,10 +102,10 @@ class JointRow(Row):
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeRow(Row):
-    """A primitive on a link, for collision, for the eye, or both. Sizes and lengths in m, angles in rad.
+    """A primitive on a link, for collision, display, or both. Sizes and lengths in m, angles in rad.
 
     `size_a, size_b, size_c`: box half extents x, y, z; sphere radius; cylinder and capsule radius and
-    half length along the local z axis (a capsule's caps come on top). Sizes that a kind lacks are 0.
+    half length along the local z axis (a capsule's caps come on top). Unused sizes are 0.
     """
 
     shape: str
@@ -125,12 +125,12 @@ class ShapeRow(Row):
 
     @property
     def size(self) -> tuple[float, ...]:
-        """The sizes that the kind has."""
+        """The sizes used by the kind."""
         return (self.size_a, self.size_b, self.size_c)[: SHAPE_SIZES.get(self.kind, 0)]
 
     @property
     def long_axis(self) -> tuple[float, ...]:
-        """Local z axis, which cylinders and capsules lie along, in the link frame."""
+        """Local z axis, the axis of cylinders and capsules, in the link frame."""
         turn = Rotation.from_euler("xyz", self.numbers("roll", "pitch", "yaw"))
         return tuple(turn.apply([0.0, 0.0, 1.0]).round(12).tolist())
 
@@ -186,7 +186,7 @@ def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
 def _parse(
     record: dict[str, str], hints: dict[str, type], positive: tuple[str, ...]
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """Values of a record by column, and the (problem, what to do) of each value that is refused."""
+    """Values of a record by column, and (problem, remedy) of each invalid value."""
     values: dict[str, Any] = {}
     problems = []
     for column, text in record.items():

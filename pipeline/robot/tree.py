@@ -1,4 +1,4 @@
-"""The kinematic tree as arrays, and where its links are for given joint positions."""
+"""The kinematic tree as arrays, with forward kinematics."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline import rotation
 
 @dataclass(frozen=True, kw_only=True)
 class Tree:
-    """L links, parents before children; link 0 is the root. Every other link hangs on one hinge joint."""
+    """L links, parents before children; link 0 is the root. Every other link has one hinge joint."""
 
     link_names: tuple[str, ...]
     parent: Int[np.ndarray, " l"]
@@ -48,7 +48,7 @@ def forward(
 ) -> tuple[Float[np.ndarray, "t l 3"], Float[np.ndarray, "t l 4"]]:
     """Positions [m] and orientations (wxyz) of all links, world frame; joint positions in rad."""
     pos, quat = [root_pos_w], [root_quat_w]
-    angles = joint_pos[:, tree.joint[1:]].T.copy()  # a link's frames lie together: half the time
+    angles = joint_pos[:, tree.joint[1:]].T.copy()  # contiguous frames per link: twice as fast
     turns = rotation.from_axis_angle(tree.axis[1:, None], angles)
     in_parent = rotation.multiply(tree.quat[1:, None], turns)
     for link in range(1, len(tree.link_names)):

@@ -13,7 +13,7 @@ from pipeline.robot.xml_text import numbers, to_text
 def render_urdf(robot: Description) -> str:
     """URDF. Velocity limits are those of `retarget_speed_limit`; each site is a fixed child link of its name.
 
-    URDF knows no capsule: one becomes a cylinder and two spheres. It knows no armature either.
+    A capsule becomes a cylinder and two spheres. URDF has no armature.
     """
     model = Xml.Element("robot", name=robot.name)
     model.append(Xml.Comment(f" {COMMENT} "))

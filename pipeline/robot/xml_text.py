@@ -1,4 +1,4 @@
-"""XML as text, the same bytes for the same model: numbers in their shortest form, two spaces a level."""
+"""Deterministic XML text: numbers in their shortest form, two spaces per level."""
 
 from __future__ import annotations
 

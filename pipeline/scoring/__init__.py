@@ -1,8 +1,8 @@
-"""How good a robot's motion is, held against the human's: whoever made it.
+"""Score a robot's motion against the human's, independent of how it was made.
 
     RobotClip + HumanClip -> aligned in time -> samples a figure -> figures, pooled over clips
 
-Nothing here is shared with the planner of KP3: the labels of standing feet are told from the human's toes.
+Nothing here is shared with the planner of KP3; stance labels come from the human's toes.
 """
 
 from pipeline.scoring.align import aligned

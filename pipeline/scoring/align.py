@@ -1,4 +1,4 @@
-"""Human and robot at the same times: both start together, the human is brought to the robot's rate."""
+"""Align human and robot in time: equal start, the human resampled to the robot's rate."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pipeline.errors import ClipError
 from pipeline.robot import Kinematics, Robot
 
 TOLERANCE_S = 0.05
-"""How much longer one of the two may be, on top of a frame of each [s]: what rounding at two rates leaves."""
+"""Largest difference of their lengths, on top of a frame of each [s], for rounding at two rates."""
 
 MAX_TURNED_DEG = 60.0
-"""Human and robot that face further apart than this on average are in worlds of their own; the worst retargeting
-measured is 20 degrees off."""
+"""Mean heading difference above which both are in different worlds [deg]; the worst measured retargeting is 20 degrees
+off."""
 
 
 def same_length(human: HumanClip, clip: RobotClip) -> bool:
-    """Whether the two can be the same motion, by their lengths."""
+    """Whether the lengths are those of the same motion."""
     slack_s = TOLERANCE_S + 1.0 / human.fps + 1.0 / clip.fps
     return abs(human.duration_s - clip.duration_s) <= slack_s
 

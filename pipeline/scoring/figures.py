@@ -1,4 +1,4 @@
-"""The figures a motion is judged by, each with its definition, and how they are pooled over clips."""
+"""The figures of a score, each with its definition, and their pooling over clips."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from jaxtyping import Float
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One number a motion has."""
+    """One figure of a score."""
 
     key: str
-    """Its name in JSON, with its unit."""
+    """Name in JSON, with the unit."""
     title: str
     unit: str
     largest: bool = False
     """Pooled as the largest sample; else the mean, so that clips weigh by their samples (frames, stances)."""
     bar: float | None = None
-    """The most it may be over many clips; None for what is only reported."""
+    """Largest allowed value over many clips; None if it is only reported."""
     at_30_hz: bool = False
-    """It depends on the rate, and its bar is for 30 Hz."""
+    """Whether it depends on the rate; then its bar is for 30 Hz."""
 
 
 FIGURES = (
@@ -51,14 +51,14 @@ FIGURES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """The samples of each figure: one a frame, a standing frame, a stance or a clip."""
+    """Samples of each figure: one per frame, standing frame, stance or clip."""
 
     frames: int
     samples: Mapping[str, Float[np.ndarray, " n"]] = field(repr=False)
-    """By the figure's key, in its unit."""
+    """Samples by the figure's key, in its unit."""
 
     def figures(self) -> dict[str, float]:
-        """Each figure by its key; NaN where the motion has no sample of it (slip where no foot ever stands)."""
+        """Each figure by its key; NaN without samples (slip if no foot ever stands)."""
         return {figure.key: _pool(self.samples[figure.key], figure.largest) for figure in FIGURES}
 
 
@@ -76,7 +76,7 @@ def worst_of_bars(figures: Mapping[str, float], fps: float) -> tuple[str, float]
 
 
 def pooled(scores: Sequence[Score]) -> Score:
-    """All clips as one: samples side by side."""
+    """The samples of all clips concatenated."""
     return Score(
         frames=sum(score.frames for score in scores),
         samples={figure.key: np.concatenate([score.samples[figure.key] for score in scores]) for figure in FIGURES},

@@ -1,4 +1,4 @@
-"""One robot motion against the human motion that it shows."""
+"""Score of one robot motion against the human motion that it reproduces."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from pipeline.scoring.stance_labels import STRICTNESSES, stance_labels
 from pipeline.simulation.self_collision import self_collision
 
 COLLISION_DEPTH = 0.002
-"""[m] Overlaps up to this deep don't count as self-collision."""
+"""Least overlap that counts as self-collision [m]."""
 
 DEEP = 0.01
-"""[m] Soles further than this under the ground count as frames that are too deep."""
+"""Depth of a sole below the ground from which a frame counts as too deep [m]."""
 
 Samples = dict[str, Float[np.ndarray, " n"]]
 
@@ -39,17 +39,14 @@ def score(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
 
 
 def score_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) -> Score:
-    """The same for two clips that are frame by frame the same motion, without what takes longest to find.
-
-    The figures of self-collision are NaN.
-    """
+    """Score of two frame-aligned clips without self-collision, which takes longest; its figures are NaN."""
     samples = samples_without_collisions(human, clip, robot)
     nothing = {key: np.zeros(0) for key in ("self_collision_percent", "self_collision_max_cm")}
     return Score(frames=clip.frame_count, samples=samples | nothing)
 
 
 def samples_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) -> Samples:
-    """Every sample that the two motions alone give; both at one rate and equally long."""
+    """All samples except self-collision; both motions at one rate and equally long."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     samples = _limits(clip, robot) | _feet(human, clip.fps, kinematics, poses, robot)
@@ -57,7 +54,7 @@ def samples_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) 
 
 
 def _limits(clip: RobotClip, robot: Robot) -> Samples:
-    """Positions to the last bit; speeds from one frame to the next, head and all."""
+    """Exact position limits; speeds between consecutive frames, including the head."""
     outside = (clip.joint_pos < robot.joint_lower) | (clip.joint_pos > robot.joint_upper)
     speed = np.abs(np.diff(clip.joint_pos, axis=0)) * clip.fps
     return {

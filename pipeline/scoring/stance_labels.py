@@ -1,6 +1,6 @@
-"""Which foot stands, told from the human's toes: the scorer's own labels at three strictnesses.
+"""Stance labels from the human's toes at three strictnesses.
 
-The thresholds are those of the published comparison of retargeting onto T1, so that figures can be held against it.
+The thresholds are those of the published comparison of retargeting onto T1, so that figures are comparable.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pipeline import time_series
 from pipeline.clips.human_clip import FEET, HumanClip
 
 LOW_PERCENTILE = 5.0
-"""Of a toe's height over the clip: where it is on the ground."""
+"""Percentile of a toe's height that counts as the ground."""
 
 VERTICAL_SPEED_M_S = 0.4
-"""A toe that rises or falls faster does not stand."""
+"""Vertical speed above which a toe is not in stance."""
 
 MEDIAN_S = 5.0 / 30.0
 """Width of the median that labels are smoothed with [s]: five frames at 30 Hz."""
@@ -25,12 +25,12 @@ MEDIAN_S = 5.0 / 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Strictness:
-    """Below both a toe stands."""
+    """Limits below which a toe is in stance."""
 
     height: float
-    """Over the toe's `LOW_PERCENTILE` [m]."""
+    """Height over the toe's `LOW_PERCENTILE` [m]."""
     speed_m_s: float
-    """Horizontal."""
+    """Horizontal speed [m/s]."""
 
 
 STRICTNESSES = {
@@ -41,7 +41,7 @@ STRICTNESSES = {
 
 
 def stance_labels(human: HumanClip, strictness: Strictness) -> Bool[np.ndarray, "t 2"]:
-    """Frames in which the left and the right foot stand: toe low and slow, then a median over time."""
+    """Frames in stance of the left and right foot: toe low and slow, then a median over time."""
     width = 2 * round((MEDIAN_S * human.fps - 1.0) / 2.0) + 1
     columns = []
     for side in FEET:

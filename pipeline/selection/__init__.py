@@ -1,4 +1,4 @@
-"""KP1: clips in windows of one skill by measured motion, and which of them are taken.
+"""KP1: windows of one skill by measured motion, and the selection among them.
 
     clip -> planar motion -> distance of each frame from each skill -> cheapest segmentation -> windows
     all windows -> what data/curation.yaml asks for -> taken or not, and why

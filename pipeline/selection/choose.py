@@ -1,4 +1,4 @@
-"""Which windows of all clips are taken, by what the curation asks for."""
+"""Select windows of all clips according to the curation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.selection.curation import Curation
 
 COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
-"""What a row must tell. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are
+"""Required columns. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are
 used where present."""
 
 
@@ -45,7 +45,7 @@ def choose(rows: pd.DataFrame, curation: Curation) -> pd.DataFrame:
 
 
 def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
-    """Why a window is not wanted, whatever the others are."""
+    """Reason to exclude a window, independent of the others; empty if there is none."""
     if row["skill"] not in curation.skills:
         yield f"skill '{row['skill']}' is not among the skills wanted"
     if row["seconds"] < curation.shortest_s:
@@ -68,7 +68,7 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
 
 
 def _in_turns(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Rows source by source in turns, in a source file by file in turns, in a file the best first."""
+    """Rows in round-robin order over sources, within a source over files, within a file the best first."""
     sources: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for row in sorted(rows, key=_rank):
         sources.setdefault(str(row["source"]), {}).setdefault(str(row["file"]), []).append(row)
@@ -86,6 +86,6 @@ def _rank(row: dict[str, Any]) -> tuple[float, float, str]:
 
 
 def _alternate(groups: list[list[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
-    """The first of each group, then the second of each, and so on."""
+    """Interleave groups: the first of each, then the second of each, and so on."""
     for turn in zip_longest(*groups):
         yield from (row for row in turn if row is not None)

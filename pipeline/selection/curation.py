@@ -1,4 +1,4 @@
-"""What data/curation.yaml says: how windows are cut, and which of them the database wants."""
+"""Settings of data/curation.yaml: segmentation into windows, and the selection among them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXPERT_MOTIONS = ("rollouts", "references", "both")
 
 @dataclass(frozen=True, kw_only=True)
 class WindowSettings:
-    """How a clip is cut into windows."""
+    """Segmentation of a clip into windows."""
 
     velocity_s: float
     """Width of the moving mean on the root's velocity [s]."""
@@ -33,11 +33,11 @@ class WindowSettings:
     shortest_s: float
     """Shortest window of a skill [s]."""
     shortest_transition_s: float
-    """Shortest transition; what is shorter is given to the windows beside it [s]."""
+    """Shortest transition [s]; shorter ones are merged into neighbouring windows."""
     bridge_s: float
     """Gaps of the recording up to this long are interpolated for the labels, longer ones are transitions [s]."""
     transition_cost: float
-    """What a frame costs as transition: so far outside a skill's region may its frames lie on average [m/s]."""
+    """Cost of a transition frame [m/s]: the mean distance from a skill's region up to which frames belong to it."""
     cut_price: float
     """Price of one more cut [m]: distance from a region times the time that it lasts."""
     bounds: SkillBounds
@@ -59,26 +59,26 @@ class WindowSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Curation:
-    """Which windows the database wants."""
+    """Selection of windows for the database."""
 
     skills: tuple[str, ...]
-    """Skills wanted, of the ten and `transition`."""
+    """Skills to select, of the ten and `transition`."""
     most_seconds: dict[str, float]
-    """Skill -> most seconds that are taken of it; a skill that is not named has no bound."""
+    """Skill -> most seconds selected; no limit for other skills."""
     shortest_s: float
-    """Windows shorter than this are not taken [s]."""
+    """Shortest window that is selected [s]."""
     least_recorded_share: float
-    """Windows of which a smaller share of the frames was recorded are not taken: their label is a guess."""
+    """Least share of recorded frames in a window; with fewer its label is a guess."""
     licences: tuple[str, ...]
     """Patterns (`*`, `?`, case does not matter) of licences that may be used."""
     excluded_clips: tuple[str, ...]
     """Patterns of names of clips or windows that are left out."""
     excluded_notes: tuple[str, ...]
-    """Codes of notes (catalogue, readers) whose files are left out."""
+    """Codes of notes (catalogue, readers) that exclude a file."""
     expert_motions: str
     """What the expert database is made of: `rollouts`, `references` or `both`."""
     windows: WindowSettings
-    """How a clip is cut into windows."""
+    """Segmentation of a clip into windows."""
 
     def __post_init__(self) -> None:
         check(

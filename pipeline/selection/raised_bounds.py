@@ -1,4 +1,4 @@
-"""What a raised bound of a skill brings: more windows where it cut some off, and nothing where it did not."""
+"""Effect of a raised limit of a skill: more windows if the limit excluded some, otherwise none."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ from pipeline.selection.choose import choose
 from pipeline.selection.curation import Curation
 
 CLOSE_S = 1e-6
-"""Seconds that differ by less are the same."""
+"""Tolerance for equal seconds [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RaisedBound:
-    """More seconds wanted of a skill, and what there was to take."""
+    """A raised limit of a skill, and the available windows."""
 
     skill: str
     bound_s: float | None
-    """Most seconds before; None for a skill without a bound."""
+    """Previous limit [s]; None without a limit."""
     wanted_s: float | None
-    """Most seconds now."""
+    """New limit [s]."""
     there_s: float
-    """Seconds of the windows that nothing but a bound keeps out."""
+    """Seconds of windows that are eligible except for the limit."""
     before_s: float
-    """Seconds taken with the bound before."""
+    """Seconds selected under the previous limit."""
     taken_s: float
-    """Seconds taken now."""
+    """Seconds selected now."""
     more_windows: int
-    """Windows taken that were not before."""
+    """Windows selected now and not before."""
     fewer_windows: int
-    """Shorter windows that made room for them."""
+    """Shorter windows that were dropped for them."""
 
     @property
     def reached(self) -> bool:
-        """Whether the bound before cut windows off."""
+        """Whether the previous limit excluded windows."""
         return self.there_s > self.before_s + CLOSE_S
 
     @property
     def all_taken(self) -> bool:
-        """Whether no window is left to take."""
+        """Whether all eligible windows are selected."""
         return self.taken_s > self.there_s - CLOSE_S
 
     @property
     def short(self) -> bool:
-        """Whether more is wanted than there is: only a recording brings more."""
+        """Whether the limit exceeds what is available: only new recordings add more."""
         return self.all_taken and (self.wanted_s is None or self.wanted_s > self.there_s + CLOSE_S)
 
     def text(self) -> str:
@@ -71,14 +71,14 @@ class RaisedBound:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types, with what follows from them and the sentence."""
+        """JSON types, with derived values and the sentence."""
         return {**dataclasses.asdict(self), "reached": self.reached, "short": self.short, "said": self.text()}
 
 
 def raised_bounds(
     rows: pd.DataFrame, before: Curation, after: Curation, skills: Iterable[str]
 ) -> tuple[RaisedBound, ...]:
-    """What the bounds of `after` bring of some skills against those of `before`; `rows` as `choose` takes them."""
+    """Effect of the limits of `after` against `before` for some skills; `rows` as for `choose`."""
     wanted = sorted(set(skills))
     if not wanted:
         return ()
@@ -101,7 +101,7 @@ def raised_bounds(
 
 
 def _seconds(choice: pd.DataFrame) -> dict[str, dict[str, float]]:
-    """Skill -> window that was taken -> its seconds."""
+    """Skill -> selected window -> its seconds."""
     found: dict[str, dict[str, float]] = {}
     for row in choice.to_dict("records"):
         if row["taken"]:

@@ -1,4 +1,4 @@
-"""The cheapest way to cut a clip into stretches of one label, none shorter than its least length.
+"""Optimal segmentation of a clip into stretches of one label with least lengths.
 
 Every frame has a cost for every label and every cut has a price. The optimum over all segmentations is found by
 dynamic programming (Viterbi with a least duration a label), so no gap has to be merged afterwards and a stretch
@@ -45,7 +45,7 @@ def segment(
 
 
 def _least_of_others(values: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """For each entry the least of all the others."""
+    """For each entry the minimum of all others."""
     first, second = np.partition(values, 1)[:2]
     others = np.full_like(values, first)
     others[np.argmin(values)] = second

@@ -1,4 +1,4 @@
-"""The ten skills as regions of planar motion, and how far a frame lies outside each.
+"""The ten skills as regions of planar motion, and the distance of a frame from each.
 
 A skill is a region in the space of forward velocity, velocity to the left and yaw rate, each smoothed over a
 fraction of a step. The distance of a frame from a region is 0 inside and grows with the speed that would have
@@ -21,20 +21,20 @@ __all__ = ["LABELS", "SKILLS", "TRANSITION", "SkillBounds", "distances"]
 
 @dataclass(frozen=True, kw_only=True)
 class SkillBounds:
-    """Where each skill's region ends. Speeds are the person's (or robot's) own, not scaled."""
+    """Limits of each skill's region. Speeds are the person's (or robot's) own, not scaled."""
 
     stand_speed: float
-    """Below this speed a body stands or turns [m/s]."""
+    """Speed below which a body stands or turns [m/s]."""
     stand_yaw_rate_deg_s: float
-    """Standing turns slower than this."""
+    """Largest yaw rate while standing."""
     turn_speed: float
     """A turn on the spot travels slower than this [m/s]."""
     turn_yaw_rate_deg_s: float
     """... and turns faster than this."""
     side_ratio: float
-    """Going sideways or back is faster than across it by this factor."""
+    """Least ratio of sideways or backward speed to the perpendicular one."""
     ahead_ratio: float
-    """Going ahead is faster than across it by this factor; a diagonal walk is none."""
+    """Least ratio of forward to lateral speed; a diagonal walk is no skill."""
     walk_slow_speed: float
     """Forward speed at which slow walking becomes walking [m/s]."""
     walk_speed: float
@@ -42,7 +42,7 @@ class SkillBounds:
     jog_speed: float
     """Forward speed at which jogging becomes running [m/s]."""
     turn_radius: float
-    """What turns rad/s into m/s, so that distances can be added [m]."""
+    """Factor from rad/s to m/s, so that distances can be added [m]."""
 
     def __post_init__(self) -> None:
         slow_to_fast = increasing(self, "stand_speed", "walk_slow_speed", "walk_speed", "jog_speed")

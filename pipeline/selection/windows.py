@@ -1,4 +1,4 @@
-"""Windows of one skill: the whole clip, cut where the motion changes."""
+"""Segment a clip into windows of one skill where the motion changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.selection.segmentation import segment
 from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, distances
 
 NEVER = 1e3
-"""Cost [m/s] of a label that a frame must not get."""
+"""Cost of a forbidden label [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,9 @@ class Window:
     stop: int
     forward_m_s: float
     lateral_m_s: float
-    """To the left."""
+    """Positive to the left."""
     yaw_rate_rad_s: float
-    """To the left."""
+    """Positive to the left."""
     off_skill_m_s: float
     """Mean distance of the frames from the skill's region; 0 for a transition."""
     recorded_share: float
@@ -38,7 +38,7 @@ class Window:
 
 
 def find_windows(clip: HumanClip | RobotClip, *, settings: WindowSettings) -> tuple[Window, ...]:
-    """The clip's windows: in order, without a gap, none of a skill shorter than the settings allow.
+    """The clip's windows in order and without gaps, none of a skill shorter than allowed.
 
     Only a clip that is shorter as a whole, or what is left beside a long gap of the recording, becomes a shorter
     transition. Missing frames and teleports don't stop it: short ones are bridged, long ones are transitions.

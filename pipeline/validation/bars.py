@@ -1,4 +1,4 @@
-"""What `data/validation.yaml` states: what each verdict asks, in which unit, and where the number comes from.
+"""Settings of `data/validation.yaml`: the thresholds (bars) of each verdict, with unit and source.
 
 Its rules are written by hand; its bars are derived from a reference policy by `pipeline.validation.derive`.
 """
@@ -15,12 +15,12 @@ from pipeline.validation.measure import Measured
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """How much worse than the reference policy's worst a policy may be."""
+    """Margin beyond the reference policy's worst trial."""
 
     share: float
-    """Of the reference's figure."""
+    """Share of the reference's figure."""
     absolute: float
-    """In the figure's unit; added to the share."""
+    """Added to the share, in the figure's unit."""
     unit: str
     source: str
 
@@ -35,16 +35,16 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True)
 class Required:
-    """When the reference policy counts as doing a cell, so that the cell is required of others."""
+    """When the reference policy counts as passing a cell, which makes the cell required."""
 
     error_share: float
-    """Of the commanded speed or yaw rate: largest error."""
+    """Largest error as a share of the commanded speed or yaw rate."""
     least_error: float
-    """Errors up to this do not count [m/s or rad/s]."""
+    """Errors up to this are accepted [m/s or rad/s]."""
     survival: float
     """Least share of trials of a push or a perturbed start."""
     period_difference: float
-    """Of strides in two engines, as a share: beyond it they are not the same gait."""
+    """Largest relative difference of stride periods in two engines that is still the same gait."""
     source: str
 
     def __post_init__(self) -> None:
@@ -53,33 +53,32 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """The policy that the bars come from."""
+    """The policy that the bars were derived from."""
 
     policy: str
     """Its digest."""
     robot: str
     """Digest of the robot."""
     ankle_kd: tuple[float, ...]
-    """It was measured with each; the worst counts [N m s/rad]."""
+    """Ankle damping values it was measured with; the worst counts [N m s/rad]."""
     command: str
-    """What derives the cells again."""
+    """The command that derives the bars again."""
 
     def note_on(self, robot: str) -> str:
-        """What has to be known of a verdict on the robot of this digest: that the bars are another robot's, and what to
-        do; empty where they are its own."""
+        """Note on a verdict for the robot with this digest if the bars belong to another robot; otherwise empty."""
         if robot == self.robot:
             return ""
         return (
-            f"the bars of data/validation.yaml were derived on another robot ({self.robot[:12]}) than the one judged "
-            f"({robot[:12]}). Where that is a robot before its adaptation, materialize `adapted_robot` and judge "
-            "again; where the robot itself has changed, read the verdict as one on the changed robot, or derive the "
-            "bars anew (docs/validation.md)."
+            f"the bars of data/validation.yaml were derived on another robot ({self.robot[:12]}) than the evaluated "
+            f"one ({robot[:12]}). If that robot is not adapted yet, materialize `adapted_robot` and validate again; if "
+            "the robot itself has changed, read the verdict as one on the changed robot, or derive the bars again "
+            "(docs/validation.md)."
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:
-    """What one figure of a cell has to be."""
+    """Threshold of one figure."""
 
     unit: str
     source: str
@@ -91,7 +90,7 @@ class Bar:
         check(self, [] if len(sides) == 1 else [("at_most", "and 'at_least': allowed is exactly one of both")])
 
     def holds(self, value: float) -> bool:
-        """Whether a figure is good enough."""
+        """Whether a value meets the bar."""
         return (self.at_most is None or value <= self.at_most) and (self.at_least is None or value >= self.at_least)
 
     def __str__(self) -> str:
@@ -101,13 +100,13 @@ class Bar:
 
 @dataclass(frozen=True, kw_only=True)
 class CellBars:
-    """Whether a cell counts, and its bars."""
+    """Whether a cell is required, and its bars."""
 
     required: bool
     why: str
-    """Why it does not count; empty where it does."""
+    """Why it is not required; empty if it is."""
     bars: dict[str, Bar]
-    """By figure, of `FIGURES`."""
+    """Bars by name of the figure, of `FIGURES`."""
 
     def __post_init__(self) -> None:
         names = OneOf(tuple(FIGURES))
@@ -117,36 +116,36 @@ class CellBars:
 
 
 UNKNOWN = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})
-"""Of a cell that the file doesn't know."""
+"""For a cell that the file does not contain."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """How far the figures of two engines may be apart."""
+    """Largest difference of a figure between two engines."""
 
     at_most: float
     unit: str
     source: str
     share: float = 0.0
-    """Of the speed; the larger of both holds."""
+    """Share of the speed; the larger of both limits applies."""
 
     def __post_init__(self) -> None:
         check(self, at_most=NOT_NEGATIVE, share=NOT_NEGATIVE)
 
     def of(self, speed: float) -> float:
-        """The tolerance of a walk at this speed [m/s]."""
+        """The tolerance at a speed [m/s]."""
         return max(self.at_most, self.share * speed)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """Of the means over a cell's seeds in MuJoCo and in DART."""
+    """Tolerances between the means over a cell's seeds in MuJoCo and in DART."""
 
     velocity: Tolerance
-    """Forward and lateral."""
+    """Forward and lateral velocity."""
     yaw_rate: Tolerance
     height: Tolerance
-    """Of the root."""
+    """Height of the root."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,17 +157,17 @@ class ValidationSettings:
     agreement: Agreement
     reference: Reference
     cells: dict[str, CellBars]
-    """What `mujoco_validation` asks."""
+    """Bars of `mujoco_validation`."""
     engines: dict[str, CellBars]
-    """What `cross_engine_validation` asks of each walk in MuJoCo and in DART."""
+    """Bars of `cross_engine_validation` for each walk in MuJoCo and in DART."""
     webots: dict[str, CellBars]
-    """What `webots_validation` asks of each segment of its walk."""
+    """Bars of `webots_validation` for each segment."""
     limit_cycles: dict[str, CellBars]
-    """What `limit_cycles` asks of DART against MuJoCo at each speed."""
+    """Bars of `limit_cycles` for DART against MuJoCo at each speed."""
 
 
 def derived(runs: Sequence[Sequence[Measured]], margins: dict[str, Margin], required: Required) -> dict[str, CellBars]:
-    """Bars of each cell from several measurements of it (the same cells in the same order)."""
+    """Bars of each cell from several measurements of the same cells in the same order."""
     return {same[0].cell.name: _cell_bars(same, margins, required) for same in zip(*runs, strict=True)}
 
 
@@ -184,7 +183,7 @@ def _cell_bars(same: Sequence[Measured], margins: dict[str, Margin], required: R
 
 
 def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> Bar:
-    """The bar of a figure for the reference's worst of so many trials."""
+    """The bar of a figure, from the reference's worst value over `trials`."""
     lower = FIGURES[name].lower_is_better
     bar = round(margins[name].bar(worst, lower), 4)
     side = {"at_most": bar} if lower else {"at_least": max(bar, 0.0)}
@@ -193,7 +192,7 @@ def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> 
 
 
 def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
-    """Of each figure of tracking whose error is too large for a command of this size, a sentence."""
+    """A sentence for each tracking figure whose error is too large for a command of this size."""
     return [
         f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
         for name, error in errors.items()
@@ -202,15 +201,15 @@ def missed(errors: dict[str, float], sizes: dict[str, float], required: Required
 
 
 def _failures(one: Measured, required: Required) -> list[str]:
-    """Why the reference does not do a cell."""
-    judged = one.cell.figures
-    if "survival" in judged:
+    """Why the reference policy does not pass a cell."""
+    names = one.cell.figures
+    if "survival" in names:
         survival = one.figure("survival")
         assert survival is not None
         return [] if survival >= required.survival else [f"the reference survives {survival:.2f} of it"]
     if one.fallen:
         return [f"the reference falls in {len(one.fallen)} of {len(one.trials)}"]
-    wanted = one.cell.trials[0].command.last
-    asked = {"speed_error": (wanted.forward**2 + wanted.lateral**2) ** 0.5, "yaw_rate_error": abs(wanted.yaw_rate)}
-    errors = {name: error for name in asked if name in judged and (error := one.figure(name)) is not None}
-    return missed(errors, asked, required)
+    command = one.cell.trials[0].command.last
+    sizes = {"speed_error": (command.forward**2 + command.lateral**2) ** 0.5, "yaw_rate_error": abs(command.yaw_rate)}
+    errors = {name: error for name in sizes if name in names and (error := one.figure(name)) is not None}
+    return missed(errors, sizes, required)

@@ -1,9 +1,9 @@
-"""The checkpoint of a run that is its policy: the best in a sweep without noise in plain MuJoCo.
+"""Choose a run's checkpoint: the best in a noise-free sweep in plain MuJoCo.
 
-The sweep is `pipeline.validation.sweep`: the 16 commands, steps to 2.0 m/s and to turning from rest, friction .4 and
-1.2, pushes as a .1 s force. A checkpoint's score is a penalty, the lowest wins, and the later of two alike:
+The sweep is `pipeline.validation.sweep`: the 16 commands, steps to 2.0 m/s and to turning from rest, friction 0.4 and
+1.2, pushes as a 0.1 s force. The score is a penalty; the lowest wins, and of equal ones the later:
 
-    10 falls in the cells that are not pushes + mean error of the 16 commands / .05 + 2 (1 - mean survival of pushes)
+    10 falls in cells without pushes + mean error of the 16 commands / 0.05 + 2 (1 - mean survival of pushes)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pipeline.validation.measure import Measured, measure
 from pipeline.validation.sweep import sweep_cells
 
 FALL, ERROR, PUSHES = 10.0, 1.0 / 0.05, 2.0
-"""Weights of the score: a fall, an error [s/m, s/rad], the share of pushes that it did not survive."""
+"""Weights of the score: per fall, per error [s/m, s/rad], per share of pushes not survived."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +29,11 @@ class Swept:
 
     iteration: int
     falls: int
-    """Of the trials without a push."""
+    """Falls in trials without a push."""
     command_error: float
-    """Mean over the 16 commands of the speed's or yaw rate's error [m/s, rad/s]; a fall counts the whole command."""
+    """Mean error of speed or yaw rate over the 16 commands [m/s, rad/s]; a fall counts as the whole command."""
     survival: float
-    """Mean over the push cells."""
+    """Mean survival over the push cells."""
 
     @property
     def score(self) -> float:
@@ -66,13 +66,13 @@ def swept(iteration: int, rows: Sequence[Measured]) -> Swept:
 
 
 def error_of(row: Measured) -> float:
-    """Mean error of a command's trials on the axis that is commanded; of one that fell, the command itself."""
-    (wanted,) = {trial.command.wanted[-1].goal for trial in row.cell.trials}
-    axis = int(np.argmax(np.abs(wanted)))
+    """Mean error of a command's trials on the commanded axis; a fall counts as the whole command."""
+    (goal,) = {trial.command.last.goal for trial in row.cell.trials}
+    axis = int(np.argmax(np.abs(goal)))
     name = ("forward", "lateral", "yaw_rate")[axis]
-    return float(np.mean([abs(numbers.get(name, 0.0) - wanted[axis]) for numbers in row.trials]))
+    return float(np.mean([abs(numbers.get(name, 0.0) - goal[axis]) for numbers in row.trials]))
 
 
 def best(found: Sequence[Swept]) -> Swept:
-    """The checkpoint of the lowest score; the later of two alike."""
+    """The checkpoint with the lowest score; of equal ones the later."""
     return min(found, key=lambda each: (round(each.score, 9), -each.iteration))

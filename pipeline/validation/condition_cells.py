@@ -1,4 +1,4 @@
-"""Worlds and robots that are not the nominal ones: terrain, latency, noise, friction, mass, gains."""
+"""Cells with deviations from the nominal world and robot: terrain, latency, noise, friction, mass, gains."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from pipeline.simulation.sensors import SensorNoise
 from pipeline.validation.cells import Cell, steady_cell
-from pipeline.validation.trial import Conditions, GroundSpec, Profile, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Trial, VelocityCommand
 
 NOISE = SensorNoise(gyro=0.1, gravity=0.02, joint_pos=0.01, joint_vel=0.5)
-"""Half widths, each several times what encoders and gyro of such a robot show at rest. Judgement."""
+"""Half widths, several times those of encoders and gyro of such a robot at rest. Judgement."""
 
 FRICTIONS = (0.3, 0.4, 0.6, 0.8, 1.2)
 DELAYS_MS = (10, 20, 30, 40)
@@ -35,13 +35,13 @@ TERRAIN_FIGURES = ("falls", "speed_error")
 
 
 def terrain_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
-    """Each terrain walked over for 12 s; where it is random, each seed has its own."""
+    """Each terrain, walked over for 12 s; random terrain differs by seed."""
     seeds, cells = tuple(seeds), []
     for name, (ground, friction) in TERRAINS.items():
         trials = [
             Trial(
                 seed=seed,
-                command=Profile(wanted=(Wanted(forward=0.6),)),
+                command=CommandProfile(commands=(VelocityCommand(forward=0.6),)),
                 seconds=12.0,
                 measure_s=4.0,
                 conditions=Conditions(friction=friction, ground=_seeded(ground, seed)),
@@ -61,8 +61,8 @@ def condition_cells(seeds: Iterable[int]) -> tuple[Cell, ...]:
     """Forward at 1 m/s and turning at 1 rad/s under each condition."""
     seeds, cells = tuple(seeds), []
     for name, conditions in _conditions().items():
-        for wanted, word in ((Wanted(forward=1.0), "vx +1.0"), (Wanted(yaw_rate=1.0), "yaw +1.0")):
-            cells.append(steady_cell(f"{name} {word}", "conditions", wanted, seeds, conditions))
+        for command, word in ((VelocityCommand(forward=1.0), "vx +1.0"), (VelocityCommand(yaw_rate=1.0), "yaw +1.0")):
+            cells.append(steady_cell(f"{name} {word}", "conditions", command, seeds, conditions))
     return tuple(cells)
 
 

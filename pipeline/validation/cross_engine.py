@@ -1,10 +1,9 @@
 """The same policy, gains and motors in MuJoCo, its bridge and DART: a matrix of cells and a verdict with every reason.
 
-A cell is required where `data/validation.yaml` says so: where the published policy does it. There the policy must not
-fall in MuJoCo nor in DART, must keep to its command as far as the cell's bars say, and both engines must agree. What
-differs between MuJoCo and the bridge is the armature on the links, what differs between the bridge and DART is contact
-and solver; a difference that the bridge has to MuJoCo as well is the approximation's and no fault of the policy: it is
-listed.
+A cell is required if `data/validation.yaml` says so, that is if the published policy passes it. In a required cell the
+policy must not fall in MuJoCo or DART, must follow its command within the cell's bars, and both engines must agree.
+MuJoCo and the bridge differ in the armature on the links, the bridge and DART in contact and solver. A difference that
+the bridge has to MuJoCo as well comes from the approximation; it is listed, not counted.
 """
 
 from __future__ import annotations
@@ -25,28 +24,28 @@ from pipeline.validation.deployed import Deployed
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}
 HELD = (MUJOCO, DART)
-"""Engines that the bars hold for; the bridge explains."""
+"""Engines that have to meet the bars; the bridge only explains differences."""
 COMPARED = (
     ("forward_m_s", "velocity", "forward velocity"),
     ("lateral_m_s", "velocity", "lateral velocity"),
     ("yaw_rate_rad_s", "yaw_rate", "yaw rate"),
     ("height_m", "height", "root height"),
 )
-"""Figures that both engines have to agree in: field, entry of `agreement`, what it is called."""
+"""Figures in which both engines have to agree: field, entry of `agreement`, name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CellResult:
-    """A cell in every engine, one entry a seed."""
+    """A cell in every engine, one entry per seed."""
 
     name: str
     bars: CellBars
     figures: dict[str, tuple[Figures, ...]]
     """By engine."""
     reasons: tuple[str, ...]
-    """Everything that is wrong with it, whether or not it is required."""
+    """Everything that fails, whether or not the cell is required."""
     explained: tuple[str, ...] = ()
-    """Differences of MuJoCo and DART that the armature on the links makes: the bridge and DART agree."""
+    """Differences of MuJoCo and DART that come from the armature on the links: bridge and DART agree."""
 
     @property
     def required(self) -> bool:
@@ -54,7 +53,7 @@ class CellResult:
 
     @property
     def word(self) -> str:
-        """`passed`, `failed` or, where nothing is asked, `not required`."""
+        """`passed`, `failed` or `not required`."""
         if not self.required:
             return "not required"
         return "failed" if self.reasons else "passed"
@@ -64,14 +63,14 @@ class CellResult:
         return float(np.mean([not each.fell for each in self.figures[engine]]))
 
     def mean(self, engine: str, figure: str) -> float:
-        """Of a figure over the seeds that did not fall; NaN where all did."""
+        """Mean of a figure over the seeds that did not fall; NaN if all fell."""
         values = [getattr(each, figure) for each in self.figures[engine] if not each.fell]
         return float(np.mean(values)) if values else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
 class CrossEngineResult:
-    """The matrix and what it says."""
+    """The matrix of cells and engines, with its verdict."""
 
     robot: str
     """Its name."""
@@ -80,16 +79,16 @@ class CrossEngineResult:
     robot_of_bars: str = ""
     """Digest of the robot that the bars were derived on."""
     note: str = ""
-    """That the bars are not of the robot that was judged, and what to do; empty where they are."""
+    """Note if the bars belong to another robot than the evaluated one; otherwise empty."""
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Of the required cells."""
+        """Reasons of the required cells."""
         return tuple(reason for cell in self.cells if cell.required for reason in cell.reasons)
 
     @property
     def passed(self) -> bool:
-        """Whether no required cell has a reason; of no required cell nothing passes."""
+        """Whether no required cell has a reason; False without any required cell."""
         return not self.reasons and any(cell.required for cell in self.cells)
 
     @property
@@ -99,11 +98,11 @@ class CrossEngineResult:
 
     @property
     def not_required(self) -> dict[str, str]:
-        """Cells that do not count, and why."""
+        """Cells that are not required, with the reason."""
         return {cell.name: cell.bars.why for cell in self.cells if not cell.required}
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row a cell and engine: survival and means over the seeds, and what is asked of each seed."""
+        """One row per cell and engine: survival, means over the seeds, and the bars."""
         figures = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m", "power_w")
         return [
             {
@@ -150,15 +149,15 @@ def cross_engine(
     engines: tuple[str, ...] = ENGINES,
     only: tuple[str, ...] = (),
 ) -> CrossEngineResult:
-    """Walk the grid and judge it.
+    """Run the grid and evaluate it.
 
     Args:
-        deployed: what is judged
-        grid: cells and what all engines have in common
-        bars: of each cell, and the tolerances between engines
-        pool: processes for the walks; this one where not given
-        engines: those that walk; the bridge can be left out
-        only: names of cells; all where empty
+        deployed: the policy on its robot
+        grid: cells and common simulation settings
+        bars: bars of each cell, and tolerances between engines
+        pool: processes for the rollouts; default: this process
+        engines: engines to run; the bridge can be left out
+        only: names of cells; empty: all
     """
     cells = {name: cell for name, cell in grid.cells.items() if not only or name in only}
     seeds = range(grid.simulation.seeds)
@@ -192,37 +191,39 @@ def errors_of(cell: Cell, figures: Figures) -> dict[str, float]:
 
 
 def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figures, ...]]) -> Iterator[str]:
-    """Falls, where there are more than the bar has, and commands that are not kept."""
+    """Falls beyond the bar, and commands that are not followed."""
     falls = asked.bars.get("falls")
     for engine in (engine for engine in HELD if engine in figures):
         count = sum(one.fell for one in figures[engine])
-        told = count > 0 and (falls is None or not falls.holds(float(count)))
+        too_many = count > 0 and (falls is None or not falls.holds(float(count)))
         for seed, one in enumerate(figures[engine]):
             where = f"cell '{name}' seed {seed} in {NAMES[engine]}"
             if one.fell:
-                if told:
+                if too_many:
                     yield f"{where}: fell after {one.fell_s:.2f} s"
             else:
                 yield from (f"{where}: {problem}" for problem in off_command(cell, asked, one))
 
 
 def off_command(cell: Cell, asked: CellBars, figures: Figures) -> Iterator[str]:
-    """Where a walk that did not fall is further from its command than asked."""
+    """Deviations from the command beyond the bars, for a walk without a fall."""
     forward, lateral, yaw_rate = cell.segments[-1].command
-    said = {
+    texts = {
         "speed_error": f"walks {figures.forward_m_s:.2f}, {figures.lateral_m_s:.2f} m/s for {forward:g}, {lateral:g}",
         "yaw_rate_error": f"turns {figures.yaw_rate_rad_s:.2f} rad/s for {yaw_rate:g}",
     }
     for figure, error in errors_of(cell, figures).items():
         bar = asked.bars.get(figure)
         if bar is not None and not bar.holds(error):
-            yield f"{said[figure]}, off by {error:.3f}, asked is {bar}"
+            yield f"{texts[figure]}, off by {error:.3f}, asked is {bar}"
 
 
 def differences(name: str, figures: dict[str, tuple[Figures, ...]], agreement: Agreement) -> list[tuple[str, bool]]:
-    """Differences of MuJoCo and DART beyond the tolerance, of the means over the seeds that neither fell in, and
-    whether the armature on the links explains them: then the bridge, which has it too, and DART agree. A bridge that
-    fell in one of those seeds explains nothing."""
+    """Differences of MuJoCo and DART beyond the tolerance, each with whether the armature on the links explains it.
+
+    Means are over the seeds without a fall in either engine. A difference is explained if bridge and DART agree; a
+    bridge that fell in one of those seeds explains nothing.
+    """
     if any(engine not in figures for engine in HELD):
         return []
     held = zip(*(figures[engine] for engine in HELD), strict=True)
@@ -246,7 +247,7 @@ def differences(name: str, figures: dict[str, tuple[Figures, ...]], agreement: A
 def _tolerances(
     figures: dict[str, tuple[Figures, ...]], seeds: list[int], agreement: Agreement
 ) -> dict[str, tuple[float, str, str]]:
-    """Of each figure: how far engines may be apart, what it is, its unit."""
+    """Tolerance, name and unit of each compared figure."""
     ours = figures[MUJOCO]
     speed = math.hypot(*(np.mean([getattr(ours[s], name) for s in seeds]) for name in ("forward_m_s", "lateral_m_s")))
     kinds: dict[str, Tolerance] = vars(agreement)

@@ -1,4 +1,4 @@
-"""Faults of a deployment, planted: what the comparison must see, and what it is known not to."""
+"""Planted deployment faults that the comparison must detect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Fault = Callable[[Deployed], Deployed]
 
 
 class GyroInWorldFrame(PerfectSensors):
-    """The angular velocity as the world sees it."""
+    """Angular velocity in the world frame instead of the trunk frame."""
 
     def read(self, state: PlantState) -> Reading:
         reading = super().read(state)
@@ -27,7 +27,7 @@ class GyroInWorldFrame(PerfectSensors):
 
 
 class GyroInDegrees(PerfectSensors):
-    """The angular velocity in deg/s."""
+    """Angular velocity in deg/s instead of rad/s."""
 
     def read(self, state: PlantState) -> Reading:
         reading = super().read(state)
@@ -43,7 +43,7 @@ def gyro_in_degrees(clean: Deployed) -> Deployed:
 
 
 def left_and_right_swapped(clean: Deployed) -> Deployed:
-    """Each joint is read and moved under its partner's name."""
+    """Each joint is read and driven under the name of its mirror partner."""
     names = tuple(clean.robot.joint_names[index] for index in clean.robot.mirror_index)
     return dataclasses.replace(clean, task=dataclasses.replace(clean.task, joint_names=names))
 
@@ -79,9 +79,9 @@ def half_kp(clean: Deployed) -> Deployed:
 
 
 def with_normalizer(policy: Policy, mean: Float[np.ndarray, " n"], scale: Float[np.ndarray, " n"]) -> Policy:
-    """The same function with another normalizer: the first layer takes up the change.
+    """The same function with another normalizer, compensated in the first layer.
 
-    The published policy's is that of no change, and leaving it out no fault.
+    The published policy has the identity, so leaving it out would be no fault.
     """
     (weight, bias), *others = policy.layers
     raw = weight / policy.scale
@@ -106,4 +106,4 @@ FAULTS: dict[str, Fault] = {
     "half Kp": half_kp,
     "normalizer left out": normalizer_left_out,
 }
-"""By name. A delay of 20 to 40 ms and 5 % noise on the weights are survived in every engine: not claimed."""
+"""Faults by name. A delay of 20 to 40 ms and 5 % noise on the weights are survived in every engine and not included."""

@@ -1,4 +1,4 @@
-"""What `data/cross_engine.yaml` states: the grid that is walked. What must hold `data/validation.yaml` says."""
+"""Settings of `data/cross_engine.yaml`: the grid of cells. The thresholds are in `data/validation.yaml`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 
 LONGEST_TIMESTEP_S = 0.02
-"""A figure is the mean of one timestep at least."""
+"""A figure is a mean over at least one timestep."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationSettings:
-    """What all engines have in common."""
+    """Simulation settings common to all engines."""
 
     timestep_s: float
     friction: float
     seeds: int
-    """Starts of each cell; the first is the default pose exactly."""
+    """Number of starts per cell; the first is exactly the default pose."""
     start_joint_pos: float
     """Half width of the other starts' joint positions about the default pose [rad]."""
     start_yaw: float
@@ -35,13 +35,13 @@ class SimulationSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """A stretch of one wanted velocity."""
+    """A segment with one commanded velocity."""
 
     seconds: float
     command: tuple[float, float, float]
     """Forward and lateral [m/s], yaw rate [rad/s]."""
     slew: float = 1.0
-    """How fast the command goes there [m/s or rad/s a second]; 0 is at once."""
+    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
 
     def __post_init__(self) -> None:
         check(self, seconds=POSITIVE, slew=NOT_NEGATIVE)
@@ -62,11 +62,11 @@ class PushSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One thing that the robot is told to do."""
+    """One cell: commands, measured time, and an optional push."""
 
     segments: tuple[Segment, ...]
     measured_s: float
-    """How much of the end figures are means over [s]: of the last segment, whose command they are held against."""
+    """Length of the end over which means are taken [s], within the last segment."""
     push: PushSettings | None = None
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class Cell:
 
 
 def _beyond(cell: Cell) -> list[tuple[str, str]]:
-    """Faults of what a cell names and never comes to: time before its last segment, a push after its end."""
+    """Faults: measured time longer than the last segment, a push after the end."""
     segments = getattr(cell, "segments", None)
     if segments is None or None in segments:
         return []

@@ -24,18 +24,18 @@ from pipeline.validation.deployed import Deployed
 
 MUJOCO, BRIDGE, DART = "mujoco", "bridge", "dart"
 ENGINES = (MUJOCO, BRIDGE, DART)
-"""MuJoCo, MuJoCo with the armature on the links as DART has it, DART."""
+"""MuJoCo, MuJoCo with the armature on the links as in DART, DART."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What came of a cell. Means are over its last `measured_s` seconds, and NaN after a fall."""
+    """Figures of one walk: means over its last `measured_s` seconds, NaN after a fall."""
 
     fell_s: float | None
     """Time of the fall [s]."""
     forward_m_s: float
     lateral_m_s: float
-    """Velocity of the root in its heading's frame."""
+    """Velocity of the root in its heading frame."""
     yaw_rate_rad_s: float
     height_m: float
     """Of the root."""
@@ -48,7 +48,7 @@ class Figures:
 
 
 def make_plant(engine: str, deployed: Deployed, settings: SimulationSettings) -> Plant:
-    """The engine of that name with the deployment's robot, and its armature where that is not the robot's."""
+    """The plant of an engine, with the deployment's armature if it differs from the robot's."""
     robot = deployed.robot
     if deployed.armature is not None:
         robot = dataclasses.replace(robot, armature=deployed.armature)
@@ -71,7 +71,7 @@ def walk(
     settings: SimulationSettings,
     stop_on_fall: bool = True,
 ) -> Rollout:
-    """The walk itself."""
+    """Rollout of one cell, engine and seed."""
     robot = deployed.robot
     start = start_state(robot, deployed.task, seed, settings)
     events = [] if cell.push is None else [_push(cell, start)]
@@ -91,7 +91,7 @@ def walk(
 
 
 def start_state(robot: Robot, task: DeploymentTask, seed: int, settings: SimulationSettings) -> PlantState:
-    """At rest: seed 0 in the default pose, others about it and in any direction."""
+    """Start at rest: seed 0 in the default pose, others around it with a random heading."""
     rng = np.random.default_rng(seed)
     wide = settings.start_joint_pos if seed else 0.0
     joint_pos = task.default_joint_pos + rng.uniform(-wide, wide, len(robot.joint_names))
@@ -107,7 +107,7 @@ def start_state(robot: Robot, task: DeploymentTask, seed: int, settings: Simulat
 
 
 def command_of(segments: Sequence[Segment]) -> Command:
-    """The wanted velocity over time: each segment starts where the one before it had come to."""
+    """The command over time; each segment starts from the value that the previous one reached."""
     starts, goals, slews, times = [np.zeros(3)], [], [], [0.0]
     for segment in segments:
         goal = np.array(segment.command)
@@ -145,8 +145,8 @@ def figures_of(rollout: Rollout, measured_s: float) -> Figures:
 
 
 def _slewed(start: np.ndarray, goal: np.ndarray, slew: float, time_s: float) -> np.ndarray:
-    way = slew * time_s if slew > 0.0 else np.inf
-    return start + np.clip(goal - start, -way, way)
+    most = slew * time_s if slew > 0.0 else np.inf
+    return start + np.clip(goal - start, -most, most)
 
 
 def _push(cell: Cell, start: PlantState) -> Push:

@@ -1,4 +1,4 @@
-"""A policy on a robot: what every engine and every cell runs alike."""
+"""A policy deployed on a robot, shared by every engine and cell."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 ANKLE_KD = 2.0
-"""With which Booster deploys its published walking policy, twice the robot's [N m s/rad]."""
+"""Ankle damping with which Booster deploys its published policy, twice the robot's [N m s/rad]."""
 
 
 class AnkleDampingError(PipelineError):
-    """A damping of the ankles that can't be."""
+    """An invalid ankle damping."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Deployed:
-    """A policy on a robot with its gains and motors: what all engines run alike."""
+    """A policy on a robot, with gains and motors."""
 
     robot: Robot
     task: DeploymentTask
     policy: Policy
     envelope: TorqueEnvelope
     reads: Sensors = field(default_factory=PerfectSensors)
-    """Without a memory of their own: all walks share them."""
+    """Stateless sensors, shared by all rollouts."""
     armature: Float[np.ndarray, " j"] | None = None
-    """In MuJoCo, where it isn't the robot's [kg m^2]."""
+    """Armature in MuJoCo if it differs from the robot's [kg m^2]."""
 
     def gains(self) -> dict[str, dict[str, float]]:
-        """Of each joint `kp` [N m/rad] and `kd` [N m s/rad]: a policy's digest says nothing of them."""
+        """`kp` [N m/rad] and `kd` [N m s/rad] of each joint; a policy's digest does not cover them."""
         pairs = zip(self.task.kp.tolist(), self.task.kd.tolist(), strict=True)
         return {name: {"kp": kp, "kd": kd} for name, (kp, kd) in zip(self.task.joint_names, pairs, strict=True)}
 
@@ -53,7 +53,7 @@ class Deployed:
 
 
 def deployed(folder: Path, policy: Policy) -> Deployed:
-    """A policy on the robot of a folder, with the measured motors where the folder is that of an adapted robot."""
+    """A policy on the robot of a folder, with measured motors if it is an adapted robot."""
     robot = load_robot(folder)
     adapted = (folder / TABLE).is_file()
     envelope = torque_envelope(read_actuators(folder)) if adapted else TorqueEnvelope(limit=robot.torque_limit)
@@ -61,10 +61,10 @@ def deployed(folder: Path, policy: Policy) -> Deployed:
 
 
 def anchor(folder: Path, policy: Policy) -> Deployed:
-    """A policy on the model that the published figures were measured on: the manufacturer's armatures (none at hip and
-    knee), constant torque limits, ankles damped as the manufacturer deploys its policy.
+    """A policy on the model of the published figures: the manufacturer's armatures (none at hip and knee), constant
+    torque limits, ankle damping `ANKLE_KD`.
 
-    Raises FileError for a robot whose folder doesn't have these armatures.
+    Raises FileError if the robot's folder lacks these armatures.
     """
     robot = load_robot(folder)
     pose = read_standing_pose(folder, robot)
@@ -81,7 +81,7 @@ def anchor(folder: Path, policy: Policy) -> Deployed:
 
 
 def with_ankle_kd(one: Deployed, kd: float) -> Deployed:
-    """The same with another damping of the ankles [N m s/rad]. Raises AnkleDampingError."""
+    """A copy with another ankle damping [N m s/rad]. Raises AnkleDampingError."""
     ankles = np.array(["Ankle" in name for name in one.task.joint_names])
     if not (math.isfinite(kd) and kd >= 0.0):
         raise AnkleDampingError(f"the damping of the ankles is {kd:g} N m s/rad, allowed are numbers from 0 on.")

@@ -1,8 +1,7 @@
 """Derive the bars from a reference policy: `python -m pipeline.validation.derive POLICY.npz [--robot FOLDER]`.
 
-Walks what each verdict walks, with each ankle damping that `data/validation.yaml` names, and writes the file's bars
-anew: the worst figure of all trials with the margin of its kind. Rules and margins stay as they are; so do the bars of
-parts that are not asked for.
+Run the rollouts of each verdict with each ankle damping in `data/validation.yaml`, and rewrite the file's bars: the
+worst figure of all trials plus its margin. Rules, margins and the bars of other parts are kept.
 """
 
 from __future__ import annotations
@@ -28,14 +27,12 @@ from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
-from pipeline.validation.engine_bars import engine_bars
-from pipeline.validation.limit_cycle_bars import limit_cycle_bars
+from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.measure import Measured, measure
 from pipeline.validation.numbers_file import read_numbers, write_numbers
 from pipeline.validation.suites import full
-from pipeline.validation.webots_bars import webots_bars
 from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project
 from pipeline.webots.result import WalkResult
@@ -48,16 +45,16 @@ WALK = Path("data/webots.yaml")
 CYCLES = Path("data/limit_cycles.yaml")
 CELLS, ENGINES, WEBOTS, LIMIT_CYCLES = PARTS = ("cells", "engines", "webots", "limit_cycles")
 HEADER = """\
-# What a policy has to do. `margins`, `required` and `agreement` are written by hand, `reference` and the bars derived:
+# Thresholds of a policy. `margins`, `required` and `agreement` are written by hand, `reference` and bars are derived:
 #     {command}
-# `cells` is what is asked in MuJoCo, `engines` of each walk of cross_engine.yaml in MuJoCo and in DART, `webots` of the
-# walk of webots.yaml, `limit_cycles` of strides in MuJoCo and DART. A figure's bar is the reference policy's worst over
-# all trials with the margin of that figure. What the reference policy does not do itself is not required, and says why.
+# `cells` are the bars in MuJoCo, `engines` those of each walk of cross_engine.yaml in MuJoCo and DART, `webots` of the
+# walk of webots.yaml, `limit_cycles` of strides in MuJoCo and DART. A bar is the reference policy's worst figure plus
+# the margin of that figure. A cell that the reference policy fails itself is not required, with the reason.
 """
 
 
 def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], command: str) -> None:
-    """Write parts of a settings file anew: bars derived from the reference policy."""
+    """Rewrite parts of a settings file with bars derived from the reference policy."""
     rules = settings.read(path, ValidationSettings)
     reference = Reference(
         policy=digest(one.policy), robot=one.robot.digest, ankle_kd=rules.reference.ankle_kd, command=command
@@ -81,8 +78,8 @@ def text_of(found: ValidationSettings) -> str:
     return HEADER.format(command=found.reference.command) + body
 
 
-def measured_again(one: Deployed, cells: Sequence[Cell], pool: ClipPool, kept: Path | None) -> tuple[Measured, ...]:
-    """All cells, those in the file `kept` taken from there."""
+def measured_or_kept(one: Deployed, cells: Sequence[Cell], pool: ClipPool, kept: Path | None) -> tuple[Measured, ...]:
+    """Measure all cells, reusing those in the file `kept`."""
     known = read_numbers(kept, one, cells) if kept else {}
     todo = [cell for cell in cells if cell.name not in known]
     fresh = measure(one, todo, pool)
@@ -93,7 +90,7 @@ def measured_again(one: Deployed, cells: Sequence[Cell], pool: ClipPool, kept: P
 
 
 def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSettings) -> dict[str, WalkResult]:
-    """The walk in each stand-in for Webots that there is, by its name. Raises FileError where one gives no result."""
+    """The walk in each available Webots stand-in, by name. Raises FileError if one gives no result."""
     walks = {}
     for one, engine in itertools.product(damped, ("mujoco", "ode")):
         with tempfile.TemporaryDirectory() as place:
@@ -118,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--file", type=Path, default=FILE, help="settings file to rewrite")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="bars to derive")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for one each core")
-    parser.add_argument("--numbers", type=Path, help="JSON that keeps what was measured; what it has is not run again")
+    parser.add_argument("--numbers", type=Path, help="JSON with measured numbers; cells found in it are not run again")
     given = parser.parse_args(arguments)
     try:
         rules = settings.read(given.file, ValidationSettings)
@@ -127,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = {}
         if CELLS in given.parts:
             cells = full(one.robot)
-            runs = [measured_again(each, cells, pool, given.numbers) for each in damped]
+            runs = [measured_or_kept(each, cells, pool, given.numbers) for each in damped]
             found[CELLS] = derived(runs, rules.margins, rules.required)
         if ENGINES in given.parts:
             grid = settings.read(GRID, CrossEngineSettings)

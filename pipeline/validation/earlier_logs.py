@@ -1,4 +1,4 @@
-"""A folder that somebody chose for the logs of failed cells: which files there are of an earlier verdict."""
+"""Logs of earlier verdicts in a folder for logs of failed cells: recognize, protect, remove."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from pipeline.validation.failed_trials import CELL_NOTE, log_path
 
 
 def refuse_foreign(folder: Path, cells: Iterable[Cell], one: Deployed) -> None:
-    """Raises FileError where a log of one of these cells would take the place of a file that is not of this policy's
-    validation, and where the folder is none."""
+    """Check that no log of these cells would overwrite a foreign file.
+
+    Raises FileError if a target exists and is not a log of this policy's validation, or if `folder` is not a folder.
+    """
     if folder.exists() and not folder.is_dir():
         raise FileError(folder, "it is no folder.", "Name a folder for the logs of what fails.")
     for path in (log_path(folder, cell.name) for cell in cells):
@@ -29,9 +31,11 @@ def refuse_foreign(folder: Path, cells: Iterable[Cell], one: Deployed) -> None:
 
 
 def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[Path, ...]:
-    """Remove the logs in a folder that earlier verdicts of this policy on this robot wrote there, but for those of this
-    one; feedback would go on learning from cells that pass now. What the metadata of a file does not show to be such a
-    log stays. Returns what is gone."""
+    """Remove the logs of earlier verdicts on this policy and robot, except `kept`; return the removed paths.
+
+    Otherwise feedback would keep learning from cells that pass now. Files whose metadata does not identify them as such
+    a log are kept.
+    """
     gone = [path for path in sorted(set(folder.glob("*.mcap")) - set(kept)) if _is_of(path, one)]
     for path in gone:
         path.unlink()
@@ -39,8 +43,7 @@ def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[P
 
 
 def _is_of(path: Path, one: Deployed) -> bool:
-    """Whether a file is what `write_failed_trials` writes of this policy on this robot. One that somebody gave another
-    name is not."""
+    """Whether a file was written by `write_failed_trials` for this policy and robot, under its own name."""
     facts = _facts_of(path)
     if facts is None or not facts.simulated:
         return False
@@ -50,7 +53,7 @@ def _is_of(path: Path, one: Deployed) -> bool:
 
 
 def _facts_of(path: Path) -> LogFacts | None:
-    """What a log says of itself before its first messages; None of what is no log."""
+    """The facts in a log's metadata; None if the file is not a log."""
     reader = McapReader(path, LogReport(path=path), Bounds())
     with suppress(LogError, OSError):
         for _ in reader.read():

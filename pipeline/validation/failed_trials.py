@@ -1,4 +1,4 @@
-"""Failures are data: a trial of each failed cell, written as the log that the robot would have written of it."""
+"""Write one trial of each failed cell as a log of a virtual robot."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from pipeline.validation.walk import Worlds, walk
 from pipeline.virtual_robot.record import record
 
 LONGEST_NOTE = 400
-"""Letters of the reasons that go into a log."""
+"""Most characters of the reasons in a log."""
 CELL_NOTE = "validation cell"
-"""Note of a log that says of which cell it is."""
+"""Key of a log's note with the name of its cell."""
 OF_FALLS = ("falls", "survival")
-"""Figures of a cell's trials together."""
+"""Figures over all trials of a cell."""
 AXES: tuple[str, ...] = ("forward", "lateral", "yaw")
 
 
 def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[Path, ...]:
-    """The logs of a verdict's failed cells, one MCAP file each; equal verdicts give equal bytes."""
+    """Write one MCAP file per failed cell and return the paths; equal verdicts give equal bytes."""
     worlds, written = Worlds(one), []
     for cell in verdict.failed_cells:
         path = log_path(folder, cell.measured.cell.name)
@@ -43,11 +43,11 @@ def write_failed_trials(one: Deployed, verdict: Verdict, folder: Path) -> tuple[
 
 
 def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
-    """The worst trial of a cell, walked again to its end whether it falls or not, and the log of it."""
+    """The worst trial of a cell, repeated to its end even after a fall, with its log."""
     one, trial = worlds.one, worst_trial(cell)
     rollout = walk(worlds, trial, stop_on_fall=False)
-    said = "; ".join(map(str, cell.reasons))
-    notes = {CELL_NOTE: cell.measured.cell.name, "reasons": said[:LONGEST_NOTE], "seed": str(trial.seed)}
+    reasons = "; ".join(map(str, cell.reasons))
+    notes = {CELL_NOTE: cell.measured.cell.name, "reasons": reasons[:LONGEST_NOTE], "seed": str(trial.seed)}
     facts = LogFacts(
         robot=one.robot.name,
         policy_digest=digest(one.policy),
@@ -60,7 +60,7 @@ def failed_trial(worlds: Worlds, cell: CellVerdict) -> tuple[Rollout, RobotLog]:
 
 
 def worst_trial(cell: CellVerdict) -> Trial:
-    """The first that fell; where none did, the one with the worst of the first figure that misses its bar."""
+    """The first trial that fell; without a fall, the worst in the first figure that misses its bar."""
     return cell.measured.cell.trials[_worst(cell)]
 
 
@@ -77,58 +77,57 @@ def _worst(cell: CellVerdict) -> int:
 def missed_by(cell: CellVerdict, rollout: Rollout, envelope: TorqueEnvelope) -> tuple[MissedBar, ...]:
     """The bars that a cell's worst trial missed itself, in the order of the verdict's reasons.
 
-    What only other trials of the cell missed is not in this log, so it is in the reasons and not here. Nor is a figure
-    beyond anything that a reader of logs believes.
+    Bars that only other trials missed are in the reasons only; implausible values are left out.
     """
     trial, numbers = worst_trial(cell), cell.measured.trials[_worst(cell)]
     found = []
     for reason in cell.reasons:
         if reason.figure in OF_FALLS:
-            seen = (
+            measured = (
                 {"got": reason.got, "from_s": numbers["fell_s"], "until_s": numbers["fell_s"]}
                 if numbers["fell"]
                 else {}
             )
         elif not numbers["fell"] and not cell.bars.bars[reason.figure].holds(numbers[reason.figure]):
-            seen = _measured(reason.figure, numbers, trial, rollout, envelope)
+            measured = _measured(reason.figure, numbers, trial, rollout, envelope)
         else:
-            seen = {}
+            measured = {}
         with suppress(ValueError):
-            found += [_missed(cell, reason, seen)] if seen else []
+            found += [_missed(cell, reason, measured)] if measured else []
     return tuple(found)
 
 
-def _missed(cell: CellVerdict, reason: Reason, seen: dict[str, Any]) -> MissedBar:
+def _missed(cell: CellVerdict, reason: Reason, measured: dict[str, Any]) -> MissedBar:
     bar = cell.bars.bars[reason.figure]
     asked = bar.at_most if bar.at_most is not None else bar.at_least
     assert asked is not None
-    return MissedBar(cell=reason.cell, figure=reason.figure, asked=asked, **seen)
+    return MissedBar(cell=reason.cell, figure=reason.figure, asked=asked, **measured)
 
 
 def _measured(name: str, numbers: Numbers, trial: Trial, rollout: Rollout, envelope: TorqueEnvelope) -> dict[str, Any]:
-    """A trial's own figure and where it is from: the axis on which its velocity is off most, the joint at its limit."""
-    seen: dict[str, Any] = {"got": numbers[name], "from_s": trial.measure_s, "until_s": trial.seconds}
+    """A trial's figure with its origin: the axis with the largest velocity error, the saturated joint."""
+    measured: dict[str, Any] = {"got": numbers[name], "from_s": trial.measure_s, "until_s": trial.seconds}
     if name == "saturation":
-        seen["joint"] = most_saturated(rollout, trial.measure_s, envelope)
+        measured["joint"] = most_saturated(rollout, trial.measure_s, envelope)
     if KNOWN[name].axes:
         reached = numbers["forward"], numbers["lateral"], numbers["yaw_rate"]
-        seen |= off_most(name, trial.command.last.goal, reached)
-    return seen
+        measured |= off_most(name, trial.command.last.goal, reached)
+    return measured
 
 
 def off_most(figure: str, goal: tuple[float, float, float], reached: tuple[float, float, float]) -> dict[str, Any]:
-    """Of a figure of velocity the axis that is off most, what was asked there and what was reached."""
-    wanted, got = dict(zip(AXES, goal, strict=True)), dict(zip(AXES, reached, strict=True))
-    axis = max(KNOWN[figure].axes, key=lambda each: abs(got[each] - wanted[each]))
-    return {"axis": axis, "commanded": wanted[axis], "achieved": got[axis]}
+    """The axis with the largest velocity error, with its commanded and achieved velocity."""
+    commanded, achieved = dict(zip(AXES, goal, strict=True)), dict(zip(AXES, reached, strict=True))
+    axis = max(KNOWN[figure].axes, key=lambda each: abs(achieved[each] - commanded[each]))
+    return {"axis": axis, "commanded": commanded[axis], "achieved": achieved[axis]}
 
 
 def log_path(folder: Path, cell: str) -> Path:
-    """Where the log of a failed cell is written."""
+    """Path of a failed cell's log."""
     return folder / f"{file_name(cell)}.mcap"
 
 
 def file_name(cell: str) -> str:
-    """A cell's name in letters that every file system has."""
+    """A cell's name as a portable file name."""
     signed = cell.replace("+", "plus ").replace("-", "minus ")
     return re.sub(r"[^a-z0-9.]+", "_", signed.lower()).strip("_")

@@ -1,4 +1,4 @@
-"""What is measured of a rollout: figures with name, unit and the side on which they are good."""
+"""Figures measured on a rollout, each with name, unit and direction."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pipeline.quality.foot_slip import lowest_corner_slip
 from pipeline.quality.sole import sole_motion
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.trial import Trial, Wanted
+from pipeline.validation.trial import Trial, VelocityCommand
 
 CLIP_HZ = 100.0
-"""At which slip and contacts are looked at: the rate of the recorded forces."""
+"""Rate at which slip and contacts are evaluated: that of the recorded forces."""
 SATURATED = 0.999
-"""Share of the envelope from which a joint counts as saturated."""
+"""Share of the torque envelope above which a joint counts as saturated."""
 CONTACT_N = 1.0
 
 
@@ -28,24 +28,31 @@ class Figure:
     name: str
     unit: str
     lower_is_better: bool
-    says: str
+    definition: str
 
 
 FIGURES = {
     each.name: each
     for each in (
-        Figure(name="falls", unit="trials", lower_is_better=True, says="trials with Trunk z < .45 m or tilt > 60 deg"),
-        Figure(name="survival", unit="share", lower_is_better=False, says="trials that do not fall"),
-        Figure(name="speed_error", unit="m/s", lower_is_better=True, says="length of mean velocity less command"),
-        Figure(name="yaw_rate_error", unit="rad/s", lower_is_better=True, says="mean yaw rate less command"),
-        Figure(name="power", unit="W", lower_is_better=True, says="mean of sum |torque x joint speed|"),
-        Figure(name="slip", unit="m/s", lower_is_better=True, says="speed of the lowest sole corner in contact"),
-        Figure(name="saturation", unit="%", lower_is_better=True, says="leg joint samples at the torque envelope"),
-        Figure(name="drift", unit="m", lower_is_better=True, says="way between first and last place"),
-        Figure(name="steps", unit="steps", lower_is_better=True, says="feet set down"),
-        Figure(name="shape_distance", unit="of its size", lower_is_better=True, says="between limit cycles"),
-        Figure(name="period_difference", unit="share", lower_is_better=True, says="of strides in two engines"),
-        Figure(name="amplitude_difference", unit="share", lower_is_better=True, says="of hip or knee in two engines"),
+        Figure(
+            name="falls",
+            unit="trials",
+            lower_is_better=True,
+            definition="Trunk z < 0.45 m or tilt > 60 deg",
+        ),
+        Figure(name="survival", unit="share", lower_is_better=False, definition="trials that do not fall"),
+        Figure(name="speed_error", unit="m/s", lower_is_better=True, definition="length of mean velocity less command"),
+        Figure(name="yaw_rate_error", unit="rad/s", lower_is_better=True, definition="mean yaw rate less command"),
+        Figure(name="power", unit="W", lower_is_better=True, definition="mean of sum |torque x joint speed|"),
+        Figure(name="slip", unit="m/s", lower_is_better=True, definition="speed of the lowest sole corner in contact"),
+        Figure(name="saturation", unit="%", lower_is_better=True, definition="leg joint samples at the envelope"),
+        Figure(name="drift", unit="m", lower_is_better=True, definition="distance between first and last position"),
+        Figure(name="steps", unit="steps", lower_is_better=True, definition="feet set down"),
+        Figure(name="shape_distance", unit="of its size", lower_is_better=True, definition="between limit cycles"),
+        Figure(name="period_difference", unit="share", lower_is_better=True, definition="of strides in two engines"),
+        Figure(
+            name="amplitude_difference", unit="share", lower_is_better=True, definition="hip or knee in two engines"
+        ),
     )
 }
 
@@ -53,13 +60,13 @@ Numbers = dict[str, float]
 
 
 def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numbers:
-    """Figures of a rollout from `measure_s` to its end; of one that fell, when, and nothing else."""
+    """Figures of a rollout from `measure_s` to its end; after a fall only its time."""
     if rollout.fell_s is not None:
         return {"fell": 1.0, "fell_s": round(rollout.fell_s, 6)}
     measure_s = max(trial.measure_s - rollout.start_s, 0.0)
     clip = rollout.clip("trial", CLIP_HZ, measure_s)
     velocity = command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)
-    wanted = trial.command.last
+    command = trial.command.last
     contacts = clip.contacts
     assert contacts is not None
     moved = clip.root_pos_w[-1, :2] - clip.root_pos_w[0, :2]
@@ -68,8 +75,8 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
         "forward": velocity.forward_m_s,
         "lateral": velocity.lateral_m_s,
         "yaw_rate": velocity.yaw_rate_rad_s,
-        "speed_error": _speed_error(velocity.forward_m_s, velocity.lateral_m_s, wanted),
-        "yaw_rate_error": abs(velocity.yaw_rate_rad_s - wanted.yaw_rate),
+        "speed_error": _speed_error(velocity.forward_m_s, velocity.lateral_m_s, command),
+        "yaw_rate_error": abs(velocity.yaw_rate_rad_s - command.yaw_rate),
         "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
         "drift": float(np.hypot(*moved)),
         "steps": float((contacts[1:] & ~contacts[:-1]).sum()),
@@ -78,12 +85,12 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
     return {name: float(value) for name, value in numbers.items()}
 
 
-def _speed_error(forward: float, lateral: float, wanted: Wanted) -> float:
-    return float(np.hypot(forward - wanted.forward, lateral - wanted.lateral))
+def _speed_error(forward: float, lateral: float, command: VelocityCommand) -> float:
+    return float(np.hypot(forward - command.forward, lateral - command.lateral))
 
 
 def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Numbers:
-    """Power of all joints and saturation of the legs'."""
+    """Power of all joints and torque saturation of the leg joints."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     torque, speed = rollout.torque[taken], rollout.qvel[taken, 6:]
     reached = at_envelope(torque, speed, envelope)
@@ -96,13 +103,13 @@ def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Num
 def at_envelope(
     torque: Float[np.ndarray, "n j"], speed: Float[np.ndarray, "n j"], envelope: TorqueEnvelope
 ) -> Bool[np.ndarray, "n j"]:
-    """Samples at which a joint gives all that it can at its speed."""
+    """Samples at which a joint's torque is at its limit for that speed."""
     lower, upper = envelope.bounds(speed)
     return (torque >= SATURATED * np.abs(upper)) | (torque <= -SATURATED * np.abs(lower))
 
 
 def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> str:
-    """The leg joint that is at its envelope most from `measure_s` on."""
+    """The leg joint that is saturated most often from `measure_s` on."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     reached = at_envelope(rollout.torque[taken], rollout.qvel[taken, 6:], envelope).mean(axis=0)
     legs = leg_joints(rollout)
@@ -110,6 +117,6 @@ def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope)
 
 
 def leg_joints(rollout: Rollout) -> np.ndarray:
-    """Joints between the root's waist and a foot: those whose name says hip, knee or ankle."""
+    """Indices of the leg joints: those with hip, knee or ankle in their name."""
     names = rollout.robot.joint_names
     return np.array([index for index, name in enumerate(names) if any(p in name for p in ("Hip", "Knee", "Ankle"))])

@@ -1,4 +1,4 @@
-"""What `data/limit_cycles.yaml` states: which walks are compared. What must hold `data/validation.yaml` says."""
+"""Settings of `data/limit_cycles.yaml`: the compared walks. The thresholds are in `data/validation.yaml`."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ LEG_JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycleSettings:
-    """What `data/limit_cycles.yaml` states."""
+    """The whole file."""
 
     speeds_m_s: tuple[float, ...]
     """Forward commands at which engines are compared."""
     seconds: float
-    """Of a walk in simulation."""
+    """Length of a walk in simulation [s]."""
     settled_s: float
-    """Start of a walk that is left out: standing, speeding up, settling."""
+    """Start of a walk that is excluded: standing, acceleration, settling [s]."""
     timestep_s: float
     friction: float
     command_tolerance: float
-    """How far the command of a log may be from the wanted one on any axis [m/s, rad/s]."""
+    """Largest deviation of a log's command on any axis [m/s, rad/s]."""
     joints: dict[str, str]
-    """Of `LEG_JOINTS`, each -> the robot's joint."""
+    """Name of `LEG_JOINTS` -> the robot's joint."""
 
     def __post_init__(self) -> None:
         positive = ("speeds_m_s", "seconds", "timestep_s", "friction", "command_tolerance")

@@ -1,4 +1,4 @@
-"""Records whose limit cycles are compared: a policy's steady walk in each engine, and spans of hardware logs."""
+"""Limit cycles of a policy's steady walk in each engine and in hardware logs, compared at each speed."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from pipeline.validation.limit_cycles import (
 
 SIDES = ("left", "right")
 ENGINES = ("MuJoCo", "DART")
-"""The first is what the others are held against."""
+"""The first is the reference for the others."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedCycles:
-    """Everything found at one speed."""
+    """Cycles and comparisons at one speed."""
 
     speed_m_s: float
     required: bool
     """Whether engines must agree."""
     why: str = ""
-    """Why not; empty where they must."""
+    """Why it is not required; empty if it is."""
     cycles: dict[str, LimitCycle] = field(default_factory=dict)
-    """By record and leg, as `MuJoCo left`."""
+    """Cycles by record and leg, such as `MuJoCo left`."""
     comparisons: tuple[Comparison, ...] = ()
     missing: tuple[str, ...] = ()
-    """What was not compared and why, a sentence each."""
+    """Sentences on what was not compared, with the reason."""
     reasons: tuple[str, ...] = ()
-    """Where engines differ by more than allowed."""
+    """Differences between engines beyond the bars."""
 
     def rows(self) -> list[dict[str, Any]]:
-        """A row a cycle."""
+        """One row per cycle."""
         return [
             {
                 "speed_m_s": self.speed_m_s,
@@ -82,13 +82,13 @@ class SpeedCycles:
 def limit_cycles(
     deployed: Deployed, trials: Iterable[Trial], settings: LimitCycleSettings, bars: Mapping[str, CellBars]
 ) -> tuple[SpeedCycles, ...]:
-    """At each speed: the cycles of both legs in each engine and in each log of that command, held against MuJoCo's.
+    """At each speed, the cycles of both legs in each engine and in each log of that command, compared with MuJoCo's.
 
     Args:
-        deployed: what walks
-        trials: logs of robots
-        settings: the walks
-        bars: of each speed by `name_of`; a speed without is not required
+        deployed: the policy on its robot
+        trials: robot logs
+        settings: speeds and simulation settings
+        bars: bars of each speed by `name_of`; a speed without bars is not required
     """
     logs = list(trials)
     return tuple(
@@ -98,7 +98,7 @@ def limit_cycles(
 
 
 def name_of(speed_m_s: float) -> str:
-    """What a speed is called in `data/validation.yaml`."""
+    """Name of a speed in `data/validation.yaml`."""
     return f"{speed_m_s:g} m/s"
 
 
@@ -146,7 +146,7 @@ def _at_speed(
 
 
 def figures_of(found: Comparison) -> dict[str, dict[str, float]]:
-    """What a comparison is judged by: of each figure of `figures.FIGURES` its values by what they are of."""
+    """Evaluated values of a comparison: name of the figure -> description -> value."""
     ratios = {"hip amplitude": found.hip_amplitude_ratio, "knee amplitude": found.knee_amplitude_ratio}
     return {
         "shape_distance": {f"shape distance of {plane}": found.shape_distance[plane] for plane in PLANES},
@@ -165,7 +165,7 @@ def _reasons(found: Comparison, bars: CellBars) -> list[str]:
 
 
 class FellError(PipelineError):
-    """A walk that ended on the ground."""
+    """A walk that ended in a fall."""
 
 
 def walk_series(
@@ -195,9 +195,9 @@ def walk_series(
 
 
 def steady_span(trial: Trial, speed: float, settings: LimitCycleSettings) -> slice | None:
-    """The longest span of a log at a forward command, less its start; None where none is long enough to look at."""
-    wanted = np.array([speed, 0.0, 0.0])
-    near = np.all(np.abs(trial.command - wanted) <= settings.command_tolerance, axis=1)
+    """The longest span of a log at a forward command, without its start; None if it is too short."""
+    goal = np.array([speed, 0.0, 0.0])
+    near = np.all(np.abs(trial.command - goal) <= settings.command_tolerance, axis=1)
     good = near & trial.measured & (trial.fall_state <= 0) & np.isfinite(trial.joint_pos).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     if not len(edges):
@@ -224,11 +224,11 @@ def _series(
     joint_names: tuple[str, ...],
     settings: LimitCycleSettings,
 ) -> JointSeries:
-    wanted = [settings.joints[f"{side}_{part}"] for part in ("hip", "knee")]
-    for joint in wanted:
+    joints = [settings.joints[f"{side}_{part}"] for part in ("hip", "knee")]
+    for joint in joints:
         if joint not in joint_names:
             raise UnknownNameError("joint", joint, joint_names)
-    hip, knee = map(joint_names.index, wanted)
+    hip, knee = map(joint_names.index, joints)
     return JointSeries(
         name=name,
         rate_hz=rate_hz,
@@ -240,7 +240,7 @@ def _series(
 
 
 def _engine_robot(deployed: Deployed) -> Robot:
-    """The robot with the armature of the deployment, where that is another one."""
+    """The robot with the armature of the deployment."""
     return deployed.robot if deployed.armature is None else replace(deployed.robot, armature=deployed.armature)
 
 

@@ -1,4 +1,4 @@
-"""The cycle that a walk's joints go through: extracted from a record, and held against another's.
+"""Limit cycles of a walk's joints: extraction from a record, and comparison of two.
 
     JointSeries (a leg's hip pitch and knee over time)
       -> period by autocorrelation -> phase of the hip's fundamental -> cycles cut at equal phase -> LimitCycle
@@ -11,8 +11,8 @@ A cycle is a stride of one leg. Definitions:
 - **spread**: root of the mean squared distance of the single cycles from the mean one, in the plane hip-knee [rad];
 - **shape distance** of two closed curves a and b in a plane, both centred, P points each at equal phase: the smallest
   root of the mean squared distance |a(i) - b(i + s)| over all shifts s, as a share of the curves' size, which is the
-  root of the mean squared distance from their centres, of both together. 0: the same shape and size, wherever it lies
-  and however long it takes; sqrt(2): the same circle run the other way round.
+  root of the mean squared distance from their centres, of both together. 0: the same shape and size, regardless of
+  position and duration; sqrt(2): the same circle in the opposite direction.
 - **offset**: distance of the centres in the plane hip-knee [rad].
 
 Planes: hip against knee [rad], and each angle against its speed times T / 2 pi of its own walk [rad], in which a sine
@@ -33,9 +33,9 @@ from pipeline.errors import PipelineError
 PHASES = 100
 """Points of a cycle."""
 SHORTEST_S, LONGEST_S = 0.3, 2.5
-"""Periods that are looked for [s]: a robot that trembles and one that sways walk neither."""
+"""Range of periods [s]; trembling is faster, swaying slower than walking."""
 LEAST_LIKENESS = 0.6
-"""Autocorrelation at the period below which a record repeats nothing."""
+"""Least autocorrelation at the period for a record to count as periodic."""
 LEAST_CYCLES = 3
 
 HIP, KNEE, HIP_VEL, KNEE_VEL = range(4)
@@ -46,8 +46,8 @@ class NoCycleError(PipelineError):
     """A record without a cycle.
 
     Args:
-        name: of the record
-        problem: what it has instead
+        name: name of the record
+        problem: what was found instead
     """
 
     def __init__(self, name: str, problem: str):
@@ -106,7 +106,7 @@ class LimitCycle:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Another walk's cycle held against a reference."""
+    """A cycle compared with a reference."""
 
     name: str
     reference: str
@@ -114,13 +114,13 @@ class Comparison:
     """By plane."""
     offset_rad: float
     period_ratio: float
-    """The other's to the reference's."""
+    """Ratio of the other's period to the reference's."""
     hip_amplitude_ratio: float
     knee_amplitude_ratio: float
 
 
 def limit_cycle(series: JointSeries) -> LimitCycle:
-    """The cycle of a record. Raises NoCycleError where nothing repeats or there are too few repetitions."""
+    """The cycle of a record. Raises NoCycleError if it is not periodic or has too few cycles."""
     table = series.table
     if not np.isfinite(table).all():
         raise NoCycleError(series.name, "some of its numbers are not finite")
@@ -143,7 +143,7 @@ def limit_cycle(series: JointSeries) -> LimitCycle:
 
 
 def compare(reference: LimitCycle, other: LimitCycle) -> Comparison:
-    """`other` held against `reference`."""
+    """Compare `other` with `reference`."""
     between = reference.mean[:, [HIP, KNEE]].mean(axis=0) - other.mean[:, [HIP, KNEE]].mean(axis=0)
     return Comparison(
         name=other.name,
@@ -157,7 +157,7 @@ def compare(reference: LimitCycle, other: LimitCycle) -> Comparison:
 
 
 def shape_distance(one: Float[np.ndarray, "p 2"], two: Float[np.ndarray, "p 2"]) -> float:
-    """Shape distance of two closed curves, see above; the same either way round."""
+    """Shape distance of two closed curves as defined above; symmetric in its arguments."""
     a, b = (curve - curve.mean(axis=0) for curve in (one, two))
     size = np.mean(np.sum(a**2, axis=1)) + np.mean(np.sum(b**2, axis=1))
     products = sum(np.fft.ifft(np.conj(np.fft.fft(a[:, i])) * np.fft.fft(b[:, i])).real for i in range(2))
@@ -166,7 +166,7 @@ def shape_distance(one: Float[np.ndarray, "p 2"], two: Float[np.ndarray, "p 2"])
 
 
 def _period(series: JointSeries) -> float:
-    """The lag [s] at which hip and knee repeat themselves best, the first of those about as good."""
+    """The lag [s] with the highest autocorrelation of hip and knee; the first of nearly equal peaks."""
     centred = np.stack([series.hip, series.knee], axis=1)
     centred = centred - centred.mean(axis=0)
     first = math.ceil(SHORTEST_S * series.rate_hz)

@@ -1,4 +1,4 @@
-"""Cells measured: trials in parallel processes, numbers gathered by cell."""
+"""Measure cells: run trials in parallel processes and collect their numbers."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.figures import FIGURES, Numbers, numbers_of
 from pipeline.validation.trial import Trial
-from pipeline.validation.walk import Branches, Worlds, way_of
+from pipeline.validation.walk import Branches, Worlds, prefix_of
 
 CHUNK = 32
-"""Trials that go to a process at once."""
+"""Trials per process call."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A cell with what its trials gave, in their order."""
+    """A cell with the numbers of its trials, in order."""
 
     cell: Cell
     trials: tuple[Numbers, ...]
 
     @property
     def fallen(self) -> tuple[int, ...]:
-        """Which trials fell."""
+        """Indices of the trials that fell."""
         return tuple(index for index, numbers in enumerate(self.trials) if numbers["fell"])
 
     def values(self, name: str) -> list[float]:
-        """A figure of each trial that has it."""
+        """Values of a figure over the trials that have it."""
         return [numbers[name] for numbers in self.trials if name in numbers]
 
     def figure(self, name: str) -> float | None:
-        """The figure of the cell: a count or share of all trials, or the worst of its trials; None where all fell."""
+        """The cell's figure: count or share of all trials, or the worst trial; None if all trials fell."""
         if name == "falls":
             return float(len(self.fallen))
         if name == "survival":
@@ -46,7 +46,7 @@ class Measured:
         return max(values) if FIGURES[name].lower_is_better else min(values)
 
     def spread(self, name: str) -> dict[str, float]:
-        """Mean, standard deviation, least and most of a trial's number over the trials that have it."""
+        """Mean, standard deviation, minimum and maximum of a figure over the trials that have it."""
         values = self.values(name)
         if not values:
             return {}
@@ -59,10 +59,10 @@ class Measured:
 
 
 def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:
-    """All trials of all cells. The numbers do not depend on how the trials are spread."""
+    """Run all trials of all cells. The numbers do not depend on the distribution over processes."""
     jobs = [(number, trial) for number, cell in enumerate(cells) for trial in cell.trials]
-    # what trials share comes one after the other: worlds are compiled and ways to a push walked once in a process
-    jobs.sort(key=lambda job: way_of(job[1]))
+    # keep trials that share a prefix together: models are compiled and prefixes simulated once per process
+    jobs.sort(key=lambda job: prefix_of(job[1]))
     chunks = [jobs[first : first + CHUNK] for first in range(0, len(jobs), CHUNK)]
     found: dict[tuple[int, int], Numbers] = {}
     calls = [(one, tuple(trial for _, trial in chunk)) for chunk in chunks]
@@ -76,6 +76,6 @@ def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) 
 
 
 def measure_trials(one: Deployed, trials: Sequence[Trial]) -> list[Numbers]:
-    """Numbers of each trial, in this process."""
+    """Numbers of each trial, computed in this process."""
     branches = Branches(Worlds(one))
     return [numbers_of(branches.walk(trial), trial, one.envelope) for trial in trials]

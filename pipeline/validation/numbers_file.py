@@ -1,4 +1,4 @@
-"""Numbers of measured cells as a JSON file, so that bars can be derived again without walking again."""
+"""Numbers of measured cells in a JSON file, so that bars can be derived again without rollouts."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from pipeline.validation.deployed import Deployed
 from pipeline.validation.measure import Measured
 
 
-def question_of(one: Deployed, cell: Cell) -> str:
-    """Digest of all that a cell's numbers depend on, but for the code."""
+def cell_digest(one: Deployed, cell: Cell) -> str:
+    """Digest of everything that a cell's numbers depend on, except the code."""
     task, policy, motors = one.task, one.policy, one.envelope
     arrays = [task.kp, task.kd, task.default_joint_pos, policy.mean, policy.scale]
     arrays += [part for layer in policy.layers for part in layer]
@@ -29,21 +29,21 @@ def question_of(one: Deployed, cell: Cell) -> str:
 
 
 def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:
-    """Add the numbers of cells to a file; what it has of other questions stays."""
+    """Add the numbers of cells to a file; other entries are kept."""
     known = _read(path)
     for each in measured:
-        known[question_of(one, each.cell)] = {"cell": each.cell.name, "trials": list(each.trials)}
+        known[cell_digest(one, each.cell)] = {"cell": each.cell.name, "trials": list(each.trials)}
     lines = [f'"{key}": {json.dumps(value, sort_keys=True)}' for key, value in sorted(known.items())]
     atomic.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def read_numbers(path: Path, one: Deployed, cells: Sequence[Cell]) -> dict[str, Measured]:
-    """Of these cells those that the file has, by name."""
+    """The cells that the file contains, by name."""
     known = _read(path)
-    asked = {cell.name: (cell, known.get(question_of(one, cell))) for cell in cells}
+    entries = {cell.name: (cell, known.get(cell_digest(one, cell))) for cell in cells}
     return {
         name: Measured(cell=cell, trials=tuple(found["trials"]))
-        for name, (cell, found) in asked.items()
+        for name, (cell, found) in entries.items()
         if found is not None
     }
 

@@ -1,13 +1,13 @@
 """Pushes: 8 directions x 8 times x 6 impulses, standing and walking, by three models of a push.
 
-- `force`: a constant horizontal force at the trunk's centre of mass for .1 s, as the published figures have it;
-- `kick`: the whole robot's velocity changed at once by impulse / mass;
-- `ball`: a ball of 10 kg that flies into the trunk at the speed it has after a drop; 1.3 m is the paper's. It is taken
-  away after .3 s, or later where it must catch up with a robot that walks away from it. It brings 10 kg x speed; how
-  much of that the robot takes is the collision's business.
+- `force`: a constant horizontal force at the trunk's centre of mass for 0.1 s, as in the published figures;
+- `kick`: an instantaneous change of the whole robot's velocity by impulse / mass;
+- `ball`: a 10 kg ball that hits the trunk with the speed of a drop (1.3 m in the paper). It is removed after 0.3 s, or
+  later if it has to catch up with a robot that walks away. The collision decides how much of its momentum the robot
+  receives.
 
-Every figure's name says which model it is of: those of different models are not the same quantity. Standing still, the
-eight times are one and the same.
+Each figure names its model: figures of different models are different quantities. While standing still, the eight times
+are equivalent.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from pipeline.simulation.contact_wrench import GRAVITY
 from pipeline.simulation.events import Event, Kick, Push, Throw
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE, Ball
 from pipeline.validation.cells import SURVIVING, Cell
-from pipeline.validation.trial import Conditions, Profile, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Conditions, Trial, VelocityCommand
 
 IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 """[N s]"""
 TIMES = DIRECTIONS = 8
 """The first direction is forward, then every 45 degrees to the left."""
 STEP_S = 0.1
-"""From one time of a push to the next [s]; eight are more than a gait cycle."""
+"""Time between consecutive push times [s]; eight cover more than a gait cycle."""
 FIRST_S = {"standing": 1.0, "walking": 3.0}
-"""Time of the first push [s], when the gait has settled."""
+"""Time of the first push [s], once the gait is steady."""
 AFTER_S = 2.0
-"""How long a robot has to stay up after a push [s]; of the published policy the latest fall comes after 1.1 s."""
+"""Time without a fall that counts as survival [s]; the published policy falls after 1.1 s at the latest."""
 PUSH_S = 0.1
 BALL = Ball(mass=10.0, radius=0.12)
 BALL_S = 0.3
-"""How long a ball flies and pushes at least [s]."""
+"""Least time that a ball is in the simulation [s]."""
 DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
-"""Heights [m] from which the ball has the speed of its flight."""
-GAITS = {"standing": Wanted(), "walking": Wanted(forward=0.5)}
+"""Drop heights [m] that give the ball its speed."""
+GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
 
 ToEvent = Callable[[float, np.ndarray, float], Event]
 
@@ -59,10 +59,10 @@ def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
     """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
 
     Args:
-        robot: whose mass a kick is shared by
+        robot: its mass determines the velocity change of a kick
         model: `force, kick` or `ball`
         gait: of `GAITS`
-        size: impulse [N s]; of a ball the drop [m]
+        size: impulse [N s]; for a ball the drop height [m]
     """
     conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
     trials = []
@@ -74,7 +74,7 @@ def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
             trials.append(
                 Trial(
                     seed=0,
-                    command=Profile(wanted=(GAITS[gait],)),
+                    command=CommandProfile(commands=(GAITS[gait],)),
                     seconds=time_s + AFTER_S,
                     measure_s=time_s,
                     events=(_event(robot, model, gait, size, direction, time_s),),
@@ -102,5 +102,5 @@ def ball_speed(drop: float) -> float:
 
 
 def ball_time(speed: float, gait: str) -> float:
-    """How long a ball is there [s]: it reaches the trunk of a robot that walks straight away from it."""
+    """Time a ball is simulated [s]: enough to reach a robot that walks straight away from it."""
     return max(BALL_S, (BALL_DISTANCE - BALL.radius) / (speed - GAITS[gait].forward))

@@ -1,4 +1,4 @@
-"""A verdict as text for a person."""
+"""A verdict as text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pipeline.validation.verdict import CellVerdict, Verdict
 
 
 def as_text(verdict: Verdict, limit: int = 60) -> str:
-    """Counts, every reason (the first `limit` of them), what is not required, what to know, and the verdict last."""
+    """Counts, the first `limit` reasons, cells that are not required, the note, and the verdict."""
     required = [cell for cell in verdict.cells if cell.bars.required]
     trials = sum(len(cell.measured.trials) for cell in verdict.cells)
     lines = [f"{len(verdict.cells)} cells, {len(required)} required, {trials} trials"]
@@ -23,7 +23,7 @@ def as_text(verdict: Verdict, limit: int = 60) -> str:
 
 
 def table(verdict: Verdict) -> list[dict[str, str]]:
-    """One row a cell: verdict, trials, falls, judged figures with their bars."""
+    """One row per cell: verdict, trials, falls, figures with their bars."""
     return [_row(cell) for cell in verdict.cells]
 
 
@@ -32,8 +32,8 @@ def _row(cell: CellVerdict) -> dict[str, str]:
     figures = []
     for name in one.cell.figures:
         got, bar = one.figure(name), cell.bars.bars.get(name)
-        said = "none" if got is None else f"{got:.3g} {FIGURES[name].unit}"
-        figures.append(f"{name.replace('_', ' ')} {said}" + (f" ({bar})" if bar else ""))
+        value = "none" if got is None else f"{got:.3g} {FIGURES[name].unit}"
+        figures.append(f"{name.replace('_', ' ')} {value}" + (f" ({bar})" if bar else ""))
     return {
         "cell": one.cell.name,
         "verdict": cell.word,

@@ -1,4 +1,4 @@
-"""Which cells a suite has."""
+"""The cells of each suite."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ QUICK_CELLS: dict[str, int] = {
     "push force walking 30 Ns": 8,
     "push kick standing 40 Ns": 8,
 }
-"""Cells of the quick suite beside the 16 commands, and how many of their trials it has: of pushes one each direction.
-Only such as the reference policy survives all of: a share of 64 says little of 8."""
+"""Cells of the quick suite besides the 16 commands -> number of trials; for pushes one per direction. Only cells that
+the reference policy survives completely: a share over 64 trials says little about 8."""
 
 
 def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:
@@ -52,7 +52,7 @@ def cells_of(suite: str, robot: Robot) -> tuple[Cell, ...]:
 
 
 def full(robot: Robot) -> tuple[Cell, ...]:
-    """Everything."""
+    """All cells of the full suite."""
     return (
         *command_cells(SEEDS),
         *turning_cells(SEEDS),
@@ -66,17 +66,17 @@ def full(robot: Robot) -> tuple[Cell, ...]:
 
 
 def quick(robot: Robot) -> tuple[Cell, ...]:
-    """Each command once and the first trials of some other cells: the same trials as in the full suite."""
-    wanted = {cell.name: 1 for cell in command_cells(SEEDS)} | QUICK_CELLS
+    """Each command once and the first trials of `QUICK_CELLS`, identical to those of the full suite."""
+    counts = {cell.name: 1 for cell in command_cells(SEEDS)} | QUICK_CELLS
     return tuple(
-        dataclasses.replace(cell, trials=cell.trials[: wanted[cell.name]])
+        dataclasses.replace(cell, trials=cell.trials[: counts[cell.name]])
         for cell in full(robot)
-        if cell.name in wanted
+        if cell.name in counts
     )
 
 
 def named(robot: Robot, names: dict[str, int]) -> tuple[Cell, ...]:
-    """Some cells of the full suite with some of their trials. Raises UnknownNameError."""
+    """Cells of the full suite by name, each with its first n trials. Raises UnknownNameError."""
     known = {cell.name: cell for cell in full(robot)}
     for name in names:
         if name not in known:

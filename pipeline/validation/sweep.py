@@ -1,6 +1,6 @@
-"""A quick look at a checkpoint, without noise and without bars: `python -m pipeline.validation.sweep POLICY.npz`.
+"""Figures of a checkpoint, without noise or thresholds: `python -m pipeline.validation.sweep POLICY.npz`.
 
-The 16 commands, steps from rest, two frictions and pushes, one row a cell. Seed 0: the default pose exactly.
+The 16 commands, steps from rest, two frictions and pushes, one row per cell, all from the default pose (seed 0).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ OTHERS = {
     "push force walking 40 Ns": 16,
     "push force walking 50 Ns": 16,
 }
-"""Cells beside the commands, and how many of their trials."""
+"""Cells besides the commands -> number of trials."""
 
 COLUMNS = ("forward", "lateral", "yaw_rate", "power", "slip", "saturation", "drift", "steps")
 
@@ -52,7 +52,7 @@ def sweep_cells(robot: Robot) -> tuple[Cell, ...]:
 
 
 def table(rows: Sequence[Measured]) -> str:
-    """One line a cell: survival, then the means of the figures of trials that did not fall."""
+    """One line per cell: survival, then the mean figures of the trials that did not fall."""
     lines = [f"{'cell':28s} {'survival':>8s} " + " ".join(f"{name:>10s}" for name in COLUMNS)]
     for row in rows:
         means = [row.spread(name).get("mean") for name in COLUMNS] if "survival" not in row.cell.figures else []

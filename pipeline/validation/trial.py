@@ -1,4 +1,4 @@
-"""One trial: what the policy is told, what happens to it, and in which world."""
+"""One trial: the command, the events, and the conditions of a rollout."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pipeline.simulation.mujoco_plant import Ball
 from pipeline.simulation.sensors import SensorNoise
 
 SLEW = 1.0
-"""How fast a command goes to its next value where nothing else is said [m/s or rad/s a second]."""
+"""Default rate limit of the command [m/s^2 or rad/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
-    """A command from a time on."""
+class VelocityCommand:
+    """A velocity command that starts at a time."""
 
     start_s: float = 0.0
     forward: float = 0.0
@@ -33,12 +33,12 @@ class Wanted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Profile:
-    """Commands one after the other, from zero."""
+class CommandProfile:
+    """Consecutive velocity commands, starting from zero."""
 
-    wanted: tuple[Wanted, ...]
+    commands: tuple[VelocityCommand, ...]
     slew: float | None = SLEW
-    """How fast the command changes [m/s or rad/s a second]; None for at once."""
+    """Rate limit of the command [m/s^2 or rad/s^2]; None: immediate."""
 
     def sampled(self, rate_hz: float, seconds: float) -> Float[np.ndarray, "k 3"]:
         """The command at each control step."""
@@ -46,7 +46,7 @@ class Profile:
         values, now = np.zeros((count, 3)), np.zeros(3)
         for step in range(count):
             goal = np.zeros(3)
-            for each in self.wanted:
+            for each in self.commands:
                 if step >= round(each.start_s * rate_hz):
                     goal = np.array(each.goal)
             most = np.inf if self.slew is None else (self.slew / rate_hz if step else 0.0)
@@ -55,13 +55,13 @@ class Profile:
         return values
 
     @property
-    def last(self) -> Wanted:
-        return self.wanted[-1]
+    def last(self) -> VelocityCommand:
+        return self.commands[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpec:
-    """A terrain by name and numbers; what is random in it comes from the trial's seed."""
+    """A terrain by name and size; random terrain is drawn from the seed."""
 
     kind: str
     """`slope, cross_slope, bump, gravel, stones` or `rough`."""
@@ -72,14 +72,14 @@ class GroundSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """What differs from the nominal world and robot."""
+    """Deviations from the nominal world and robot."""
 
     friction: float = 1.0
     root_mass_factor: float = 1.0
     gain_factor: float = 1.0
-    """Of kp and kd."""
+    """Factor on kp and kd."""
     delay_s: float = 0.0
-    """How late joint targets reach the motors."""
+    """Delay of the joint targets at the motors [s]."""
     noise: SensorNoise | None = None
     ground: GroundSpec | None = None
     ball: Ball | None = None
@@ -87,7 +87,7 @@ class Conditions:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Half widths of what is drawn about the default pose at rest; the feet are put on the ground."""
+    """Half widths of a random start around the default pose at rest; the feet are placed on the ground."""
 
     joint_pos: float = 0.02
     """[rad]"""
@@ -103,14 +103,14 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A rollout and when its figures begin."""
+    """Definition of a rollout and of the time span that is measured."""
 
     seed: int
-    """Of the start, of noise and of random ground; seed 0 starts from the default pose exactly."""
-    command: Profile
+    """Seed of start, noise and random ground; seed 0 starts exactly from the default pose."""
+    command: CommandProfile
     seconds: float
     measure_s: float
-    """Figures are over the time from here to the end."""
+    """Figures are measured from this time to the end [s]."""
     events: tuple[Event, ...] = ()
     conditions: Conditions = field(default_factory=Conditions)
     start: Start = field(default_factory=Start)

@@ -1,4 +1,4 @@
-"""One verdict with every reason: measured cells held against their bars."""
+"""One verdict with every reason: measured cells compared with their bars."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Reason:
 
 @dataclass(frozen=True, kw_only=True)
 class CellVerdict:
-    """What is said of one cell."""
+    """Verdict on one cell."""
 
     measured: Measured
     bars: CellBars
     reasons: tuple[Reason, ...]
-    """Every figure that misses its bar; of a cell that is not required too."""
+    """Every figure that misses its bar, also in cells that are not required."""
 
     @property
     def passed(self) -> bool:
@@ -40,7 +40,7 @@ class CellVerdict:
 
     @property
     def word(self) -> str:
-        """`passed`, `failed` or, where nothing is asked, `not required`."""
+        """`passed`, `failed` or `not required`."""
         if not self.bars.required:
             return "not required"
         return "failed" if self.reasons else "passed"
@@ -48,7 +48,7 @@ class CellVerdict:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Of a policy on a robot by a suite."""
+    """Verdict on a policy and robot by a suite."""
 
     suite: str
     policy: str
@@ -59,16 +59,16 @@ class Verdict:
     robot_of_bars: str = ""
     """Digest of the robot that the bars were derived on."""
     note: str = ""
-    """That the bars are not of the robot that was judged, and what to do; empty where they are."""
+    """Note if the bars belong to another robot than the evaluated one; otherwise empty."""
 
     @property
     def passed(self) -> bool:
-        """Whether every required cell holds all of its bars; of no required cell nothing passes."""
+        """Whether every required cell meets all its bars; False without any required cell."""
         return all(cell.passed for cell in self.cells) and any(cell.bars.required for cell in self.cells)
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
-        """Of all required cells."""
+        """Reasons of all required cells."""
         return tuple(reason for cell in self.cells if cell.bars.required for reason in cell.reasons)
 
     @property
@@ -77,7 +77,7 @@ class Verdict:
         return tuple(cell for cell in self.cells if not cell.passed)
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON values."""
+        """The verdict as JSON types."""
         return {
             "suite": self.suite,
             "policy": self.policy,
@@ -94,9 +94,9 @@ class Verdict:
 def judge(
     measured: Sequence[Measured], settings: ValidationSettings, *, suite: str, policy: str, robot: str
 ) -> Verdict:
-    """Hold each cell against its bars. A cell that the file doesn't know is not required, and says so.
+    """Compare each cell with its bars. A cell that the file does not contain is not required, with that reason.
 
-    Bars of another robot hold too: the verdict notes it.
+    Bars of another robot are used too; the verdict carries a note.
     """
     cells = []
     for one in measured:
@@ -114,7 +114,7 @@ def judge(
 
 
 def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:
-    """Where every trial fell there is one reason, the falls."""
+    """The reason if the figure misses its bar; None if it has no value because every trial fell."""
     got = one.figure(name)
     if got is None or bar.holds(got):
         return None

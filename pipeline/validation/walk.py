@@ -32,7 +32,7 @@ from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
 
 TIMESTEP_S = 0.002
 WRENCH_EVERY = 5
-"""The ground's forces are read at 100 Hz."""
+"""Contact forces are read at every fifth step, 100 Hz."""
 BUMP_AT_M, BUMP_WIDTH_M = 1.5, 0.4
 STONE_GAP_M = 0.04
 
@@ -67,10 +67,10 @@ def walk(worlds: Worlds, trial: Trial, stop_on_fall: bool = True) -> Rollout:
 
 
 class Branches:
-    """Trials that differ only in what happens to the robot: the way up to there is walked once.
+    """Rollouts of trials that differ only in their event: the common part before it is simulated once.
 
-    The rollout of such a trial begins when it happens; its bits are those of the whole walk. Trials with the same way
-    have to come one after the other.
+    The rollout of such a trial begins at the event; its bits are those of the complete rollout. Trials with the same
+    prefix have to be consecutive.
     """
 
     def __init__(self, worlds: Worlds):
@@ -79,29 +79,29 @@ class Branches:
         self._saved: tuple[mujoco.MjData, PolicyController] | None = None
 
     def walk(self, trial: Trial) -> Rollout:
-        """As `walk`, up to a fall, where the way can be shared; else `walk`."""
-        if not shares_way(trial):
+        """Like `walk` with `stop_on_fall`, reusing the prefix if it can be shared."""
+        if not shares_prefix(trial):
             return walk(self.worlds, trial)
         plant, until_s = self.worlds.plant(trial.conditions), trial.events[0].start_s
-        if way_of(trial) != self._key:
+        if prefix_of(trial) != self._key:
             controller = self.worlds.one.controller()
-            way = dataclasses.replace(trial, events=(), seconds=until_s)
-            fell = _run(self.worlds, way, controller, stop_on_fall=True).fell
-            self._key, self._saved = way_of(trial), None if fell else (plant.saved(), controller)
+            prefix = dataclasses.replace(trial, events=(), seconds=until_s)
+            fell = _run(self.worlds, prefix, controller, stop_on_fall=True).fell
+            self._key, self._saved = prefix_of(trial), None if fell else (plant.saved(), controller)
         if self._saved is None:
             return walk(self.worlds, trial)
         plant.restore(self._saved[0])
         return _run(self.worlds, trial, self._saved[1].fork(), stop_on_fall=True, resume_s=until_s)
 
 
-def shares_way(trial: Trial) -> bool:
-    """Whether others may walk the same way: from the default pose, without delay and noise, to one event."""
+def shares_prefix(trial: Trial) -> bool:
+    """Whether the part before the event can be shared: default start, no delay or noise, one event."""
     conditions = trial.conditions
     return trial.seed == 0 and conditions.noise is None and conditions.delay_s == 0.0 and len(trial.events) == 1
 
 
-def way_of(trial: Trial) -> str:
-    """What the way to the event of a trial is like; equal for trials that share it."""
+def prefix_of(trial: Trial) -> str:
+    """Key of the part of a trial before its event; equal for trials that share it."""
     start_s = trial.events[0].start_s if trial.events else 0.0
     return repr((trial.conditions, trial.command, start_s, trial.seed))
 
@@ -139,7 +139,7 @@ def _run(
 
 
 def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Generator) -> PlantState:
-    """A state near the default pose, the lowest corner of the soles on the ground."""
+    """A random state near the default pose, with the lowest sole corner on the ground."""
     robot, joints = one.robot, len(one.robot.joint_names)
     joint_pos = one.task.default_joint_pos + rng.uniform(-start.joint_pos, start.joint_pos, joints)
     joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)

@@ -1,1 +1,1 @@
-"""What a person looks at: plots as PNG bytes, and the browser viewer."""
+"""Plots as PNG bytes, and the browser viewer."""

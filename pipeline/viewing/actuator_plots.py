@@ -1,4 +1,4 @@
-"""Torque-speed curves as pictures: points, fit, knee and interval of each motor; what a log reached."""
+"""Plots of torque-speed curves: points, fit, knee and interval of each motor; ranges reached in a log."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def calibration_curves(calibrations: Sequence[Calibration], published: Mapping[s
 
 
 def log_curves(actuators: Sequence[JointActuator], logs: Sequence[JointLog]) -> bytes:
-    """What each joint reached in a log, over the calibrated envelope; red where it went beyond."""
+    """Range of each joint in a log over the calibrated envelope; red beyond it."""
     figure, axes = _grid(len(logs))
     envelope = torque_envelope(actuators)
     for index, (actuator, log, place) in enumerate(zip(actuators, logs, axes, strict=False)):

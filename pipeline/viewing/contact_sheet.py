@@ -30,7 +30,7 @@ POSE_WIDTH = 1.05
 """Room for a pose [m]."""
 
 TIME_HEIGHT, HEADROOM = 0.22, 0.12
-"""Of the line of times below a row, and above a head [m]."""
+"""Height of the line of times below a row, and space above a head [m]."""
 
 DPI = 100
 """Dots per inch, for the size of letters."""
@@ -53,7 +53,7 @@ class Strip:
     human: HumanClip | None = None
     robot_clip: RobotClip | None = None
     note: str = ""
-    """Why it is shown; at most two lines of it."""
+    """Why it is shown, cut after two lines."""
 
 
 def contact_sheet(human: HumanClip | None, robot_clip: RobotClip | None, robot: Robot | None, poses: int = 8) -> bytes:
@@ -113,7 +113,7 @@ class _Drawing:
         self.low -= 0.06
 
     def _room(self, points: float) -> int:
-        """Letters of a size [pt] that go on a line; a letter is on average .6 of its size wide."""
+        """Characters of a size [pt] per line; a character is on average 0.6 of its size wide."""
         return max(20, int(self.width * self.dots_per_m / (0.6 * points * DPI / 72)))
 
     def _add_line(self, text: str, points: float, color: str) -> None:

@@ -1,4 +1,4 @@
-"""The clip of a manifest's entry, as it is to be shown."""
+"""The clip of a manifest's entry, for display."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pipeline.clips.outcome import Clip
 
 
 def entry_clip(store: Store, entry: Entry) -> Clip:
-    """The clip; of a selected window of a person's motion only its own frames.
+    """The clip, cut to its window if it is a selected window of a human motion.
 
-    KP1 hands on the whole recording with each window (`start_frame`, `stop_frame`); from KP2 on the clip is the window.
+    KP1 keeps the whole recording with each window (`start_frame`, `stop_frame`); from KP2 on the clip is the window.
     """
     clip = store.get_clip(entry.blob, entry.clip)
     start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")

@@ -1,4 +1,4 @@
-"""What is drawn of a motion: rigid parts made of primitives, and where each part is in each frame.
+"""A drawable motion: rigid parts made of primitives, with their poses per frame.
 
 HumanClip -> human_figure -> Figure -> contact sheet (PNG)
 RobotClip -> robot_figure -> Figure -> scene of the browser viewer
@@ -19,7 +19,7 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """A primitive fixed to a part; sizes as MuJoCo has them."""
+    """A primitive fixed to a part; sizes as in MuJoCo."""
 
     kind: str
     """`box` (three half sides), `sphere` (radius), `ellipsoid` (three half axes), `capsule` or `cylinder` (radius,
@@ -41,7 +41,7 @@ class Part:
     name: str
     shapes: tuple[Shape, ...]
     foot: int | None = None
-    """0: the left foot, 1: the right foot; its contact is shown. None for all else."""
+    """0: left foot, 1: right foot, whose contact is shown; None for other parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +57,11 @@ class Figure:
     quat_w: Float[np.ndarray, "t p 4"]
     """Orientations of the parts, world frame, wxyz."""
     root_pos_w: Float[np.ndarray, "t 3"]
-    """Where the figure as a whole is [m]."""
+    """Position of the whole figure [m]."""
     heading: Float[np.ndarray, " t"]
     """Direction it faces, about world z [rad]."""
     contacts: np.ndarray | None = field(default=None)
-    """Foot on the ground (t, 2), (left, right); None where the clip does not say."""
+    """Foot contacts (t, 2), (left, right); None if unknown."""
 
     @property
     def frame_count(self) -> int:
@@ -73,11 +73,11 @@ class Figure:
         return (self.frame_count - 1) / self.fps
 
     def frame_at(self, time_s: float) -> int:
-        """The frame nearest to a time; the first and the last hold beyond the ends."""
+        """The frame nearest to a time, clamped to the clip."""
         return int(np.clip(round(time_s * self.fps), 0, self.frame_count - 1))
 
     def drawn(self, frame: int) -> np.ndarray:
-        """Which parts are there in a frame (p,)."""
+        """Whether each part is present in a frame (p,)."""
         return np.isfinite(self.pos_w[frame]).all(axis=1) & np.isfinite(self.quat_w[frame]).all(axis=1)
 
     def shape_poses(self, frame: int) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:

@@ -48,7 +48,7 @@ _FOOT = {"left_ankle": 0, "right_ankle": 1}
 
 
 def human_figure(clip: HumanClip) -> Figure:
-    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError when a leg never is there."""
+    """The figure of a human clip. A bone with a missing end is missing. Raises ClipError if a leg is never present."""
     scale = leg_length(clip) / LEG
     parts, pos, quat = [], [], []
     for start, stop, radius, color in BONES:
@@ -81,7 +81,7 @@ def facing(clip: HumanClip) -> Float[np.ndarray, " t"]:
 
 
 def mirrored(clip: HumanClip) -> HumanClip:
-    """The clip seen in a mirror in the plane y = 0: what a robot clip's `~mirror` variant came from."""
+    """The clip mirrored in the plane y = 0, for the `~mirror` variant of a robot clip."""
     index = [body(_other_side(name)) for name in BODIES]
     return HumanClip(
         name=clip.name,
@@ -111,7 +111,7 @@ def leg_length(clip: HumanClip) -> float:
 
 
 def _median_length(vectors: Float[np.ndarray, "t 3"]) -> float:
-    """Median length [m] over the frames that are there; 0 where none is."""
+    """Median length [m] over the known frames; 0 without any."""
     length = np.linalg.norm(vectors, axis=1)
     length = length[np.isfinite(length)]
     return float(np.median(length)) if len(length) else 0.0

@@ -10,7 +10,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
 
 @dataclass
 class Playback:
-    """Where in a clip the viewer is."""
+    """Playback state of a clip."""
 
     duration_s: float
     """Time of the last frame [s]."""
@@ -19,10 +19,10 @@ class Playback:
     playing: bool = True
 
     def advance(self, passed_s: float) -> None:
-        """Let real time pass; from the end it goes on at the start."""
+        """Advance by real time, looping at the end."""
         if self.playing and self.duration_s > 0.0:
             self.time_s = (self.time_s + self.speed * passed_s) % self.duration_s
 
     def seek(self, time_s: float) -> None:
-        """Jump to a time, held within the clip."""
+        """Jump to a time, clamped to the clip."""
         self.time_s = min(max(time_s, 0.0), self.duration_s)

@@ -1,4 +1,4 @@
-"""What can be shown: a clip as a human and a robot did it, and a list of such clips."""
+"""Displayable clips: the human and robot motion of a clip, and a list of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.viewing.robot_figure import robot_figure
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """One clip as a human and a robot did it; they share the time of their first frame."""
+    """The human and robot motion of one clip, with a common start time."""
 
     name: str
     human: HumanClip | None = None
@@ -23,7 +23,7 @@ class Shown:
     robot: Robot | None = None
     """The robot that `robot_clip` is for."""
     text: str = ""
-    """What is known of it, in Markdown."""
+    """Its facts, in Markdown."""
 
     def figures(self) -> list[Figure]:
         figures = [human_figure(self.human)] if self.human is not None else []
@@ -37,8 +37,8 @@ class Playlist:
     """Clips to choose from. The first is shown first; each is loaded when it is chosen."""
 
     names: tuple[str, ...]
-    """What was asked for; not empty."""
+    """Requested names; not empty."""
     beside: tuple[str, ...] = ()
-    """What belongs to it and can be chosen too."""
+    """Related names that can be chosen too."""
     load: Callable[[str], Shown]
     """The clip of one of the names."""

@@ -1,4 +1,4 @@
-"""Plots as PNG bytes, small enough to live in a run's history. Drawn without a screen."""
+"""Plots as PNG bytes, small enough for a run's history, drawn without a display."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COMMAND_RANGES = {"forward_m_s": (-0.6, 2.0), "lateral_m_s": (-0.6, 0.6), "yaw_r
 """The paper's command ranges, Table "Command range of the learned locomotion policy"."""
 
 BOX_WIDTHS = {"forward_m_s": 0.1, "lateral_m_s": 0.1, "yaw_rate_rad_s": 0.25}
-"""Widths of the boxes that seconds are counted in."""
+"""Widths of the bins of the command space."""
 
 LABELS = {"forward_m_s": "forward [m/s]", "lateral_m_s": "left [m/s]", "yaw_rate_rad_s": "yaw rate [rad/s]"}
 
@@ -42,7 +42,7 @@ def png(figure: Figure) -> bytes:
 
 
 def command_coverage(clips: pd.DataFrame, title: str) -> bytes:
-    """Where the clips lie in the command space, an area a clip's seconds; the paper's ranges are shaded.
+    """Clips in the command space, with areas by their seconds; the paper's ranges are shaded.
 
     Args:
         clips: one row a clip with `skill, seconds, forward_m_s, lateral_m_s, yaw_rate_rad_s`
@@ -89,14 +89,14 @@ def command_seconds(spent: pd.DataFrame, title: str) -> bytes:
 
 
 def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) -> np.ndarray:
-    """Edges of boxes at multiples of their width, over the range that is always shown and all that is there."""
+    """Bin edges at multiples of their width, covering the default range and the data."""
     low = min(float(middles.min()) if len(middles) else shown[0], shown[0])
     high = max(float(middles.max()) if len(middles) else shown[1], shown[1])
     return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
 
 
 def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:
-    """The clips that lost the most seconds in a stage, and how much of each went on.
+    """The clips that lost the most seconds in a stage, and how much of each was kept.
 
     Args:
         judged: one row an input clip with `clip, seconds_in, seconds_out`

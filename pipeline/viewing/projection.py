@@ -16,12 +16,12 @@ SEGMENTS = 10
 """Corners of a circle."""
 
 CONTACT: Color = (0.17, 0.63, 0.17)
-"""Of a shoe that is on the ground."""
+"""Colour of a shoe in contact."""
 
 GROUND: Color = (0.90, 0.90, 0.88)
 
 AZIMUTH, ELEVATION = np.radians(-60.0), np.radians(12.0)
-"""Where the viewer is, seen from the figure: 0 ahead of it, -pi/2 to its right; above the horizon."""
+"""Azimuth and elevation of the camera from the figure: 0 in front of it, -pi/2 to its right."""
 
 TO_VIEWER = np.array([np.cos(ELEVATION) * np.cos(AZIMUTH), np.cos(ELEVATION) * np.sin(AZIMUTH), np.sin(ELEVATION)])
 ACROSS = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
@@ -44,12 +44,12 @@ class Triangles:
         return len(self.corners)
 
     def moved(self, shift: Float[np.ndarray, " 2"]) -> Triangles:
-        """The same moved by `shift` [m]."""
+        """The triangles moved by `shift` [m]."""
         return Triangles(corners=self.corners + shift, colors=self.colors)
 
 
 def one_above_the_other(layers: Sequence[Triangles]) -> Triangles:
-    """All of them, the last on top."""
+    """Concatenated layers, the last on top."""
     if not layers:
         return Triangles()
     return Triangles(

@@ -1,4 +1,4 @@
-"""A robot's motion as a figure: the primitives of its MJCF that are meant to be seen."""
+"""A robot's motion as a figure of the visual primitives of its MJCF."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.viewing.figure import Figure, Part, Shape
 
 DRAWN_GROUP = 2
-"""The geoms of this MJCF group are drawn; group 3 holds what only collides."""
+"""MJCF group of drawn geoms; group 3 is collision only."""
 
 _KIND = {
     mujoco.mjtGeom.mjGEOM_BOX: ("box", 3),
@@ -45,7 +45,7 @@ def robot_figure(clip: RobotClip, robot: Robot) -> Figure:
 
 
 def robot_parts(robot: Robot) -> tuple[Part, ...]:
-    """The links that have something to draw, in the robot's order, each with its primitives in the link's frame."""
+    """Links with visual primitives, in the robot's order."""
     shapes = _shapes_of_links(robot)
     foot = {robot.human.get("left_foot"): 0, robot.human.get("right_foot"): 1}
     return tuple(

@@ -1,4 +1,4 @@
-"""Figures as nodes of a viser scene: a frame a part, a mesh a primitive, moved frame by frame."""
+"""Figures as nodes of a viser scene: one frame per part, one mesh per primitive."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ TILE = 0.25
 """Side of a square of the floor [m]."""
 
 FLOOR_LENGTH, FLOOR_WIDTH = 4.0, 1.0
-"""A figure's own floor along x and y [m]; floors side by side don't touch."""
+"""Size of a figure's own floor along x and y [m]; adjacent floors don't touch."""
 
 PATH_CUTOFF_HZ = 0.4
-"""Of the low pass on the root that gives the path followed: slower than any stride."""
+"""Cutoff of the low-pass filter on the followed path [Hz], below any stride rate."""
 
 
 class SceneFigure:
@@ -98,7 +98,7 @@ def _rgb(color: Color) -> tuple[int, int, int]:
 
 
 def _path(figure: Figure) -> Float[np.ndarray, "t 3"]:
-    """Where the figure is on the ground, without the sway of its steps; missing frames hold the last one [m]."""
+    """Low-passed ground position of the figure [m]; missing frames hold the last one."""
     path = figure.root_pos_w * np.array([1.0, 1.0, 0.0])
     known = np.flatnonzero(np.isfinite(path).all(axis=1))
     if not len(known):

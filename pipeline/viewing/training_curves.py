@@ -18,12 +18,12 @@ PANELS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """Title of a panel and the columns of `curves.csv` in it."""
 BINS = ("slow", "mid", "fast", "top", "side", "turn")
-"""Bins of commands whose velocity is shown as a share of the command."""
+"""Command bins whose velocity is shown as a share of the command."""
 STYLES = ("-", "--", ":")
 
 
 def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
-    """PNG of runs over training time [s]; a colour a run, or a colour a curve where there is one run.
+    """PNG of runs over training time [s]; one colour per run, or per curve for a single run.
 
     Args:
         runs: name -> a run's `curves.csv`
@@ -54,7 +54,7 @@ def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
 
 
 def discriminator_curves(arms: Mapping[str, pd.DataFrame], label: str) -> bytes:
-    """PNG of the discriminator's mean score on fresh windows of the policy over training; one line a run.
+    """PNG of the discriminator's mean score on new policy windows over training; one line per run.
 
     Args:
         arms: name of an arm and seed -> its `curves.csv`

@@ -1,4 +1,4 @@
-"""Many small triangles on a matplotlib canvas, drawn in one call: a polygon each would be a Python object each."""
+"""Draw many small triangles on a matplotlib canvas in one call, instead of one polygon object each."""
 
 from __future__ import annotations
 

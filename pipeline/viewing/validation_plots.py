@@ -1,4 +1,4 @@
-"""A validation as pictures: commands followed, pushes survived, torque against speed, feet on the ground."""
+"""Plots of a validation: command following, push survival, torque against speed, foot contacts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POINTS = 1500
 
 
 def command_tracking(verdict: Verdict) -> bytes:
-    """Achieved against commanded velocity, a column an axis; bars from the least to the most of the seeds."""
+    """Achieved against commanded velocity, one column per axis; error bars over the seeds."""
     figure = Figure(figsize=(9.0, 3.2), dpi=80, layout="constrained")
     cells = [cell for cell in verdict.cells if cell.measured.cell.group == "commands"]
     for (name, label), place in zip(AXES, figure.subplots(1, 3), strict=True):
@@ -45,7 +45,7 @@ def command_tracking(verdict: Verdict) -> bytes:
 
 
 def survival_heatmap(verdict: Verdict) -> bytes:
-    """Share of survived pushes: a row a push model and gait, a column a strength."""
+    """Share of survived pushes: one row per push model and gait, one column per strength."""
     rows: dict[str, list[CellVerdict]] = {}
     for cell in verdict.cells:
         if cell.measured.cell.group.startswith("pushes"):
@@ -68,7 +68,7 @@ def survival_heatmap(verdict: Verdict) -> bytes:
 
 
 def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> bytes:
-    """Torque against speed of the left leg's joints, with what their motors can give."""
+    """Torque against speed of the left leg's joints, with the motors' envelope."""
     first = next(iter(walks.values()))
     names = first.robot.joint_names
     legs = [index for index, name in enumerate(names) if name.startswith("Left") and _is_leg(name)]
@@ -93,7 +93,7 @@ def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> byte
 
 
 def foot_contacts(walks: Mapping[str, Rollout]) -> bytes:
-    """When each foot is on the ground, in the last seconds of each walk."""
+    """Foot contacts in the last seconds of each walk."""
     figure = Figure(figsize=(9.0, 0.8 * len(walks) + 0.6), dpi=80, layout="constrained")
     for (label, walked), place in zip(walks.items(), np.ravel(figure.subplots(len(walks), 1)), strict=True):
         contacts = walked.contacts()[-round(SHOWN_S / walked.timestep_s) :]

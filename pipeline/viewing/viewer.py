@@ -60,7 +60,7 @@ class Viewer:
         self.play.label = "pause" if self.playback.playing else "play"
 
     def step(self, passed_s: float) -> None:
-        """One tick: take what the controls say, let `passed_s` of real time pass, move the figures."""
+        """One tick: read the controls, advance by `passed_s` of real time, move the figures."""
         if self.clip.value != self._chosen:
             self._try_to_choose(self.clip.value)
         self.playback.speed = float(self.speed.value)
@@ -84,7 +84,7 @@ class Viewer:
         self.server.stop()
 
     def _try_to_choose(self, name: str) -> None:
-        """Show another clip; one that can't be shown leaves the scene as it is and says why."""
+        """Show another clip; if it can't be shown, keep the scene and display the reason."""
         try:
             self._choose(name)
         except PipelineError as error:

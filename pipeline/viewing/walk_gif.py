@@ -1,4 +1,4 @@
-"""A robot clip as a short moving picture, seen as in a contact sheet: in place, from the front right."""
+"""A robot clip as a short animation, in place and from the front right like a contact sheet."""
 
 from __future__ import annotations
 

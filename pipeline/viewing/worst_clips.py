@@ -1,4 +1,4 @@
-"""The clips that a stage took most away from, as one picture with the reasons."""
+"""Picture of the clips that lost the most in a stage, with the reasons."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
 from pipeline.viewing.entry_clip import entry_clip
 
 LEAST_LOST_S = 0.1
-"""What is less is lost to whole frames and not worth a picture [s]."""
+"""Least loss that is shown [s]; less comes from rounding to frames."""
 
 
 def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
-    """PNG of the clips that lost the most seconds in a stage, as they came into it, with the first reason.
+    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
 
     One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
 
     Args:
-        stage: what the stage said
+        stage: manifest of the stage
         previous: the stage before it, which has the clips
         robot: the one that robot clips are for
         most: clips in the picture

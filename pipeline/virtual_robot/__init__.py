@@ -1,1 +1,1 @@
-"""A simulated robot that writes the logs a real one would."""
+"""A simulated robot that writes logs like a real one."""

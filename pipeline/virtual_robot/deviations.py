@@ -1,4 +1,4 @@
-"""In what a virtual robot differs from its model, and what is done to it."""
+"""Deviations of a virtual robot from its model."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 @dataclass(frozen=True, kw_only=True)
 class Deviations:
-    """Nominal where nothing is said."""
+    """Deviations from the nominal robot; the defaults are nominal."""
 
     torque_scale: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> share of its torque limit that its motor still gives."""
+    """Joint -> remaining share of its torque limit."""
     gain_scale: float = 1.0
-    """Of kp and kd that the motors follow, against those that are sent."""
+    """Ratio of the effective to the commanded kp and kd."""
     command_scale: float = 1.0
     """Share of the command that reaches the controller."""
     friction: float = 1.0
     delay_s: float = 0.0
-    """From targets to motors [s]."""
+    """Delay of the joint targets [s]."""
     root_mass_factor: float = 1.0
-    """Of the trunk."""
+    """Factor on the trunk's mass."""
     hot: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> factor on the heat of its motor."""
+    """Joint -> factor on its motor's heating."""
     message_loss: float | None = None
-    """Share of messages that are not received."""
+    """Share of lost messages."""
     motor_loss_hz: float | None = None
-    """Packets that a motor loses a second."""
+    """Lost packets per motor and second."""
 
     def words(self) -> tuple[str, ...]:
-        """What differs, as words for the log."""
-        said = [f"{joint} gives {100.0 * share:g} % of its torque" for joint, share in self.torque_scale.items()]
-        said += [f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()]
+        """Descriptions of the deviations, for the log."""
+        texts = [f"{joint} gives {100.0 * share:g} % of its torque" for joint, share in self.torque_scale.items()]
+        texts += [f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()]
         numbers = {
             "gains": (self.gain_scale, 1.0, "times"),
             "command told to the controller": (self.command_scale, 1.0, "times"),
@@ -48,8 +48,10 @@ class Deviations:
             "message loss": (self.message_loss, None, ""),
             "motor packet loss": (self.motor_loss_hz, None, "Hz"),
         }
-        said += [f"{name} {value:g} {unit}".strip() for name, (value, usual, unit) in numbers.items() if value != usual]
-        return tuple(said)
+        texts += [
+            f"{name} {value:g} {unit}".strip() for name, (value, usual, unit) in numbers.items() if value != usual
+        ]
+        return tuple(texts)
 
 
 NO_LOAD_RATIO = 1.25
@@ -57,13 +59,13 @@ NO_LOAD_RATIO = 1.25
 
 
 def motor_envelope(robot: Robot) -> TorqueEnvelope:
-    """The robot's torque limits, falling to 0 beyond the motors' speed limits: joints can't race."""
+    """The robot's torque limits, falling to 0 beyond the motors' speed limits, which bounds joint speeds."""
     speed = np.array(robot.motor_speed_limit)
     return TorqueEnvelope(limit=np.array(robot.torque_limit), knee_speed=speed, no_load_speed=NO_LOAD_RATIO * speed)
 
 
 def envelope_of(robot: Robot, deviations: Deviations, nominal: TorqueEnvelope) -> TorqueEnvelope:
-    """The motors' limits with the weak ones weakened. Raises UnknownNameError for a joint that the robot lacks."""
+    """The torque envelope with weakened motors. Raises UnknownNameError for an unknown joint."""
     scale = by_joint(robot, deviations.torque_scale, 1.0)
     return TorqueEnvelope(
         limit=nominal.limit * scale, knee_speed=nominal.knee_speed, no_load_speed=nominal.no_load_speed
@@ -71,7 +73,7 @@ def envelope_of(robot: Robot, deviations: Deviations, nominal: TorqueEnvelope) -
 
 
 def by_joint(robot: Robot, values: Mapping[str, float], otherwise: float) -> Float[np.ndarray, " j"]:
-    """Values of joints in the robot's order. Raises UnknownNameError."""
+    """Values by joint as an array in the robot's order. Raises UnknownNameError."""
     for name in values:
         if name not in robot.joint_names:
             raise UnknownNameError("joint", name, robot.joint_names)

@@ -1,4 +1,4 @@
-"""What the deployment does when the robot falls: the policy is let go, and the joints only damp."""
+"""Behaviour of the deployment in a fall: the policy is stopped and the joints are only damped."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from jaxtyping import Float
 from pipeline.simulation.run import Controller
 
 FALLEN_COS = 0.5
-"""Cosine of the tilt from which booster_deploy stops its policy: 60 degrees."""
+"""Cosine of the tilt at which booster_deploy stops its policy: 60 degrees."""
 
 
 class FallGuard:
-    """A controller that follows another one until the trunk is tilted too far, and then where the joints are."""
+    """Forwards another controller until the trunk tilts too far; then commands the current joint positions."""
 
     def __init__(self, inner: Controller):
         self.inner, self.task = inner, inner.task
@@ -31,7 +31,7 @@ class FallGuard:
         joint_pos: Float[np.ndarray, " j"],
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
-        """The inner controller's targets; those of a fallen robot are its positions."""
+        """The inner controller's targets; after a fall the current positions [rad]."""
         self.fallen = self.fallen or float(gravity_b[2]) > -FALLEN_COS
         if self.fallen:
             return np.array(joint_pos)

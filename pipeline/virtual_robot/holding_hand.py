@@ -1,4 +1,4 @@
-"""A person who takes the robot by its trunk and lifts it off its feet."""
+"""A person who holds the robot by its trunk and lifts it off the ground."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pipeline.simulation.plant import PlantState
 
 @dataclass(frozen=True, kw_only=True)
 class Hold:
-    """From when to when, and how."""
+    """Time span and motion of the hold."""
 
     start_s: float
     stop_s: float
     lift: float = 0.06
-    """How far up [m]."""
+    """Height of the lift [m]."""
     rise_s: float = 0.6
-    """In what time [s]."""
+    """Duration of the lift [s]."""
     tilt_rad: float = 0.0
-    """How far the person tips it forward while holding it [rad]."""
+    """Forward tilt while held [rad]."""
 
 
 class HeldPlant(MujocoPlant):
-    """The robot in MuJoCo with a hand on its trunk: a spring and a damper to where the hand is, and to upright."""
+    """The robot in MuJoCo with a hand on its trunk: spring and damper towards the hand's pose."""
 
     def __init__(self, robot: Robot, options: MujocoOptions, hold: Hold):
         self._hold = hold
@@ -52,13 +52,13 @@ class HeldPlant(MujocoPlant):
         if self._grip is None:
             self._grip = self.data.xipos[1].copy()
         part = min((now - hold.start_s) / hold.rise_s, 1.0)
-        aim = self._grip + np.array([0.0, 0.0, hold.lift * part])
+        target = self._grip + np.array([0.0, 0.0, hold.lift * part])
         stiffness, damping = 60.0 * mass, 12.0 * mass
-        force = stiffness * (aim - self.data.xipos[1]) - damping * self.data.qvel[:3]
+        force = stiffness * (target - self.data.xipos[1]) - damping * self.data.qvel[:3]
         force[2] += part * mass * 9.81
         up = self.data.xmat[1].reshape(3, 3)[:, 2]
-        ahead = self.data.xmat[1].reshape(3, 3)[:, 0] * np.array([1.0, 1.0, 0.0])
-        ahead /= max(float(np.linalg.norm(ahead)), 1e-6)
-        wanted = np.array([0.0, 0.0, np.cos(hold.tilt_rad * part)]) + np.sin(hold.tilt_rad * part) * ahead
-        moment = 120.0 * np.cross(up, wanted) - 12.0 * self.data.cvel[1, :3]
+        forward = self.data.xmat[1].reshape(3, 3)[:, 0] * np.array([1.0, 1.0, 0.0])
+        forward /= max(float(np.linalg.norm(forward)), 1e-6)
+        target_up = np.array([0.0, 0.0, np.cos(hold.tilt_rad * part)]) + np.sin(hold.tilt_rad * part) * forward
+        moment = 120.0 * np.cross(up, target_up) - 12.0 * self.data.cvel[1, :3]
         return force, moment

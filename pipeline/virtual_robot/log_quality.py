@@ -1,4 +1,4 @@
-"""How well a virtual robot's sensors, motors and network do: what a log has that a simulation does not."""
+"""Imperfections of a virtual robot's sensors, motors and network."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class LogQuality:
-    """Noise is normal, given by its standard deviation. The numbers are judgement: nobody published a log of a T1."""
+    """Standard deviations of normal noise, and losses. Judgement: no log of a T1 is published."""
 
     attitude: float = 0.003
     """[rad]"""
@@ -20,19 +20,19 @@ class LogQuality:
     joint_vel: float = 0.03
     """[rad/s]"""
     torque_share: float = 0.02
-    """Of the torque: a motor's current is measured, its gear's loss is not."""
+    """Relative torque noise: motor current is measured, gear losses are not."""
     torque: float = 0.3
     """[N m]"""
     odometer_scale: float = 1.0 / 1.2
-    """What the odometer says over what was walked: Booster's own demo rescales the T1's by 1.2."""
+    """Ratio of odometer to true distance: Booster's demo rescales the T1's odometer by 1.2."""
     odometer_drift: float = 0.005
-    """Of each speed, a random walk's step in a second [m/s, rad/s]."""
+    """Random walk of each speed over one second [m/s, rad/s]."""
     jitter_s: float = 0.0002
-    """Of the time of receipt [s]."""
+    """Jitter of the time of receipt [s]."""
     message_loss: float = 0.001
-    """Share of messages that are not received."""
+    """Share of lost messages."""
     motor_loss_hz: float = 0.02
-    """Packets that a motor loses a second."""
+    """Lost packets per motor and second."""
 
 
 SOUND = LogQuality()
@@ -40,12 +40,12 @@ SOUND = LogQuality()
 
 @dataclass(frozen=True, kw_only=True)
 class HeatModel:
-    """A motor warms with the square of its torque and cools towards the room."""
+    """Motor temperature: heating by the square of the torque, cooling towards the ambient temperature."""
 
     ambient_c: float = 25.0
     start_c: float = 38.0
     rise_k: float = 150.0
-    """Above the room in the steady state at the torque limit. Standing at a third of it then ends at 42 degC."""
+    """Steady-state rise above ambient at the torque limit [K]; a third of the torque ends at 42 degC."""
     time_constant_s: float = 180.0
     heating: float = 1.0
-    """Factor on the heat, for a motor with a fault."""
+    """Factor on the heating, for a faulty motor."""

@@ -1,4 +1,4 @@
-"""A rollout as the log that the robot's recorder would have written of it. What it says of itself: it is simulated."""
+"""Convert a rollout to the log that the robot's recorder would have written, marked as simulated."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from pipeline.simulation.record import Rollout
 from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
 
 EPOCH_NS = 1_767_225_600_000_000_000
-"""2026-01-01, so that the same rollout is the same bytes."""
+"""2026-01-01, fixed so that equal rollouts give equal bytes."""
 GRAVITY_W = np.array([0.0, 0.0, -9.81])
 FALL_HZ, ODOMETER_HZ = 10.0, 50.0
 FALLING_DEG, FALLEN_DEG = 45.0, 60.0
-"""Tilt at which the robot says that it falls, and that it has fallen."""
+"""Tilts at which the robot reports falling and fallen."""
 FALLEN_S = 0.6
-"""How long after it began to fall it says that it has fallen at the earliest [s]."""
+"""Least time from reported falling to reported fallen [s]."""
 
 
 def record(
@@ -42,10 +42,17 @@ def record(
     heat: Mapping[str, HeatModel] | None = None,
     every: int = 1,
 ) -> RobotLog:
-    """The log of a rollout with the joint gains that its controller sent.
+    """The log of a rollout.
 
-    The walking command goes into the log's facts, with the source `schedule`. `heat` gives single joints another motor.
-    Of the states one in `every` timesteps is logged.
+    Args:
+        rollout: simulated walk
+        kp: joint stiffness that was commanded [N m/rad]
+        kd: joint damping that was commanded [N m s/rad]
+        facts: facts of the log; the walking command is added with the source `schedule`
+        rng: draws noise and losses
+        quality: imperfections of sensors and network
+        heat: motors with other heating, by joint
+        every: log one state in so many timesteps
     """
     schedule = _schedule(rollout)
     facts = dataclasses.replace(facts, simulated=True, command=schedule, command_source="schedule")
@@ -67,7 +74,7 @@ def _times(count: int, step_s: float) -> Int[np.ndarray, " n"]:
 
 
 def _schedule(rollout: Rollout) -> tuple[tuple[float, float, float, float], ...]:
-    """The command from each time on at which it changed."""
+    """Time and value of each change of the command."""
     command, step_s = rollout.command, rollout.control_steps * rollout.timestep_s
     changed = np.concatenate([[True], np.any(command[1:] != command[:-1], axis=1)])
     rows = [(tick * step_s, *command[tick].tolist()) for tick in np.flatnonzero(changed)]
@@ -116,7 +123,7 @@ def roll_pitch_yaw(quat: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3"]:
 
 
 def temperatures(rollout: Rollout, heat: Mapping[str, HeatModel]) -> Float[np.ndarray, "n j"]:
-    """Of each motor [degC], by its torque so far."""
+    """Temperature of each motor over time [degC]."""
     robot = rollout.robot
     models = [heat.get(name, HeatModel()) for name in robot.joint_names]
     load = (rollout.torque / robot.torque_limit) ** 2
@@ -132,7 +139,7 @@ def temperatures(rollout: Rollout, heat: Mapping[str, HeatModel]) -> Float[np.nd
 
 
 def _some(states: LowStates, kept: np.ndarray, rng: np.random.Generator, quality: LogQuality) -> LowStates:
-    """The messages that were received, each a little late."""
+    """The received messages, with jitter."""
     values = {each.name: getattr(states, each.name) for each in dataclasses.fields(states)}
     arrays = {name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)}
     late = np.rint(np.abs(rng.normal(0.0, quality.jitter_s, int(kept.sum()))) * 1e9).astype(np.int64)
@@ -141,7 +148,7 @@ def _some(states: LowStates, kept: np.ndarray, rng: np.random.Generator, quality
 
 
 def _commands(rollout: Rollout, kp: np.ndarray, kd: np.ndarray) -> LowCmds:
-    """One a control step, as booster_deploy sends them."""
+    """One command per control step, as booster_deploy sends them."""
     count = len(rollout.target)
     return LowCmds(
         time_ns=_times(count, rollout.control_steps * rollout.timestep_s),
@@ -153,7 +160,7 @@ def _commands(rollout: Rollout, kp: np.ndarray, kd: np.ndarray) -> LowCmds:
 
 
 def _falls(rollout: Rollout) -> FallStates:
-    """What the robot says of its posture: ready, falling, fallen."""
+    """The reported fall state: ready, falling, fallen."""
     step = max(round(1.0 / (FALL_HZ * rollout.timestep_s)), 1)
     quat = rollout.qpos[:, 3:7]
     tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (quat[:, 1] ** 2 + quat[:, 2] ** 2), -1.0, 1.0)))
@@ -162,16 +169,16 @@ def _falls(rollout: Rollout) -> FallStates:
     if len(tipped):
         state[tipped[0] :] = 1
         state[(np.arange(len(tilt)) > tipped[0] + FALLEN_S / rollout.timestep_s) & (tilt > FALLEN_DEG)] = 2
-    seen = state[::step]
+    reported = state[::step]
     return FallStates(
-        time_ns=_times(len(seen), step * rollout.timestep_s),
-        state=seen,
-        recovery_available=(seen == 2).astype(int),
+        time_ns=_times(len(reported), step * rollout.timestep_s),
+        state=reported,
+        recovery_available=(reported == 2).astype(int),
     )
 
 
 def _odometry(rollout: Rollout, rng: np.random.Generator, quality: LogQuality) -> Odometry:
-    """Scaled wrong and drifting, from where the robot started."""
+    """Odometry relative to the start, with wrong scale and drift."""
     step = max(round(1.0 / (ODOMETER_HZ * rollout.timestep_s)), 1)
     place = rollout.qpos[::step, :2] - rollout.qpos[0, :2]
     yaw = np.unwrap(rotation.yaw_of(rollout.qpos[::step, 3:7]))
@@ -182,5 +189,5 @@ def _odometry(rollout: Rollout, rng: np.random.Generator, quality: LogQuality) -
 
 
 def with_events(facts: LogFacts, *events: OperatorEvent) -> LogFacts:
-    """The facts with what an operator noted."""
+    """The facts with additional operator events."""
     return dataclasses.replace(facts, events=(*facts.events, *events))

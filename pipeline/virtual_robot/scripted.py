@@ -1,4 +1,4 @@
-"""A controller that plays joint targets by the clock: for logs that need no policy."""
+"""A controller that plays scripted joint targets, for logs without a policy."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from pipeline.files import digest
 
 @dataclass(frozen=True, kw_only=True)
 class Script:
-    """Offsets [rad] from the default pose at times [s], linear between; joints that are not named stay."""
+    """Offsets [rad] from the default pose at times [s], linearly interpolated; other joints stay."""
 
     name: str
     offsets: Mapping[str, tuple[tuple[float, float], ...]]
-    """Joint -> (time, offset), times rising."""
+    """Joint -> (time, offset), times increasing."""
 
     @property
     def digest(self) -> str:
-        """What stands for a policy's digest in a log."""
+        """Digest that replaces a policy's digest in a log."""
         return digest.of_json([self.name, {joint: list(map(list, rows)) for joint, rows in self.offsets.items()}])
 
 
 class ScriptedController:
-    """Plays a script; what it is told of the robot does not matter."""
+    """Plays a script, ignoring the robot's state."""
 
     def __init__(self, task: DeploymentTask, script: Script):
         self.task, self.script = task, script
@@ -56,7 +56,7 @@ class ScriptedController:
 
 
 STEPS_IN_PLACE_S = 1.0
-"""How long one swaying to and fro of `SWAY` takes."""
+"""Period of `SWAY` [s]."""
 
 SWAY = Script(
     name="sway",
@@ -73,7 +73,7 @@ SWAY = Script(
         }.items()
     },
 )
-"""The T1 stands and shifts its weight from foot to foot."""
+"""The T1 stands and shifts its weight between its feet."""
 
 TOPPLE_LEFT = Script(
     name="topple left",
@@ -85,4 +85,4 @@ TOPPLE_LEFT = Script(
         "Left_Ankle_Pitch": ((3.0, 0.0), (3.4, -0.45)),
     },
 )
-"""It gives way with the left leg and falls over it, as one that can't step to the left does."""
+"""The left leg gives way and the robot falls over it, as if unable to step to the left."""

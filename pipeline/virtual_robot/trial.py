@@ -1,4 +1,4 @@
-"""One walk of a virtual robot: a controller, a command, a robot that differs from its model, and the log of it."""
+"""One trial of a virtual robot: controller, command and deviations in, rollout and log out."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
 from pipeline.virtual_robot.record import record
 
 TIMESTEP_S = 0.002
-"""A log's rate is that of the low state, 500 Hz."""
+"""Timestep of the simulation and period of the low state [s]."""
 COMMAND_SLEW = 1.0
-"""How fast a command goes to its next value [m/s or rad/s a second], as the deployment does."""
+"""Rate limit of the command [m/s^2 or rad/s^2], as in the deployment."""
 
 NOISE = SensorNoise(gyro=0.02, gravity=0.005, joint_pos=0.001, joint_vel=0.05)
-"""What the controller itself is told of the state."""
+"""Noise of the sensor readings that the controller receives."""
 
 Waypoint = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class VirtualTrial:
-    """What is walked, by which robot."""
+    """Command, deviations and events of a trial."""
 
     command: tuple[Waypoint, ...]
-    """From time [s] on: forward and left velocity [m/s] and yaw rate [rad/s]."""
+    """Waypoints: start time [s], forward and left velocity [m/s], yaw rate [rad/s]."""
     seconds: float
     deviations: Deviations = field(default_factory=Deviations)
     pushes: tuple[Push, ...] = ()
     hold: Hold | None = None
     stop_s: float | None = None
-    """When the operator presses stop: the joints are damped from then on."""
+    """Time of the operator's stop, after which joints are only damped [s]."""
 
 
 def simulate(
@@ -59,38 +59,51 @@ def simulate(
     quality: LogQuality = SOUND,
     every: int = 1,
 ) -> tuple[Rollout, RobotLog]:
-    """The walk, and the log of it.
+    """Simulate a trial; return the rollout and its log.
 
-    `envelope` is that of the nominal motors; `motor_envelope` if not given. `every`: see `record`.
+    Args:
+        robot: the nominal robot
+        controller: policy or script
+        trial: command, deviations and events
+        rng: draws sensor noise and losses
+        facts: facts of the log
+        envelope: torque envelope of the nominal motors; default: `motor_envelope`
+        quality: imperfections of sensors and network
+        every: log one state in so many timesteps
     """
-    differs = trial.deviations
-    task, wanted = controller.task, command_of(trial.command)
+    deviations = trial.deviations
+    task, command = controller.task, command_of(trial.command)
     motors = PdControl(
-        kp=differs.gain_scale * task.kp,
-        kd=differs.gain_scale * task.kd,
-        envelope=envelope_of(robot, differs, envelope or motor_envelope(robot)),
+        kp=deviations.gain_scale * task.kp,
+        kd=deviations.gain_scale * task.kd,
+        envelope=envelope_of(robot, deviations, envelope or motor_envelope(robot)),
     )
     rollout = run(
         robot,
         _plant(robot, trial),
         FallGuard(controller),
         motors if trial.stop_s is None else StoppedMotors(**vars(motors), stop_s=trial.stop_s),
-        lambda time_s: differs.command_scale * wanted(time_s),
+        lambda time_s: deviations.command_scale * command(time_s),
         trial.seconds,
         trial.pushes,
         sensors=NoisySensors(NOISE, rng),
-        delay_s=differs.delay_s,
+        delay_s=deviations.delay_s,
         wrench_every=5,
     )
-    rollout = dataclasses.replace(rollout, command=rollout.command / differs.command_scale)
-    losses = {"message_loss": differs.message_loss, "motor_loss_hz": differs.motor_loss_hz}
+    rollout = dataclasses.replace(rollout, command=rollout.command / deviations.command_scale)
+    losses = {"message_loss": deviations.message_loss, "motor_loss_hz": deviations.motor_loss_hz}
     quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
-    heating = by_joint(robot, differs.hot, 1.0)
+    heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
+    differences = "; ".join(deviations.words()) or "no"
     facts = dataclasses.replace(
         facts,
         events=(*facts.events, *_events(trial)),
-        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(differs.words()) or "no"},
+        notes={
+            **facts.notes,
+            "simulated in": "MuJoCo",
+            "differs from the model": differences,
+        },
     )
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)
@@ -98,7 +111,7 @@ def simulate(
 
 @dataclass(frozen=True, kw_only=True)
 class StoppedMotors(PdControl):
-    """Motors that only damp from the operator's stop on."""
+    """Motors that only damp after the operator's stop."""
 
     stop_s: float
     clock: list[float] = field(default_factory=lambda: [0.0])
@@ -119,12 +132,12 @@ def _plant(robot: Robot, trial: VirtualTrial) -> MujocoPlant:
 
 
 def _events(trial: VirtualTrial) -> list[OperatorEvent]:
-    """What the operator noted: only what they did on purpose. Pushes are for the reader of a log to find."""
+    """Operator events: deliberate ones only. Pushes have to be detected by the reader of the log."""
     return [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
 
 
 def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
-    """Commands without stiffness from the stop on."""
+    """The log with zero stiffness after the stop."""
     if stop_s is None or log.joint_ctrl is None:
         return log
     late = (log.joint_ctrl.time_ns - log.joint_ctrl.time_ns[0]) * 1e-9 >= stop_s
@@ -133,7 +146,7 @@ def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
 
 
 def command_of(waypoints: Sequence[Waypoint]) -> Callable[[float], np.ndarray]:
-    """The command at each time, slewed from standing to each waypoint's value."""
+    """The command over time, rate-limited from standing to each waypoint."""
     grid = np.arange(0.0, max(row[0] for row in waypoints) + 60.0, 0.02)
     goals = np.array([row[1:] for row in sorted(waypoints)])
     starts = np.array([row[0] for row in sorted(waypoints)])

@@ -1,1 +1,1 @@
-"""A Webots project of a robot folder, the controller that runs in it, a stand-in for where Webots is missing."""
+"""A Webots project of a robot folder, its controller, and stand-ins that run it without Webots."""

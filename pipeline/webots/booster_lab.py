@@ -1,9 +1,8 @@
 """The controller of the Webots project: sensors to the policy's observation, its targets to motor torques.
 
-Webots starts it beside the robot, in a folder that holds all it needs besides numpy: `task.json` (joints, gains, motor
-limits), `policy.npz` (without it the robot stands), `run.json` (what to walk, where to write what came of it) and our
-own modules. What happens at each step is what happens on the robot: `PolicyController` for targets, `PdControl` for
-torques. The supervisor's view of the robot is for scoring only.
+Webots starts it in a folder with all it needs besides numpy: `task.json` (joints, gains, motor limits), `policy.npz`
+(without it the robot stands), `run.json` (the commands, and where to write the result) and our own modules. Each step
+is that of the robot: `PolicyController` for targets, `PdControl` for torques. The supervisor is used for scoring only.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path.append(str(HERE / "shims"))  # last: where jaxtyping is installed, that is taken
+sys.path.append(str(HERE / "shims"))  # last: an installed jaxtyping takes precedence
 
 from pipeline.deployment import DeploymentTask, PolicyController, load_policy  # noqa: E402
 from pipeline.simulation.pd_control import PdControl  # noqa: E402
@@ -29,7 +28,7 @@ FALL_HEIGHT_M, FALL_TILT_COS = 0.45, 0.5
 
 
 class Devices:
-    """Motors and sensors of the robot, joints in the task's order."""
+    """Motors and sensors of the robot, in the joint order of the task."""
 
     def __init__(self, robot: Any, joint_names: tuple[str, ...], names: dict[str, str]):
         step = int(robot.getBasicTimeStep())
@@ -61,7 +60,7 @@ class Devices:
 
 
 class Plan:
-    """What to walk: segments one after the other, the command slewed from one to the next."""
+    """The command over time: consecutive segments, with slewed transitions."""
 
     def __init__(self, segments: list[dict[str, Any]]):
         self.segments = segments
@@ -77,18 +76,18 @@ class Plan:
         return min(int(np.searchsorted(self.ends, time_s + 1e-9, side="right")), len(self.segments) - 1)
 
     def advance(self, time_s: float, dt_s: float) -> np.ndarray:
-        """The command at a time, a control step after the last call."""
+        """The command at a time, one control step after the last call."""
         segment = self.segments[self.index(time_s)]
-        way = segment["slew"] * dt_s if segment["slew"] > 0.0 else np.inf
-        self.command = self.command + np.clip(np.array(segment["command"]) - self.command, -way, way)
+        most = segment["slew"] * dt_s if segment["slew"] > 0.0 else np.inf
+        self.command = self.command + np.clip(np.array(segment["command"]) - self.command, -most, most)
         return self.command.copy()
 
 
 class Score:
-    """Means over the end of each segment, and the fall.
+    """Mean velocities over the end of each segment, and the time of a fall.
 
-    Velocities are differences of the trunk's places: `getVelocity` is that of its centre of mass, which goes another
-    way on a curve.
+    Velocities are differences of trunk positions: `getVelocity` returns that of the centre of mass, which differs on a
+    curve.
     """
 
     def __init__(self, plan: Plan, measured_s: float):
@@ -97,8 +96,8 @@ class Score:
         self.before: tuple[float, np.ndarray] | None = None
         self.fell_s: float | None = None
 
-    def look(self, node: Any, time_s: float) -> None:
-        """At the robot now."""
+    def update(self, node: Any, time_s: float) -> None:
+        """Add the robot's current state."""
         turn, place = np.array(node.getOrientation()).reshape(3, 3), np.array(node.getPosition())
         height = float(place[2])
         if not (math.isfinite(height) and height >= FALL_HEIGHT_M and turn[2, 2] >= FALL_TILT_COS):
@@ -115,7 +114,7 @@ class Score:
         self.sums[index] += [forward, lateral, node.getVelocity()[5], height, 1.0]
 
     def segments(self, time_s: float) -> list[dict[str, Any]]:
-        """A row for each segment; figures are None where it wasn't walked to its end."""
+        """One row per segment; figures are None if the segment was not walked to its end."""
         names = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
         rows = []
         for segment, end, sums in zip(self.plan.segments, self.plan.ends, self.sums, strict=True):
@@ -126,15 +125,15 @@ class Score:
 
 
 def main() -> None:
-    """Walk the plan, write the result, end the simulation."""
+    """Walk the plan, write the result and end the simulation."""
     from controller import Supervisor  # pyright: ignore[reportMissingImports]
 
-    said = json.loads((HERE / "task.json").read_text(encoding="utf-8"))
+    config = json.loads((HERE / "task.json").read_text(encoding="utf-8"))
     run = json.loads((HERE / "run.json").read_text(encoding="utf-8"))
     robot = Supervisor()
     timestep_s = robot.getBasicTimeStep() / 1000.0
-    task, motors = task_of(said), motors_of(said)
-    devices = Devices(robot, task.joint_names, said["devices"])
+    task, motors = task_of(config), motors_of(config)
+    devices = Devices(robot, task.joint_names, config["devices"])
     policy_file = HERE / "policy.npz"
     controller = PolicyController(task, load_policy(policy_file)) if policy_file.is_file() else None
     plan = Plan(run["segments"])
@@ -167,10 +166,10 @@ def walk(
     score: Score,
     timestep_s: float,
 ) -> float:
-    """Until the plan's end, a fall, or the simulation's end; the time [s] it got to.
+    """Walk until the plan's end, a fall, or the simulation's end; return the time reached [s].
 
-    Webots has no joint speed sensor: speeds are differences of positions over a timestep. Its motors hold positions
-    until they are given a torque, so they are given none before the first step.
+    Webots has no joint speed sensor: speeds are differences of positions over a timestep. Its motors hold a position
+    until a torque is set, so zero torque is set before the first step.
     """
     node = robot.getSelf()
     devices.set_torque(np.zeros(len(task.joint_names)))
@@ -184,7 +183,7 @@ def walk(
         time_s = tick * timestep_s
         if time_s >= plan.seconds - 1e-9:
             return time_s
-        score.look(node, time_s)
+        score.update(node, time_s)
         if score.fell_s is not None:
             return time_s
         if tick % decimation == 0:
@@ -196,26 +195,26 @@ def walk(
     return tick * timestep_s
 
 
-def task_of(said: dict[str, Any]) -> DeploymentTask:
-    """The task of `task.json`."""
+def task_of(config: dict[str, Any]) -> DeploymentTask:
+    """The deployment task in `task.json`."""
     return DeploymentTask(
-        robot=said["robot"],
-        joint_names=tuple(said["joint_names"]),
-        policy_joints=tuple(said["policy_joints"]),
-        default_joint_pos=np.array(said["default_joint_pos"]),
-        kp=np.array(said["kp"]),
-        kd=np.array(said["kd"]),
-        action_scale=said["action_scale"],
-        history=said["history"],
-        control_hz=said["control_hz"],
+        robot=config["robot"],
+        joint_names=tuple(config["joint_names"]),
+        policy_joints=tuple(config["policy_joints"]),
+        default_joint_pos=np.array(config["default_joint_pos"]),
+        kp=np.array(config["kp"]),
+        kd=np.array(config["kd"]),
+        action_scale=config["action_scale"],
+        history=config["history"],
+        control_hz=config["control_hz"],
     )
 
 
-def motors_of(said: dict[str, Any]) -> PdControl:
-    """Gains and torque limits of `task.json`."""
-    limits = {name: None if value is None else np.array(value) for name, value in said["motors"].items()}
+def motors_of(config: dict[str, Any]) -> PdControl:
+    """Gains and torque limits in `task.json`."""
+    limits = {name: None if value is None else np.array(value) for name, value in config["motors"].items()}
     envelope = TorqueEnvelope(**limits)  # pyright: ignore[reportArgumentType]
-    return PdControl(kp=np.array(said["kp"]), kd=np.array(said["kd"]), envelope=envelope)
+    return PdControl(kp=np.array(config["kp"]), kd=np.array(config["kd"]), envelope=envelope)
 
 
 if __name__ == "__main__":

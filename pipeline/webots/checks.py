@@ -1,4 +1,4 @@
-"""A project's PROTO and world held against the robot that they were made from: every deviation, as a sentence."""
+"""Compare a project's PROTO and world with the robot that they were made from; list every deviation."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pipeline.webots.scene_model import SceneModel, read_scene
 from pipeline.webots.stand_in.engine import start_poses
 
 EXACT = 1e-9
-"""Numbers are written in full: more than this apart is another number."""
+"""Largest difference of numbers that are equal; they are written in full."""
 
 
 def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
-    """Everything in which the scene of a world file is not the robot; none where it is."""
+    """Every deviation of a world file's scene from the robot, as sentences."""
     try:
         scene = read_scene(world)
     except FileError as error:
@@ -31,7 +31,7 @@ def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
     for check in checks:
         faults += check
         if check is checks[0] and faults:
-            break  # the others go by name
+            break  # the other checks look up names
     return tuple(faults)
 
 

@@ -1,7 +1,7 @@
-"""A project run by Webots, or by a program in its place: started, held to a time limit, its result read.
+"""Run a project in Webots or in a stand-in, within a time limit, and read its result.
 
-The program is a process group of its own, and is ended as one: Webots starts further processes. Nothing that it does or
-says raises an error here; it becomes the outcome.
+The program runs in its own process group, which is ended as a whole: Webots starts further processes. No behaviour of
+the program raises an error here; it becomes the outcome.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ NO_START, TIMED_OUT, CRASHED = "did not start", "timed out", "crashed"
 NO_RESULT, GARBAGE, STALE = "no result", "garbage", "stale result"
 PORT_TRIES = 3
 TAKEN = ("address already in use", "could not listen", "port is already")
-"""What a program says, in lower case, where its port is not free."""
+"""Lower-case messages of a program whose port is not free."""
 GRACE_S = 3.0
-"""Between asking a group to end and ending it."""
+"""Time between SIGTERM and SIGKILL [s]."""
 TAIL_CHARACTERS = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of a launch."""
+    """Outcome of a launch."""
 
     status: str
-    """`finished`, with a result; `not run`, where the program is missing; else how it failed to run."""
+    """`finished`, with a result; `not run` if the program is missing; else how it failed to run."""
     reason: str = ""
-    """A sentence; empty where it finished."""
+    """A sentence; empty if it finished."""
     result: WalkResult | None = None
     tail: str = ""
-    """The end of what the program printed."""
+    """The end of the program's output."""
 
 
 def find_webots(environment: Mapping[str, str] = os.environ) -> Path | None:
-    """The program: on the path, or in the folder that `WEBOTS_HOME` names."""
+    """The program, on the path or in the folder `WEBOTS_HOME`; None if missing."""
     found = shutil.which("webots", path=environment.get("PATH"))
     if found is None and environment.get("WEBOTS_HOME"):
         found = shutil.which("webots", path=environment["WEBOTS_HOME"])
@@ -61,7 +61,7 @@ def find_webots(environment: Mapping[str, str] = os.environ) -> Path | None:
 
 
 def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
-    """Run the project in Webots, under a virtual display where there is none, its controller in this Python."""
+    """Run the project in Webots, under a virtual display if there is none, its controller in this Python."""
     program = find_webots()
     if program is None:
         return Outcome(status=NOT_RUN, reason=WEBOTS_NOT_FOUND)
@@ -77,19 +77,19 @@ def launch(
     settings: WebotsSettings,
     environment: Mapping[str, str] | None = None,
 ) -> Outcome:
-    """Run the project in `program`, which takes Webots' flags; on another port where its port was taken meanwhile."""
+    """Run the project in `program`, which takes Webots' flags; retry on another port if the port is taken."""
     outcome = Outcome(status=NO_START, reason="it was not tried")
     for _ in range(PORT_TRIES):
         command = [*program, *WEBOTS_FLAGS, f"--port={free_port()}", str(project.world.resolve())]
         outcome = _try(command, project, settings, environment)
-        said = outcome.tail.lower()
-        if outcome.status == FINISHED or not any(each in said for each in TAKEN):
+        printed = outcome.tail.lower()
+        if outcome.status == FINISHED or not any(each in printed for each in TAKEN):
             break
     return outcome
 
 
 def free_port() -> int:
-    """A port that nobody listens on now."""
+    """A port that is free now."""
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         return listener.getsockname()[1]
@@ -123,10 +123,10 @@ def _try(
         return _outcome(exit_status, _text(output), project, settings, run)
 
 
-def _outcome(exit_status: int | None, said: str, project: Project, settings: WebotsSettings, run: str) -> Outcome:
-    """A valid result counts whatever the program did after it; without one, the first thing that went wrong."""
-    tail = said[-TAIL_CHARACTERS:]
-    text = _result_text(project, said)
+def _outcome(exit_status: int | None, printed: str, project: Project, settings: WebotsSettings, run: str) -> Outcome:
+    """A valid result counts whatever happened after it; without one, the first failure is reported."""
+    tail = printed[-TAIL_CHARACTERS:]
+    text = _result_text(project, printed)
     names = tuple(segment.name for segment in settings.segments)
     problem: ResultError | None = None
     if text is not None:
@@ -146,28 +146,28 @@ def _outcome(exit_status: int | None, said: str, project: Project, settings: Web
     return Outcome(status=NO_RESULT, reason="it ended without a result", tail=tail)
 
 
-def _result_text(project: Project, said: str) -> str | None:
-    """The result file, or where it is missing the line that says the same."""
+def _result_text(project: Project, printed: str) -> str | None:
+    """The result file, or the printed result line if the file is missing."""
     if project.result.is_file():
         with project.result.open(encoding="utf-8", errors="replace") as file:
             return file.read(MAX_CHARACTERS + 1)
-    lines = [line for line in said.splitlines() if RESULT_MARK in line]
+    lines = [line for line in printed.splitlines() if RESULT_MARK in line]
     return lines[-1].partition(RESULT_MARK)[2] if lines else None
 
 
 def _signal_name(number: int) -> str:
-    """As `SIGABRT`; most real-time signals have no name."""
+    """Name such as `SIGABRT`; most real-time signals have none."""
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
 
 
 def _text(output: IO[bytes]) -> str:
-    """The end of what was printed, a result and more."""
+    """The end of the output, long enough for a result."""
     output.seek(max(output.seek(0, os.SEEK_END) - 2 * MAX_CHARACTERS, 0))
     return output.read().decode("utf-8", errors="replace")
 
 
 def end_group(process: subprocess.Popen) -> None:
-    """End a process and all that it started: asked first, then made to."""
+    """End a process group: SIGTERM first, then SIGKILL."""
     for order in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.killpg(process.pid, order)

@@ -1,4 +1,4 @@
-"""A Webots project as a folder that needs nothing of ours: PROTO, world, controller with policy and modules."""
+"""A self-contained Webots project folder: PROTO, world, controller with policy and modules."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from pipeline.webots.vrml import to_text
 from pipeline.webots.world import robot_world
 
 RESULT = "result.json"
-"""Beside the controller, written by it."""
+"""Result file, written by the controller into its folder."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Project:
-    """Where things are in a project folder."""
+    """Paths in a project folder."""
 
     folder: Path
     robot: str
@@ -50,7 +50,7 @@ class Project:
 
     @property
     def run(self) -> Path:
-        """What the controller is to walk."""
+        """The commands that the controller walks."""
         return self.controller / "run.json"
 
     @property
@@ -69,14 +69,14 @@ def write_project(
     """Write the project of a robot folder's tables; equal arguments give equal bytes.
 
     Args:
-        folder: of the project, made where it is missing; its other files stay
+        folder: project folder, created if missing; its other files are kept
         source: the robot's tables
         task: joints and gains
-        envelope: what the motors can give
-        policy: what walks; without one the robot stands in its default pose
-        settings: timestep, friction and the walk
+        envelope: torque limits of the motors
+        policy: the policy that walks; without one the robot stands in its default pose
+        settings: timestep, friction and commands
 
-    Raises FileError where the disk refuses.
+    Raises FileError if a file can't be written.
     """
     robot = build_robot(source)
     project = Project(folder=folder, robot=robot.name)
@@ -99,7 +99,7 @@ def write_project(
 
 
 def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
-    """What `run.json` says: the walk, and a name of the run that its result must bear."""
+    """Content of `run.json`: the commands, and the name of the run, which its result must repeat."""
     segments = [
         {"name": each.name, "seconds": each.seconds, "command": list(each.command), "slew": each.slew}
         for each in settings.segments

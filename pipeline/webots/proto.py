@@ -1,8 +1,8 @@
 """The robot as a Webots PROTO, from the tables of its folder: links, hinges, motors, sensors, primitives, masses.
 
-Webots has no armature: the rotors' inertia lies on the links that they move. Joint limits are the joints' mechanical
-stops, which Webots takes between -pi and pi. Motors are driven by torque; their `maxTorque` cuts it, their
-`maxVelocity` matters in position control alone.
+Webots has no armature, so rotor inertia is added to the driven links. Joint limits are mechanical stops, which Webots
+accepts between -pi and pi. Motors are driven by torque, limited by `maxTorque`; `maxVelocity` acts in position control
+only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SENSOR_SUFFIX = "_sensor"
 MATERIAL = "robot"
 """Contact material of all links."""
 SPECK = 0.001
-"""Radius [m] of the sphere inside links without collision shapes: Webots asks a mass for a bounding object."""
+"""Radius [m] of the sphere in links without collision shapes: Webots requires a bounding object for a mass."""
 
 
 def proto_name(robot: Robot) -> str:
@@ -68,7 +68,7 @@ class _Writer:
         )
 
     def sensors(self, row: LinkRow) -> list[Node]:
-        """The IMU's parts, where its site is on this link."""
+        """The IMU's sensors, if its site is on this link."""
         sites = [site for site in self.source.sites if site.site == IMU_SITE and site.link == row.link]
         kinds = {"Gyro": GYRO, "InertialUnit": INERTIAL_UNIT, "Accelerometer": ACCELEROMETER}
         return [
@@ -157,13 +157,13 @@ def _geometry(shape: ShapeRow) -> Node:
 
 
 def _quat(roll_pitch_yaw: tuple[float, ...]) -> np.ndarray:
-    """Turns about the fixed x, y, z axes, as in URDF."""
+    """Quaternion of rotations about the fixed x, y, z axes, as in URDF."""
     turns = [rotation.from_axis_angle(axis, angle) for axis, angle in zip(np.eye(3), roll_pitch_yaw, strict=True)]
     return rotation.multiply(turns[2], rotation.multiply(turns[1], turns[0]))
 
 
 def axis_angle(quat: np.ndarray) -> tuple[float, ...]:
-    """A quaternion wxyz as Webots' rotation: unit axis and angle [rad]."""
+    """A quaternion (wxyz) as Webots' rotation: unit axis and angle [rad]."""
     turn = rotation.to_rotvec(quat)
     angle = float(np.linalg.norm(turn))
     if angle < 1e-12:

@@ -1,4 +1,4 @@
-"""What a controller says of its walk, read with suspicion."""
+"""Result of a controller, parsed and validated as untrusted input."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pipeline.webots.booster_lab import SCHEMA
 FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
 MAX_CHARACTERS = 1_000_000
 MOST = 1e9
-"""No number of a walk is larger."""
+"""Largest magnitude that a number may have."""
 
 
 class ResultError(PipelineError):
-    """A result that can't be used. `stale` where it is another run's."""
+    """A result that can't be used; `stale` if it belongs to another run."""
 
     def __init__(self, problem: str, stale: bool = False):
         self.stale = stale
@@ -25,7 +25,7 @@ class ResultError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class WalkedSegment:
-    """Means over the end of a segment; None where it was not walked to its end."""
+    """Means over the end of a segment; None if it was not walked to its end."""
 
     name: str
     walked: bool
@@ -37,19 +37,19 @@ class WalkedSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class WalkResult:
-    """A walk in Webots, or in what stands in for it."""
+    """A walk in Webots or in a stand-in."""
 
     run: str
     timestep_ms: float
     seconds: float
     fell_s: float | None
     policy: bool
-    """Whether a policy walked; else the robot only stood."""
+    """Whether a policy was active; otherwise the robot only stood."""
     segments: tuple[WalkedSegment, ...]
 
 
 def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
-    """The result of the run `run` over segments of these names. Raises ResultError."""
+    """The result of the run `run` over the segments `names`. Raises ResultError."""
     if not text.strip():
         raise ResultError("the result is empty")
     if len(text) > MAX_CHARACTERS:

@@ -1,6 +1,6 @@
-"""What a project's PROTO and world say, read back as bodies, hinges, devices and contacts.
+"""A project's PROTO and world, read back as bodies, hinges, devices and contacts.
 
-The stand-ins simulate this and not the robot's tables: an error of the PROTO shows in them.
+The stand-ins simulate this model instead of the robot's tables, so an error in the PROTO shows in them.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class Primitive:
 
 @dataclass(frozen=True, kw_only=True)
 class Hinge:
-    """The joint that a body hangs on, in the parent's frame."""
+    """The joint between a body and its parent, in the parent's frame."""
 
     anchor: Float[np.ndarray, " 3"]
     axis: Float[np.ndarray, " 3"]
     position: float
     """At the start [rad]."""
     stops: tuple[float, float] | None
-    """[rad]; None where both fields are 0, which Webots takes for none."""
+    """[rad]; None if both fields are 0, which means no stops in Webots."""
     motor: str
     sensor: str
     max_torque: float
@@ -65,7 +65,7 @@ class Body:
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """How robot and floor touch."""
+    """Contact properties of robot and floor."""
 
     friction: float
     bounce: float
@@ -75,7 +75,7 @@ class Contact:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneModel:
-    """A world with one robot on a floor at z = 0. Bodies stand after their parents, the root first."""
+    """A world with one robot on a floor at z = 0. Bodies follow their parents, the root is first."""
 
     name: str
     controller: str
@@ -86,7 +86,7 @@ class SceneModel:
     contact: Contact
     bodies: tuple[Body, ...]
     imu: dict[str, tuple[str, Float[np.ndarray, " 3"]]]
-    """Name of each inertial sensor of the root -> its node type and place in the root's frame."""
+    """Name of each inertial sensor of the root -> node type and position in the root's frame [m]."""
     self_collision: bool
 
     @property
@@ -119,7 +119,7 @@ def _scene(path: Path) -> Scene:
 
 
 def _instance(proto: Proto, node: Node) -> dict[str, Any]:
-    """The interface's values: the node's, and the defaults of the others."""
+    """Values of the interface: the node's own, else the defaults."""
     return {name: node.fields.get(name, default) for _, name, default in proto.interface}
 
 
@@ -199,7 +199,7 @@ def _hinge(joint: Node) -> Hinge:
 
 
 def _shapes(bound: Node) -> list[Primitive]:
-    """Primitives of a Group, with or without a Pose around each."""
+    """Primitives of a Group, each with or without a Pose."""
     found = []
     for child in bound.fields["children"]:
         posed = child.kind == "Pose"

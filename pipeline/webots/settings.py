@@ -1,4 +1,4 @@
-"""What `data/webots.yaml` states: the walk and the world. What must come of it `data/validation.yaml` says."""
+"""Settings of `data/webots.yaml`: commands and world. The thresholds are in `data/validation.yaml`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Range, check
 
 @dataclass(frozen=True, kw_only=True)
 class WalkSegment:
-    """A stretch of one wanted velocity."""
+    """A segment with one commanded velocity."""
 
     name: str
     seconds: float
     command: tuple[float, float, float]
     """Forward and lateral [m/s], yaw rate [rad/s]."""
     slew: float = 1.0
-    """How fast the command goes there [m/s or rad/s a second]; 0 is at once."""
+    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
 
     def __post_init__(self) -> None:
         check(self, slew=NOT_NEGATIVE, seconds=POSITIVE)
@@ -24,7 +24,7 @@ class WalkSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class Allowed:
-    """How far from a segment's command the robot may walk."""
+    """Largest deviation from a segment's command."""
 
     velocity_error_m_s: float
     yaw_rate_error_rad_s: float
@@ -37,9 +37,9 @@ class WebotsSettings:
     timestep_ms: float
     friction: float
     measured_s: float
-    """How much of each segment's end figures are means over [s]."""
+    """Length of the end of each segment over which means are taken [s]."""
     limit_s: float
-    """Of the clock [s]."""
+    """Limit of wall-clock time [s]."""
     segments: tuple[WalkSegment, ...]
 
     def __post_init__(self) -> None:
@@ -48,7 +48,7 @@ class WebotsSettings:
 
 
 def _unmeasurable(settings: WebotsSettings) -> list[tuple[str, str]]:
-    """Faults of a walk without segments, and of segments that end before their means would begin."""
+    """Faults: no segments, and segments shorter than `measured_s`."""
     segments, least_s = getattr(settings, "segments", None), getattr(settings, "measured_s", None)
     if segments is None or least_s is None:
         return []

@@ -1,4 +1,4 @@
-"""Our own modules that the controller needs, found by following imports, to be copied beside it."""
+"""Find the project modules that the controller imports, to copy them beside it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pipeline.errors import PipelineError
 PIPELINE = Path(__file__).resolve().parents[1]
 PROGRAM = Path(__file__).resolve().with_name("booster_lab.py")
 ELSEWHERE = frozenset({"numpy", "jaxtyping", "controller"})
-"""What may be imported besides the standard library: numpy, Webots' module, and jaxtyping, which gets a shim."""
+"""Allowed imports besides the standard library: numpy, Webots' module, and jaxtyping, which gets a shim."""
 
-JAXTYPING_SHIM = '''"""Shapes of arrays are notes for readers here; nothing checks them."""
+JAXTYPING_SHIM = '''"""Array shapes for readers; not checked here."""
 
 
 class _Shape:
@@ -35,7 +35,7 @@ class Bool(_Shape):
 
 
 class ForeignImportError(PipelineError):
-    """The controller would need a package that Webots' Python need not have."""
+    """The controller would need a package that Webots' Python may lack."""
 
     def __init__(self, module: str, package: str):
         super().__init__(
@@ -45,7 +45,7 @@ class ForeignImportError(PipelineError):
 
 
 def needed_modules() -> dict[str, Path]:
-    """Path below the controller's folder -> source, of the program's modules. Raises ForeignImportError."""
+    """Path below the controller's folder -> source file of each needed module. Raises ForeignImportError."""
     found: dict[str, Path] = {}
     waiting = [PROGRAM]
     while waiting:
@@ -80,7 +80,7 @@ def _files(module: str) -> list[Path]:
 
 
 def _imports(path: Path) -> list[str]:
-    """Modules that a file imports when it runs; what only a type checker reads is left out."""
+    """Modules that a file imports at run time, without those under `TYPE_CHECKING`."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     modules = []
     for node in _run(tree):

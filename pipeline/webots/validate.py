@@ -1,4 +1,4 @@
-"""A project in Webots and in what stands in for it, judged. A result is always said of the engine that it came from."""
+"""Run and evaluate a project in Webots and in its stand-ins. A result always names the engine it came from."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ FAILED_TO_RUN = "failed to run"
 
 @dataclass(frozen=True, kw_only=True)
 class WebotsVerdict:
-    """What one engine says of a project."""
+    """Verdict of one engine on a project."""
 
     engine: str
     status: str
-    """`passed`, `failed`, or why nothing was judged: `not run: webots not found` where the program is missing,
-    `failed to run: timed out, it was ended after 300 s` where it is there and gave no result."""
+    """`passed`, `failed`, or why there is no verdict: `not run: webots not found` if the program is missing,
+    `failed to run: timed out, it was ended after 300 s` if it gave no result."""
     reasons: tuple[str, ...] = ()
     result: WalkResult | None = None
 
@@ -43,18 +43,18 @@ class WebotsVerdict:
 
     @property
     def failed_to_run(self) -> bool:
-        """Whether the program is there and gave no result."""
+        """Whether the program was found but gave no result."""
         return self.status.startswith(FAILED_TO_RUN)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON types. The name of the run is left out: it is another each time."""
+        """JSON types, without the name of the run, which differs each time."""
         result = None if self.result is None else {**asdict(self.result), "run": ""}
-        said = {"engine": LABELS[self.engine], "status": self.status, "reasons": list(self.reasons)}
-        return {**said, "result": result}
+        facts = {"engine": LABELS[self.engine], "status": self.status, "reasons": list(self.reasons)}
+        return {**facts, "result": result}
 
 
 def validate(project: Project, settings: WebotsSettings, allowed: Mapping[str, Allowed]) -> dict[str, WebotsVerdict]:
-    """The project in Webots and in both stand-ins; who is missing says so. `allowed` is what `verdict` takes."""
+    """Verdicts of Webots and both stand-ins; a missing engine gives `not run`. `allowed`: see `verdict`."""
     outcomes = {
         WEBOTS: launch_webots(project, settings),
         MUJOCO_STAND_IN: run_stand_in("mujoco", project, settings),
@@ -64,7 +64,7 @@ def validate(project: Project, settings: WebotsSettings, allowed: Mapping[str, A
 
 
 def run_stand_in(engine: str, project: Project, settings: WebotsSettings) -> Outcome:
-    """The project in the engine `mujoco` or `ode`: world, controller and launcher are those of Webots."""
+    """Run the project in the engine `mujoco` or `ode`, with the world, controller and launcher of Webots."""
     if engine == "ode":
         try:
             load_ode()
@@ -76,7 +76,7 @@ def run_stand_in(engine: str, project: Project, settings: WebotsSettings) -> Out
 
 
 def verdict(engine: str, outcome: Outcome, settings: WebotsSettings, allowed: Mapping[str, Allowed]) -> WebotsVerdict:
-    """An outcome held against the bars of segments by name; a segment that has none is not required."""
+    """Compare an outcome with the thresholds by segment name; a segment without thresholds is not required."""
     if outcome.status == NOT_RUN:
         return WebotsVerdict(engine=engine, status=f"{NOT_RUN}: {outcome.reason}")
     if outcome.status != FINISHED or outcome.result is None:
@@ -93,23 +93,23 @@ def _reasons(result: WalkResult, settings: WebotsSettings, allowed: Mapping[str,
     required = [pair for pair in zip(settings.segments, result.segments, strict=True) if pair[0].name in allowed]
     if not required:
         yield "no segment is required: nothing was shown"
-    for said, walked in required:
+    for segment, walked in required:
         figures = (walked.forward_m_s, walked.lateral_m_s, walked.yaw_rate_rad_s)
         if not walked.walked or None in figures:
-            yield f"segment '{said.name}': not walked to its end"
+            yield f"segment '{segment.name}': not walked to its end"
         else:
-            yield from (f"segment '{said.name}': {problem}" for problem in _off(said, allowed[said.name], figures))
+            yield from (f"segment '{segment.name}': {each}" for each in _off(segment, allowed[segment.name], figures))
 
 
-def _off(said: WalkSegment, allowed: Allowed, figures: tuple[float | None, ...]) -> Iterator[str]:
+def _off(segment: WalkSegment, allowed: Allowed, figures: tuple[float | None, ...]) -> Iterator[str]:
     forward, lateral, yaw_rate = (float(each or 0.0) for each in figures)
-    error = math.hypot(forward - said.command[0], lateral - said.command[1])
+    error = math.hypot(forward - segment.command[0], lateral - segment.command[1])
     if error > allowed.velocity_error_m_s:
-        got = f"{forward:.2f}, {lateral:.2f} m/s for {said.command[0]:g}, {said.command[1]:g}"
+        got = f"{forward:.2f}, {lateral:.2f} m/s for {segment.command[0]:g}, {segment.command[1]:g}"
         yield f"walks {got}, off by {error:.3f}, allowed is {allowed.velocity_error_m_s:g}"
-    off = abs(yaw_rate - said.command[2])
+    off = abs(yaw_rate - segment.command[2])
     if off > allowed.yaw_rate_error_rad_s:
         yield (
-            f"turns {yaw_rate:.2f} rad/s for {said.command[2]:g}, off by {off:.3f}, "
+            f"turns {yaw_rate:.2f} rad/s for {segment.command[2]:g}, off by {off:.3f}, "
             f"allowed is {allowed.yaw_rate_error_rad_s:g}"
         )

@@ -1,4 +1,4 @@
-"""Webots' scene language (VRML 97 with PROTO) as a tree of nodes: written as text, and read back.
+"""Webots' scene language (VRML 97 with PROTO) as a tree of nodes, with writer and reader.
 
 A field's value is a tuple of numbers (`0 0 1`), a number list in brackets (a list of floats), a string, a truth value,
 a node, a list of nodes or strings, `None` (NULL) or an `Is` (a field that a PROTO takes from its interface).
@@ -19,7 +19,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 
 
 class VrmlError(PipelineError):
-    """A text that is no scene.
+    """A text that is not a scene.
 
     Args:
         problem: what is wrong, as a sentence
@@ -33,7 +33,7 @@ class VrmlError(PipelineError):
 
 @dataclass(frozen=True)
 class Is:
-    """A value that the PROTO's interface gives."""
+    """A value taken from the PROTO's interface."""
 
     field: str
 
@@ -45,7 +45,7 @@ class Node:
     kind: str
     fields: dict[str, Any] = field(default_factory=dict)
     name: str = ""
-    """Of its DEF, empty where it has none."""
+    """Name of its DEF, else empty."""
 
     def nodes(self) -> Iterator[Node]:
         """This node and all below it."""
@@ -61,7 +61,7 @@ class Node:
 
 @dataclass(frozen=True, kw_only=True)
 class Proto:
-    """A node type: its interface, as (type, name, default), and the node it stands for."""
+    """A node type: its interface as (type, name, default), and the node it expands to."""
 
     name: str
     interface: tuple[tuple[str, str, Any], ...]
@@ -73,7 +73,7 @@ class Scene:
     """A `.wbt` or `.proto` file."""
 
     version: str
-    """As `R2023b`."""
+    """Release, such as `R2023b`."""
     extern: tuple[str, ...]
     """Files of the PROTOs that it uses."""
     protos: tuple[Proto, ...]
@@ -226,7 +226,7 @@ class _Reader:
             raise VrmlError(f"'{got}' stands where '{token}' should.", self._line())
 
     def _line(self) -> int:
-        """Of the token read last."""
+        """Line of the last token."""
         return self.tokens[min(self.at, len(self.tokens)) - 1][1] if self.tokens else 1
 
 

@@ -1,4 +1,4 @@
-"""The world: a floor, how feet touch it, and one robot."""
+"""The world: a floor, contact properties, and one robot."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pipeline.webots.proto import MATERIAL, VERSION, proto_name
 from pipeline.webots.vrml import Node, Scene
 
 TIMESTEPS_MS = (1.0, 5.0)
-"""What `basicTimeStep` may be: 1 as in Booster's own world, 5 as the policies were trained."""
+"""Allowed `basicTimeStep` [ms]: 1 as in Booster's own world, 5 as in training."""
 FLOOR = "floor"
 GRAVITY = 9.81
 ERP, CFM = 0.2, 1e-5
 SOFT_ERP, SOFT_CFM = 0.2, 1e-3
-"""Webots' defaults, stated: how fast a contact's depth is undone, and how soft it is."""
+"""Webots' defaults, stated explicitly: error reduction and softness of a contact."""
 
 
 class TimestepError(PipelineError):
-    """A timestep that the world can't have."""
+    """A timestep that is not supported."""
 
     def __init__(self, timestep_ms: float):
         allowed = " or ".join(f"{each:g}" for each in TIMESTEPS_MS)

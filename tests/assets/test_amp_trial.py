@@ -15,7 +15,7 @@ from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.actuators import adapt, write_adapted_robot
 from pipeline.deployment import load_policy
 from pipeline.expert import ExpertEntry, write_database
-from pipeline.export.trained_task import trained_task
+from pipeline.export.metadata import trained_task
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.sweeps import SETTINGS
 

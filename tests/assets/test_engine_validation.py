@@ -9,7 +9,7 @@ import pytest
 
 from assets.plan import engine_plans
 from assets.webots import _checks, stored_verdict
-from pipeline.release.dossier import Dossier, Status, judged
+from pipeline.release.dossier import Dossier, Status, verdict_of
 from pipeline.webots.validate import MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict
 
 
@@ -25,7 +25,7 @@ def stored(status: str, reasons: tuple[str, ...] = ()) -> dict[str, Any]:
 def test_a_missing_webots_is_not_run_though_a_stand_in_passed():
     said = stored("not run: webots not found")
     assert (said["passed"], said["not_run"], said["failed_to_run"]) == (None, ["not run: webots not found"], [])
-    page = judged("webots_validation", said, "d1")
+    page = verdict_of("webots_validation", said, "d1")
     assert page.status is Status.NOT_RUN
     assert page.reasons == ("not run: webots not found",)
 
@@ -42,7 +42,7 @@ def test_a_missing_webots_is_not_run_though_a_stand_in_passed():
 def test_a_webots_that_breaks_is_neither_missing_nor_a_verdict(status: str):
     said = stored(status)
     assert (said["passed"], said["not_run"], said["failed_to_run"]) == (None, [], [status])
-    found = judged("webots_validation", said, "d1")
+    found = verdict_of("webots_validation", said, "d1")
     assert found.status is Status.FAILED_TO_RUN
     dossier = Dossier(title="t", policy="d1", card=(), lineage=(), verdicts=(found,))
     assert dossier.open_points == (f"webots_validation: {status}",)
@@ -53,7 +53,7 @@ def test_a_stand_in_that_breaks_is_told_beside_the_verdict_of_webots():
         WEBOTS: WebotsVerdict(engine=WEBOTS, status="passed"),
         MUJOCO_STAND_IN: WebotsVerdict(engine=MUJOCO_STAND_IN, status="failed to run: crashed, it died of SIGABRT"),
     }
-    found = judged("webots_validation", stored_verdict("webots_validation", "d1", verdicts, WEBOTS), "d1")
+    found = verdict_of("webots_validation", stored_verdict("webots_validation", "d1", verdicts, WEBOTS), "d1")
     assert found.status is Status.PASSED
     assert found.failed_to_run == ("mujoco stand-in: failed to run: crashed, it died of SIGABRT",)
 
@@ -72,8 +72,8 @@ def test_the_check_of_a_webots_that_breaks_is_an_error(status: str, severity: dg
 
 
 def test_a_pass_in_webots_is_one_and_a_failure_has_its_reasons():
-    assert judged("webots_validation", stored("passed"), "d1").status is Status.PASSED
-    failed = judged("webots_validation", stored("failed", ("fell after 3.00 s",)), "d1")
+    assert verdict_of("webots_validation", stored("passed"), "d1").status is Status.PASSED
+    failed = verdict_of("webots_validation", stored("failed", ("fell after 3.00 s",)), "d1")
     assert failed.status is Status.FAILED
     assert failed.reasons == ("fell after 3.00 s",)
 
@@ -85,6 +85,6 @@ def test_stand_ins_stand_by_their_own_names():
         MUJOCO_STAND_IN: "MuJoCo (stand-in, not Webots)",
         ODE_STAND_IN: "ODE (Webots' engine family, upstream; stand-in, not Webots)",
     }
-    facts = dict(judged("webots_validation", said, "d1").facts)
+    facts = dict(verdict_of("webots_validation", said, "d1").facts)
     assert facts[MUJOCO_STAND_IN] == "passed"
     assert facts[ODE_STAND_IN] == "not run: ode not found"

@@ -16,7 +16,7 @@ from pipeline.export.export_error import ExportError
 from pipeline.export.folder import Source, complete_export, export_policy, read_export
 from pipeline.export.golden import read_golden
 from pipeline.export.licence import SHIPPABLE, shipping
-from pipeline.export.trained_task import trained_task
+from pipeline.export.metadata import trained_task
 from tests.factories.networks import network, network_file
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
 

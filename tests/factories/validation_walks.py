@@ -10,7 +10,7 @@ from pipeline.simulation.record import Rollout
 from pipeline.validation.cells import TRACKING, Cell
 from pipeline.validation.figures import Numbers
 from pipeline.validation.measure import Measured
-from pipeline.validation.trial import Profile, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 
 
 def gliding_rollout(
@@ -51,7 +51,9 @@ def gliding_rollout(
 def cell(name: str, count: int = 2, figures: tuple[str, ...] = TRACKING, forward: float = 1.0) -> Cell:
     """A cell of `count` alike trials at a forward speed."""
     trials = tuple(
-        Trial(seed=seed, command=Profile(wanted=(Wanted(forward=forward),)), seconds=10.0, measure_s=4.0)
+        Trial(
+            seed=seed, command=CommandProfile(commands=(VelocityCommand(forward=forward),)), seconds=10.0, measure_s=4.0
+        )
         for seed in range(1, count + 1)
     )
     return Cell(name=name, group="commands", figures=figures, trials=trials)

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from pipeline.release.dossier import Dossier, Picture, Status, Verdict, judged
+from pipeline.release.dossier import Dossier, Picture, Status, Verdict, verdict_of
 from pipeline.release.page import page
 
 POLICY = "a" * 64
@@ -57,7 +57,7 @@ def said(text):
 
 
 def test_a_check_that_passed_on_this_policy_has_passed():
-    found = judged("MuJoCo", result(), POLICY)
+    found = verdict_of("MuJoCo", result(), POLICY)
     assert (found.status, found.reasons) == (Status.PASSED, ())
     assert dossier(found).open_points == ()
     assert "Every check was run and passed (1 passed)" in said(
@@ -83,7 +83,7 @@ def test_a_check_that_passed_on_this_policy_has_passed():
     ],
 )
 def test_nothing_else_has_passed(stored, outdated, status, why):
-    found = judged("check", stored, POLICY, outdated)
+    found = verdict_of("check", stored, POLICY, outdated)
     assert found.status is status
     assert why in "; ".join(found.reasons)
     text = said(page(dossier(found)))
@@ -93,7 +93,7 @@ def test_nothing_else_has_passed(stored, outdated, status, why):
 
 
 def test_a_part_that_was_not_run_keeps_the_page_from_being_ready():
-    found = judged("limit cycles", result(**{"not run": ["no hardware log walks at 0.6 m/s"]}), POLICY)
+    found = verdict_of("limit cycles", result(**{"not run": ["no hardware log walks at 0.6 m/s"]}), POLICY)
     assert found.status is Status.PASSED
     assert dossier(found).open_points == ("limit cycles: not run: no hardware log walks at 0.6 m/s",)
     text = page(dossier(found))
@@ -104,26 +104,28 @@ def test_a_part_that_was_not_run_keeps_the_page_from_being_ready():
 
 def test_what_failed_to_run_is_neither_failed_nor_missing_and_keeps_the_page_from_being_ready():
     broken = "failed to run: timed out, it was ended after 120 s"
-    found = judged("webots", result(passed=None, failed_to_run=[broken]), POLICY)
+    found = verdict_of("webots", result(passed=None, failed_to_run=[broken]), POLICY)
     assert (found.status, found.failed_to_run, found.not_run) == (Status.FAILED_TO_RUN, (broken,), ())
     assert dossier(found).open_points == (f"webots: {broken}",)
     text = said(page(dossier(found)))
     assert "Not ready to sign: 1 failed to run." in text
     assert broken in text.split("What failed to run")[1].split("What was not run")[0]
     assert broken not in text.split("What was not run")[1]
-    beside = judged("webots", result(failed_to_run=["mujoco stand-in: failed to run: crashed"]), POLICY)
+    beside = verdict_of("webots", result(failed_to_run=["mujoco stand-in: failed to run: crashed"]), POLICY)
     assert beside.status is Status.PASSED
     assert dossier(beside).open_points == ("webots: mujoco stand-in: failed to run: crashed",)
 
 
 def test_without_checks_or_policy_it_is_not_ready():
     assert dossier().open_points == ("nothing was checked",)
-    assert dossier(judged("MuJoCo", result(), POLICY), policy="").open_points == ("there is no policy",)
+    assert dossier(verdict_of("MuJoCo", result(), POLICY), policy="").open_points == ("there is no policy",)
 
 
 def test_reasons_come_in_any_form_and_all_of_them():
     spared = {"vx +0.3": "t1_walk stands", "vy 0.3": ["stands", "falls"]}
-    found = judged("MuJoCo", result(passed=False, reasons=["one", "two"], not_required=spared, suite="full"), POLICY)
+    found = verdict_of(
+        "MuJoCo", result(passed=False, reasons=["one", "two"], not_required=spared, suite="full"), POLICY
+    )
     assert found.reasons == ("one", "two")
     assert found.not_required == ("vx +0.3: t1_walk stands", "vy 0.3: stands; falls")
     assert found.facts == (("suite", "full"),)
@@ -152,7 +154,7 @@ def test_every_text_is_escaped():
 
 def test_the_page_needs_nothing_else():
     moving = Picture(caption="walk", data=b"GIF89a", kind="gif")
-    found = judged("MuJoCo", result(), POLICY, pictures=[moving])
+    found = verdict_of("MuJoCo", result(), POLICY, pictures=[moving])
     loaded = Reader(page(dossier(found))).loaded
     assert loaded == [
         f"data:image/gif;base64,{base64.b64encode(b'GIF89a').decode()}",
@@ -161,14 +163,14 @@ def test_the_page_needs_nothing_else():
 
 
 def test_the_same_dossier_gives_the_same_bytes_and_a_change_another_digest():
-    one, two = judged("MuJoCo", result(), POLICY), judged("MuJoCo", result(suite="quick"), POLICY)
+    one, two = verdict_of("MuJoCo", result(), POLICY), verdict_of("MuJoCo", result(suite="quick"), POLICY)
     assert page(dossier(one)) == page(dossier(one))
     digests = [re.findall(r"<td>([0-9a-f]{64})</td>", page(dossier(each)))[-1] for each in (one, two)]
     assert digests[0] != digests[1]
 
 
 def test_there_is_room_for_a_signature_and_what_is_signed():
-    text = said(page(dossier(judged("MuJoCo", result(), POLICY))))
+    text = said(page(dossier(verdict_of("MuJoCo", result(), POLICY))))
     for each in ("Signature", "Name", "Date", POLICY, "I have read what failed and what was not run"):
         assert each in text
 

@@ -28,7 +28,7 @@ def bundle_folder(tmp_path_factory, root, robot):
 def test_a_walk_has_the_figures_that_validation_measures(bundle_folder, root, command):
     """Two independent implementations agree within a few per cent."""
     one = deployed(bundle_folder.parent / "robot", load_policy(root / SHIPPED))
-    (cell,) = (each for each in command_cells((0,)) if each.trials[0].command.wanted[-1].goal == command)
+    (cell,) = (each for each in command_cells((0,)) if each.trials[0].command.last.goal == command)
     (expected,) = measure(one, [cell])[0].trials
     found = walked(bundle_folder, root / SHIPPED, "", Walk(cell="", command=command))
     for name in ("forward", "yaw_rate"):

@@ -19,7 +19,7 @@ from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures, command_of, start_state, walk
 from pipeline.validation.deployed import Deployed
-from pipeline.viewing.cross_engine_plots import cross_engine_plots
+from pipeline.viewing.engine_plots import cross_engine_plots
 
 
 def walked(**changes: float | None) -> Figures:
@@ -207,7 +207,7 @@ def test_bars_of_another_robot_are_said(
     other = judged(monkeypatch, still, settings, rules, asked(), **well)
     said = other.to_dict()
     assert said["robot_digest"] == still.robot.digest != said["robot_of_bars"] == rules.reference.robot
-    assert f"({rules.reference.robot[:12]}) than the one judged ({still.robot.digest[:12]})" in said["note"]
+    assert f"({rules.reference.robot[:12]}) than the evaluated one ({still.robot.digest[:12]})" in said["note"]
     assert other.passed
     own = dataclasses.replace(rules, reference=dataclasses.replace(rules.reference, robot=still.robot.digest))
     assert judged(monkeypatch, still, settings, own, asked(), **well).to_dict()["note"] is None

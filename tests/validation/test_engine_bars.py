@@ -19,7 +19,7 @@ from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings,
 from pipeline.validation.cross_engine_walk import Figures
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.derive import ENGINES, PARTS, derive, main
-from pipeline.validation.engine_bars import engine_bars
+from pipeline.validation.derived_bars import engine_bars
 from tests.factories.policies import still_policy
 
 SIMULATION = SimulationSettings(timestep_s=0.005, friction=1.0, seeds=2, start_joint_pos=0.0, start_yaw=0.0)

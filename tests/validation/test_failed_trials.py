@@ -20,7 +20,7 @@ from pipeline.validation.failed_trials import failed_trial, file_name, missed_by
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import measure_trials
 from pipeline.validation.push_cells import push_cells
-from pipeline.validation.trial import Profile, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 from pipeline.validation.verdict import CellVerdict, Reason, Verdict
 from pipeline.validation.walk import Worlds
 from tests.factories.log_trials import FAILURES, nominal_actuators, trial_of
@@ -78,7 +78,7 @@ def test_the_worst_trial_is_the_first_that_fell_or_the_farthest_from_its_bar():
 
 
 def test_a_walk_off_its_command_is_found_in_its_log(still: Deployed):
-    profile = Profile(wanted=(Wanted(forward=0.4, lateral=-0.6),), slew=None)
+    profile = CommandProfile(commands=(VelocityCommand(forward=0.4, lateral=-0.6),), slew=None)
     one = Cell(
         name="vx +0.4",
         group="commands",

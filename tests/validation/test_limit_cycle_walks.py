@@ -15,7 +15,7 @@ from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
-from pipeline.validation.limit_cycle_bars import limit_cycle_bars
+from pipeline.validation.derived_bars import limit_cycle_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import (
     SpeedCycles,
@@ -25,7 +25,7 @@ from pipeline.validation.limit_cycle_walks import (
     walk_series,
 )
 from pipeline.validation.limit_cycles import PLANES, compare, limit_cycle
-from pipeline.viewing.limit_cycle_plots import limit_cycle_plots
+from pipeline.viewing.engine_plots import limit_cycle_plots
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network
 

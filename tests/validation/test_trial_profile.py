@@ -9,11 +9,11 @@ from pipeline.simulation.events import Kick, Push, Throw
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE
 from pipeline.validation.push_cells import BALL, ball_speed, push_cells
 from pipeline.validation.suites import FULL, QUICK, cells_of, full, named, quick
-from pipeline.validation.trial import Profile, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 
 
 def test_a_command_is_slewed_at_one_unit_a_second_from_zero():
-    values = Profile(wanted=(Wanted(forward=2.0, yaw_rate=-0.5),)).sampled(50.0, 3.0)
+    values = CommandProfile(commands=(VelocityCommand(forward=2.0, yaw_rate=-0.5),)).sampled(50.0, 3.0)
     times_s = np.arange(150) / 50.0
     np.testing.assert_allclose(values[:, 0], np.minimum(times_s, 2.0), atol=1e-9)
     np.testing.assert_allclose(values[:, 2], -np.minimum(times_s, 0.5), atol=1e-9)
@@ -21,13 +21,17 @@ def test_a_command_is_slewed_at_one_unit_a_second_from_zero():
 
 
 def test_a_command_without_slew_is_there_at_once():
-    values = Profile(wanted=(Wanted(forward=2.0), Wanted(start_s=1.0)), slew=None).sampled(50.0, 2.0)
+    values = CommandProfile(commands=(VelocityCommand(forward=2.0), VelocityCommand(start_s=1.0)), slew=None).sampled(
+        50.0, 2.0
+    )
     np.testing.assert_array_equal(values[:50, 0], 2.0)
     np.testing.assert_array_equal(values[50:, 0], 0.0)
 
 
 def test_a_switch_is_slewed_from_where_the_command_is():
-    values = Profile(wanted=(Wanted(forward=1.0), Wanted(start_s=2.0, lateral=0.5))).sampled(50.0, 4.0)
+    values = CommandProfile(commands=(VelocityCommand(forward=1.0), VelocityCommand(start_s=2.0, lateral=0.5))).sampled(
+        50.0, 4.0
+    )
     assert values[99, 0] == pytest.approx(1.0)
     assert values[125, 0] == pytest.approx(1.0 - 26 / 50)
     assert values[125, 1] == pytest.approx(0.5)

@@ -18,14 +18,14 @@ from pipeline.validation.cross_engine_faults import action_scale_halved, left_an
 from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_kd
 from pipeline.validation.figures import numbers_of
 from pipeline.validation.measure import measure
-from pipeline.validation.numbers_file import question_of, read_numbers, write_numbers
+from pipeline.validation.numbers_file import cell_digest, read_numbers, write_numbers
 from pipeline.validation.push_cells import push_cells
 from pipeline.validation.suites import named
-from pipeline.validation.trial import Conditions, GroundSpec, Profile, Start, Trial, Wanted
+from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
 from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
 from tests.factories.policies import random_policy, still_policy
 
-STAND = Profile(wanted=(Wanted(),))
+STAND = CommandProfile(commands=(VelocityCommand(),))
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_kept_numbers_are_of_the_same_question_only(tmp_path: Path, still: Deplo
         wrong_joint_order(still),
         left_and_right_swapped(still),
     )
-    assert len({question_of(one, cell) for one in (still, *others)}) == 7
+    assert len({cell_digest(one, cell) for one in (still, *others)}) == 7
     for one in others:
         assert read_numbers(tmp_path / "numbers.json", one, (cell,)) == {}
     (tmp_path / "numbers.json").write_text("{")

@@ -149,7 +149,7 @@ def test_bars_of_another_robot_are_said_and_hold_all_the_same():
     other = judge([found], _settings(found), suite="quick", policy="p", robot="another")
     assert other.passed and own.passed
     assert (other.to_dict()["robot"], other.to_dict()["robot_of_bars"]) == ("another", "r")
-    assert "were derived on another robot (r) than the one judged (another)" in other.to_dict()["note"]
+    assert "were derived on another robot (r) than the evaluated one (another)" in other.to_dict()["note"]
     assert "materialize `adapted_robot`" in other.note
     assert as_text(other).splitlines()[-2:] == [f"  note  {other.note}", "passed"]
 

@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.files.settings import read
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.derived_bars import allowed_of, webots_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import name_of
-from pipeline.validation.webots_bars import allowed_of, webots_bars
 from pipeline.webots.result import WalkedSegment, WalkResult
 from pipeline.webots.settings import WalkSegment, WebotsSettings
 

@@ -18,7 +18,7 @@ from pipeline.robot import Robot
 from pipeline.robot.read import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings
-from pipeline.validation.webots_bars import allowed_of
+from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.launch import Outcome
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.scene_model import SceneModel, read_scene

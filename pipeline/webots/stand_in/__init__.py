@@ -1,5 +1,4 @@
-"""In Webots' place where Webots is missing: loads a world of ours, steps it in another engine, runs its controller.
+"""Stand-in for Webots: load a project's world, step it in another engine, and run its unchanged controller.
 
-Controller and project are those that Webots would run, to the byte. What comes of it is said of MuJoCo or of ODE, never
-of Webots.
+Results are labelled with MuJoCo or ODE, never with Webots.
 """

@@ -1,4 +1,4 @@
-"""What the stand-in asks of a physics engine."""
+"""Interface of a physics engine in the stand-in."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from pipeline.webots.scene_model import SceneModel
 
 @dataclass(frozen=True, kw_only=True)
 class RootMotion:
-    """Of the robot's own frame, in the world."""
+    """Motion of the robot's root frame in the world."""
 
     pos_w: Float[np.ndarray, " 3"]
     quat_w: Float[np.ndarray, " 4"]
     lin_vel_w: Float[np.ndarray, " 3"]
-    """Of its origin."""
+    """Velocity of its origin [m/s]."""
     ang_vel_w: Float[np.ndarray, " 3"]
 
 
 @runtime_checkable
 class Engine(Protocol):
-    """A scene that was built and is stepped. Hinges in the scene's order."""
+    """A simulated scene, h hinges in the scene's order."""
 
     label: str
-    """What results are said of."""
+    """Name of the engine in results."""
 
     def step(self, torque: Float[np.ndarray, " h"]) -> None:
-        """One basic timestep with hinge torques [N m]."""
+        """Advance by one basic timestep with hinge torques [N m]."""
         ...
 
     def joint_pos(self) -> Float[np.ndarray, " h"]:
-        """[rad], zero as the PROTO has it."""
+        """Hinge positions [rad], zero as in the PROTO."""
         ...
 
     def root(self) -> RootMotion: ...
 
 
 def start_poses(scene: SceneModel) -> tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 4"]]:
-    """World positions and orientations of all bodies as the file has them."""
+    """World positions [m] and orientations of all bodies at the start."""
     pos, quat = [], []
     for body in scene.bodies:
         if body.parent < 0:

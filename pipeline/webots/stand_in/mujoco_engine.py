@@ -1,4 +1,4 @@
-"""A scene in MuJoCo: soft convex contacts, always there."""
+"""A scene in MuJoCo, with soft convex contacts; always available."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep, spec.option.gravity = scene.timestep_ms / 1000.0, [0.0, 0.0, -scene.gravity]
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges must not stand up again
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a diverged state must not be reset
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -64,7 +64,7 @@ def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
         made.append(_add_body(parent, body, scene))
     model = spec.compile()
     for index, body in enumerate(scene.bodies, start=1):
-        principal, axes = np.linalg.eigh(body.moment)  # not before: the compiler refuses a rotor on a small link
+        principal, axes = np.linalg.eigh(body.moment)  # after compiling, which refuses a rotor on a small link
         axes[:, 2] *= np.linalg.det(axes)
         model.body_inertia[index], model.body_iquat[index] = principal, rotation.from_matrix(axes)
     mujoco.mj_setConst(model, mujoco.MjData(model))

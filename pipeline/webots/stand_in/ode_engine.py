@@ -1,7 +1,7 @@
 """A scene in ODE, the engine that Webots is built on, through Debian's python3-pyode: upstream ODE, not Webots.
 
-Contacts as Webots makes them: friction pyramid (ContactApprox1), softERP and softCFM of the ContactProperties, no
-bounce; `World.step` and not `quickStep`, in which the robot falls.
+Contacts as in Webots: friction pyramid (ContactApprox1), softERP and softCFM of the ContactProperties, no bounce.
+`World.step` is used, since the robot falls with `quickStep`.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from pipeline.webots.scene_model import Body, Primitive, SceneModel
 from pipeline.webots.stand_in.engine import RootMotion, start_poses
 
 FOLDER_VARIABLE = "BOOSTER_LAB_ODE"
-"""Names a folder with pyode's module, where it isn't installed."""
+"""Environment variable with the folder of pyode's module, if it is not installed."""
 DEBIAN_FOLDER = Path("/usr/lib/python3/dist-packages")
 NOT_FOUND = "ode not found"
 
 
 class OdeNotFoundError(PipelineError):
-    """pyode doesn't import."""
+    """pyode can't be imported."""
 
     def __init__(self, why: str):
         super().__init__(f"{NOT_FOUND} ({why}); install Debian's python3-pyode, or run the mujoco stand-in.")
 
 
 def load_ode() -> Any:
-    """pyode's module: as installed, from the folder that `BOOSTER_LAB_ODE` names, or from Debian's.
+    """pyode's module: installed, from the folder `BOOSTER_LAB_ODE`, or from Debian's folder.
 
-    Only the module's own file is loaded from a folder, so that its neighbours replace nothing. Raises
+    Only the module's own file is loaded from a folder, so that other modules there shadow nothing. Raises
     OdeNotFoundError.
     """
     try:
@@ -57,7 +57,7 @@ def load_ode() -> Any:
 
 
 def _with_worlds(module: Any) -> Any:
-    """The module, if it is pyode and not a folder that bears its name."""
+    """The module, if it is pyode and not a folder of the same name."""
     if not hasattr(module, "World"):
         raise ImportError("the module 'ode' that is there is not pyode")
     return module
@@ -108,7 +108,7 @@ class OdeEngine:
         )
 
     def gap(self) -> float:
-        """Largest distance [m] between the two sides of a hinge: how far the constraints have drifted."""
+        """Largest distance [m] between the two anchors of a hinge: the drift of the constraints."""
         apart = [np.subtract(hinge.getAnchor(), hinge.getAnchor2()) for hinge in self.hinges]
         return float(np.linalg.norm(apart, axis=1).max())
 
@@ -138,23 +138,23 @@ class OdeEngine:
         return kind(space, *shape.size)
 
     def _hinge(self, index: int, pos: np.ndarray, quat: np.ndarray) -> Any:
-        """Angles are counted from the start; stops too."""
+        """Angles and stops are relative to the start."""
         body = self.scene.bodies[index]
-        said = body.hinge
-        assert said is not None
+        model = body.hinge
+        assert model is not None
         hinge = self.ode.HingeJoint(self.world)
         hinge.attach(self.bodies[index], self.bodies[body.parent])
-        anchor_w = pos[body.parent] + rotation.rotate(quat[body.parent], said.anchor)
+        anchor_w = pos[body.parent] + rotation.rotate(quat[body.parent], model.anchor)
         hinge.setAnchor(tuple(anchor_w.tolist()))
-        hinge.setAxis(tuple(rotation.rotate(quat[body.parent], said.axis).tolist()))
-        if said.stops is not None:
-            low, high = (float(np.clip(stop - said.position, -np.pi, np.pi)) for stop in said.stops)
+        hinge.setAxis(tuple(rotation.rotate(quat[body.parent], model.axis).tolist()))
+        if model.stops is not None:
+            low, high = (float(np.clip(stop - model.position, -np.pi, np.pi)) for stop in model.stops)
             hinge.setParam(self.ode.ParamLoStop, low)
             hinge.setParam(self.ode.ParamHiStop, high)
         return hinge
 
     def _touch(self, _: Any, one: Any, two: Any) -> None:
-        """Contacts of a pair of shapes that are near each other."""
+        """Add the contacts of two nearby shapes."""
         ode = self.ode
         first, second = one.getBody(), two.getBody()
         if first is second or (first and second and (not self.scene.self_collision or ode.areConnected(first, second))):

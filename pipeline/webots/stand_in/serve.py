@@ -1,4 +1,4 @@
-"""A world run in an engine while its controller, a process of its own as with Webots, says the torques."""
+"""Simulate a world in an engine while its controller, a separate process as in Webots, commands the torques."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ API = Path(__file__).resolve().parent / "api"
 """Folder of the module `controller`."""
 SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
 GRACE_S = 5.0
-"""How long a controller may take to end after the simulation did."""
+"""Time that a controller may take to end after the simulation [s]."""
 
 
 class Simulation:
@@ -39,7 +39,7 @@ class Simulation:
         return self.steps * self.scene.timestep_ms / 1000.0
 
     def hello(self) -> dict[str, Any]:
-        """What a controller is told first."""
+        """First message to a controller: devices, timestep, supervisor state."""
         devices: dict[str, list[Any]] = {name: ["PositionSensor"] for name in self.sensors}
         for _, hinge in self.scene.hinges:
             devices[hinge.motor] = ["Motor", hinge.max_torque, hinge.max_velocity]
@@ -52,7 +52,7 @@ class Simulation:
         }
 
     def step(self, message: dict[str, Any]) -> dict[str, Any]:
-        """Timesteps as a controller asks for them, and what its sensors say after."""
+        """Advance by the requested time and return the sensor values."""
         torque = np.zeros(len(self.motors))
         for name, value in message["torque"].items():
             torque[self.motors[name]] = value
@@ -63,7 +63,7 @@ class Simulation:
         return {"time": self.time_s, "truth": self.truth(), "values": self.values(message["enabled"])}
 
     def truth(self) -> dict[str, list[float]]:
-        """What a supervisor is told: the place of the origin and, as by Webots, the velocity of the centre of mass."""
+        """Supervisor state: pose of the origin and, as in Webots, velocity of the centre of mass."""
         root = self.root
         com_vel_w = _velocity_at(self.scene.bodies[0].com, root)
         return {
@@ -73,7 +73,7 @@ class Simulation:
         }
 
     def values(self, enabled: dict[str, int]) -> dict[str, list[float]]:
-        """Of the sensors that are enabled and due."""
+        """Values of the sensors that are enabled and due."""
         due = [name for name, period in enabled.items() if round(self.time_s * 1000.0) % period == 0]
         joint_pos = self.engine.joint_pos()
         found = {}
@@ -97,7 +97,7 @@ def _imu(kind: str, place: np.ndarray, now: RootMotion, before: RootMotion, scen
 
 
 def _velocity_at(place: np.ndarray, root: RootMotion) -> np.ndarray:
-    """Velocity in the world of a point of the root, given in its frame."""
+    """World velocity of a point given in the root's frame."""
     return root.lin_vel_w + np.cross(root.ang_vel_w, rotation.rotate(root.quat_w, place))
 
 
@@ -114,7 +114,7 @@ def make_engine(name: str, scene: SceneModel) -> Engine:
 
 def serve(world: Path, engine: str) -> int:
     """Run a world until its controller ends it; the exit status. Raises FileError, OdeNotFoundError."""
-    world = world.resolve()  # the controller starts in a folder of its own
+    world = world.resolve()  # the controller has another working directory
     scene = read_scene(world)
     simulation = Simulation(scene, make_engine(engine, scene))
     program = world.parent.parent / "controllers" / scene.controller / f"{scene.controller}.py"
@@ -129,7 +129,7 @@ def serve(world: Path, engine: str) -> int:
     try:
         status = _talk(simulation, ours)
     except (BrokenPipeError, ConnectionResetError):
-        status = 0  # what the controller ended with tells more
+        status = 0  # the controller's exit status is more informative
     try:
         return process.wait(GRACE_S) or status
     except subprocess.TimeoutExpired:
@@ -138,7 +138,7 @@ def serve(world: Path, engine: str) -> int:
 
 
 def _talk(simulation: Simulation, ours: socket.socket) -> int:
-    """Answer the controller until it quits or is gone."""
+    """Answer the controller until it quits or disconnects."""
     with ours, ours.makefile("rw", encoding="utf-8") as stream:
         answer: dict[str, Any] | None = simulation.hello()
         while answer is not None:

@@ -1,7 +1,7 @@
-"""Webots' module `controller`, as far as our controller uses it, before a stand-in's process.
+"""Webots' module `controller`, as far as our controller uses it, connected to a stand-in's process.
 
-Lines of JSON go through a socket whose number stands in the environment. Sensors have values after the first step that
-follows their `enable`, as in Webots; a torque beyond a motor's limit is cut.
+JSON lines are exchanged over a socket whose file descriptor is in the environment. As in Webots, sensors have values
+after the first step that follows `enable`, and torques are limited to a motor's maximum.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ SOCKET_VARIABLE = "BOOSTER_LAB_STAND_IN"
 
 
 class Device:
-    """Something with a name that the robot has."""
+    """A device of the robot."""
 
     def __init__(self, robot: Robot, name: str):
         self._robot, self._name, self._period = robot, name, 0
@@ -73,7 +73,7 @@ class InertialUnit(Device):
 
 
 class Node:
-    """The robot as a supervisor sees it."""
+    """The robot's node, for a supervisor."""
 
     def __init__(self, robot: Robot):
         self._robot = robot
@@ -86,7 +86,7 @@ class Node:
         return self._robot._truth["orientation"]
 
     def getVelocity(self) -> list[float]:
-        """Linear, of the centre of mass, then angular, in the world."""
+        """Linear velocity of the centre of mass, then angular velocity, in the world."""
         return self._robot._truth["velocity"]
 
 
@@ -95,10 +95,10 @@ class Robot:
 
     def __init__(self) -> None:
         self._stream = socket.socket(fileno=int(os.environ[SOCKET_VARIABLE])).makefile("rw", encoding="utf-8")
-        said = self._hear()
-        self._step_ms: float = said["timestep_ms"]
-        self._name: str = said["name"]
-        self._truth: dict[str, list[float]] = said["truth"]
+        hello = self._receive()
+        self._step_ms: float = hello["timestep_ms"]
+        self._name: str = hello["name"]
+        self._truth: dict[str, list[float]] = hello["truth"]
         self._torque: dict[str, float] = {}
         self._enabled: dict[str, int] = {}
         self._values: dict[str, list[float]] = {}
@@ -110,7 +110,7 @@ class Robot:
             "InertialUnit": InertialUnit,
             "Accelerometer": Accelerometer,
         }
-        for name, (kind, *numbers) in said["devices"].items():
+        for name, (kind, *numbers) in hello["devices"].items():
             self._devices[name] = Motor(self, name, *numbers) if kind == "Motor" else kinds[kind](self, name)
 
     def getBasicTimeStep(self) -> float:
@@ -130,28 +130,28 @@ class Robot:
     def step(self, duration: int) -> int:
         if duration <= 0 or duration % self._step_ms:
             raise ValueError(f"a step of {duration} ms is no multiple of {self._step_ms:g} ms")
-        self._say({"step": duration, "torque": self._torque, "enabled": self._enabled})
-        said = self._hear()
-        if said.get("end"):
+        self._send({"step": duration, "torque": self._torque, "enabled": self._enabled})
+        answer = self._receive()
+        if answer.get("end"):
             return -1
-        self._time, self._truth = said["time"], said["truth"]
-        self._values.update(said["values"])
+        self._time, self._truth = answer["time"], answer["truth"]
+        self._values.update(answer["values"])
         return 0
 
-    def _say(self, message: dict) -> None:
+    def _send(self, message: dict) -> None:
         self._stream.write(json.dumps(message) + "\n")
         self._stream.flush()
 
-    def _hear(self) -> dict:
+    def _receive(self) -> dict:
         line = self._stream.readline()
         return json.loads(line) if line else {"end": True}
 
 
 class Supervisor(Robot):
-    """A robot that may look at the world."""
+    """A robot with access to the world."""
 
     def getSelf(self) -> Node:
         return Node(self)
 
     def simulationQuit(self, status: int) -> None:
-        self._say({"quit": status})
+        self._send({"quit": status})

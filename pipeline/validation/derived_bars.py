@@ -1,0 +1,131 @@
+"""Bars of walks in several engines, limit cycles and Webots, derived from the reference policy's walks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from pipeline.validation.bars import Agreement, Bar, CellBars, Required, ValidationSettings, bar_of, missed
+from pipeline.validation.cross_engine import HELD, NAMES, CellResult, CrossEngineResult, differences, errors_of
+from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
+from pipeline.validation.limit_cycle_walks import ENGINES as CYCLE_ENGINES
+from pipeline.validation.limit_cycle_walks import SpeedCycles
+from pipeline.validation.limit_cycle_walks import figures_of as cycle_figures_of
+from pipeline.validation.limit_cycle_walks import name_of as speed_name
+from pipeline.webots.result import WalkedSegment, WalkResult
+from pipeline.webots.settings import Allowed, WalkSegment, WebotsSettings
+
+
+def engine_bars(
+    runs: Sequence[CrossEngineResult], grid: CrossEngineSettings, rules: ValidationSettings
+) -> dict[str, CellBars]:
+    """Bars of each cell from several runs of the grid: the worst walk in MuJoCo and DART plus the margin."""
+    cells = zip(*(run.cells for run in runs), strict=True)
+    return {same[0].name: _engine_cell_bars(same, grid.cells[same[0].name], rules) for same in cells}
+
+
+def _engine_cell_bars(same: Sequence[CellResult], cell: Cell, rules: ValidationSettings) -> CellBars:
+    walks = [one for found in same for engine in HELD for one in found.figures[engine]]
+    walked = f"{len(walks)} walks in {' and '.join(NAMES[engine] for engine in HELD)}"
+    errors = [errors_of(cell, one) for one in walks if not one.fell]
+    worst = {name: max(each[name] for each in errors) for name in errors[0]} if errors else {}
+    falls = max(sum(one.fell for one in found.figures[engine]) for found in same for engine in HELD)
+    bars: dict[str, Bar] = {"falls": bar_of("falls", float(falls), walked, rules.margins)}
+    bars |= {name: bar_of(name, value, walked, rules.margins) for name, value in worst.items()}
+    forward, lateral, yaw_rate = cell.segments[-1].command
+    sizes = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
+    reasons = [reason for found in same for reason in _engine_failures(found, rules.agreement)]
+    reasons += missed(worst, sizes, rules.required)
+    return CellBars(required=not reasons, why="; ".join(dict.fromkeys(reasons)), bars=bars)
+
+
+def _engine_failures(found: CellResult, agreement: Agreement) -> list[str]:
+    """Why the reference does not pass a cell: falls, and differences that the armature does not explain.
+
+    Differences count for the mean over the seeds and for each single seed: agreement only on average is not enough.
+    """
+    reasons = []
+    for engine in HELD:
+        fallen = sum(one.fell for one in found.figures[engine])
+        if fallen:
+            reasons.append(f"the reference falls in {NAMES[engine]} in {fallen} of {len(found.figures[engine])}")
+    seeds = range(len(found.figures[HELD[0]]))
+    single = [{engine: (each[seed],) for engine, each in found.figures.items()} for seed in seeds]
+    for figures in (found.figures, *single):
+        parted = [text for text, explained in differences(found.name, figures, agreement) if not explained]
+        if parted:
+            return reasons + [text.partition(": ")[2] for text in parted]
+    return reasons
+
+
+def limit_cycle_bars(runs: Sequence[Sequence[SpeedCycles]], rules: ValidationSettings) -> dict[str, CellBars]:
+    """Bars of each speed from several runs: the worst of both legs and all planes plus the margin."""
+    return {speed_name(same[0].speed_m_s): _speed_bars(same, rules) for same in zip(*runs, strict=True)}
+
+
+def _speed_bars(same: Sequence[SpeedCycles], rules: ValidationSettings) -> CellBars:
+    compared = [
+        cycle_figures_of(each) for found in same for each in found.comparisons if each.name.startswith(CYCLE_ENGINES[1])
+    ]
+    names = compared[0] if compared else {}
+    worst = {name: max(value for each in compared for value in each[name].values()) for name in names}
+    reasons = [f"the reference: {text}" for found in same for text in found.missing if text.startswith(CYCLE_ENGINES)]
+    reasons += _parted(worst, rules.required)
+    legs = f"{len(compared)} legs"
+    bars = {name: bar_of(name, value, legs, rules.margins) for name, value in worst.items()}
+    return CellBars(required=not reasons, why="; ".join(reasons), bars=bars)
+
+
+def _parted(worst: dict[str, float], required: Required) -> list[str]:
+    apart = worst.get("period_difference", 0.0)
+    if apart <= required.period_difference:
+        return []
+    return [f"the reference's period differs by {100.0 * apart:.0f} % between {' and '.join(CYCLE_ENGINES)}"]
+
+
+def allowed_of(bars: Mapping[str, CellBars]) -> dict[str, Allowed]:
+    """Thresholds of the required segments for `pipeline.webots.validate`."""
+    return {
+        name: Allowed(
+            velocity_error_m_s=_at_most(cell, "speed_error"), yaw_rate_error_rad_s=_at_most(cell, "yaw_rate_error")
+        )
+        for name, cell in bars.items()
+        if cell.required
+    }
+
+
+def webots_bars(
+    walks: Mapping[str, WalkResult], settings: WebotsSettings, rules: ValidationSettings
+) -> dict[str, CellBars]:
+    """Bars of each segment from one walk per engine, `walks` by the engine's name."""
+    found = {}
+    for place, segment in enumerate(settings.segments):
+        rows = {engine: result.segments[place] for engine, result in walks.items()}
+        found[segment.name] = _segment_bars(segment, rows, rules)
+    return found
+
+
+def _segment_bars(segment: WalkSegment, rows: Mapping[str, WalkedSegment], rules: ValidationSettings) -> CellBars:
+    reasons = [f"the reference falls in {engine}" for engine, row in rows.items() if not row.walked]
+    errors = [_segment_errors(segment, row) for row in rows.values() if row.walked]
+    worst = {name: max(each[name] for each in errors) for name in errors[0]} if errors else {}
+    forward, lateral, yaw_rate = segment.command
+    sizes = {"speed_error": math.hypot(forward, lateral), "yaw_rate_error": abs(yaw_rate)}
+    reasons += missed(worst, sizes, rules.required)
+    trials = f"its walks in {'; '.join(rows)}"
+    bars = {name: bar_of(name, value, trials, rules.margins) for name, value in worst.items()}
+    return CellBars(required=not reasons, why="; ".join(reasons), bars=bars)
+
+
+def _segment_errors(segment: WalkSegment, row: WalkedSegment) -> dict[str, float]:
+    forward, lateral, yaw_rate = (float(each or 0.0) for each in (row.forward_m_s, row.lateral_m_s, row.yaw_rate_rad_s))
+    return {
+        "speed_error": math.hypot(forward - segment.command[0], lateral - segment.command[1]),
+        "yaw_rate_error": abs(yaw_rate - segment.command[2]),
+    }
+
+
+def _at_most(cell: CellBars, figure: str) -> float:
+    """The bar of a figure; 0 if a required segment has none, which no walk meets."""
+    bar = cell.bars.get(figure)
+    return bar.at_most if bar is not None and bar.at_most is not None else 0.0
