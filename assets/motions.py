@@ -12,7 +12,7 @@ from assets.plan import SHARED
 from assets.project import PROJECT
 from assets.report import picture, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.sources import RAW_MOTIONS, motion_files
+from assets.sources import RAW_MOTIONS, find_motions, remember_sources
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.files import settings
@@ -35,7 +35,9 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 
     values = settings.read(PROJECT.settings("catalog.yaml"), CatalogSettings)
     stage = stage_of(CATALOG, partial(catalogue_file, settings=values), values)
-    manifest = run_files(stage, motion_files(PROJECT), PROJECT.store, clip_pool.pool(), context.log)
+    motions = find_motions(PROJECT)
+    manifest = run_files(stage, motions.files(), PROJECT.store, clip_pool.pool(), context.log)
+    remember_sources(PROJECT, motions)
     metadata = stage_metadata(manifest, ["kind", "format", "skeleton", "unit", "fps", "speed_mean", "licence"])
     return materialized(CATALOG, manifest, metadata)
 

@@ -12,6 +12,7 @@ from pipeline.cli import (
     retarget_command,
     score_command,
     simulate_robot_command,
+    sources_command,
     validate_command,
     view_command,
     webots_command,
@@ -35,6 +36,7 @@ COMMANDS = (
     validate_command,
     cross_engine_command,
     simulate_robot_command,
+    sources_command,
     view_command,
     webots_command,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import fnmatch
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -146,12 +147,18 @@ def _with_paths(statement: Stated, folder: Path) -> Stated:
     return dataclasses.replace(statement, **changed)
 
 
-def sources_of_environment(value: str, known: tuple[Source, ...] = ()) -> tuple[Source, ...]:
+def sources_of_environment(
+    value: str, known: tuple[Source, ...] = (), names: Mapping[Path, str] | None = None
+) -> tuple[Source, ...]:
     """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there.
 
-    `known`: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and no
-    name is given twice.
+    Args:
+        value: the folders
+        known: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and
+            no name is given twice
+        names: name that a folder had in an earlier run, by its resolved path: it keeps it
     """
+    earlier = names or {}
     sources: list[Source] = []
     for text in filter(None, (part.strip() for part in value.split(":"))):
         folder = Path(text).expanduser().resolve()
@@ -159,10 +166,12 @@ def sources_of_environment(value: str, known: tuple[Source, ...] = ()) -> tuple[
             raise FileError(text, "BOOSTER_LAB_MOTIONS names it, but it is not a folder.", "Correct the variable.")
         if any(source.folder.resolve() == folder for source in (*known, *sources)):
             continue
-        taken = {source.name for source in (*known, *sources)}
+        others = {name for path, name in earlier.items() if path != folder}
+        taken = {source.name for source in (*known, *sources)} | others
         base = "".join("_" if letter in "/\\@+~:" else letter for letter in folder.name) or "motions"
-        names = [base, *(f"{base}-{number}" for number in range(2, len(taken) + 3))]
-        sources.append(Source(name=next(name for name in names if name not in taken), folder=folder))
+        before = [earlier[folder]] if folder in earlier else []
+        choices = [*before, base, *(f"{base}-{number}" for number in range(2, len(taken) + 3))]
+        sources.append(Source(name=next(name for name in choices if name not in taken), folder=folder))
     return tuple(sources)
 
 
