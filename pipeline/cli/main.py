@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from pipeline.cli import (
     cross_engine_command,
+    database_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -35,6 +36,7 @@ COMMANDS = (
     score_command,
     validate_command,
     cross_engine_command,
+    database_command,
     simulate_robot_command,
     sources_command,
     view_command,
