@@ -15,6 +15,7 @@ from assets.report import table_of
 from pipeline.batch import Manifest
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import digest, settings
+from pipeline.files.shown_text import markdown_list
 
 FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
@@ -176,7 +177,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
         "what went wrong": table_of(table, list(table)),
-        NOTED: dg.MetadataValue.md("\n".join(f"- {report.trial}: {note}" for report, note in noted) or "none"),
+        NOTED: dg.MetadataValue.md(markdown_list(f"{report.trial}: {note}" for report, note in noted)),
     }
 
 

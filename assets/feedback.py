@@ -19,6 +19,7 @@ from assets.project import PROJECT
 from assets.report import table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
@@ -106,7 +107,7 @@ def sim_to_real_report(failure_modes: Manifest):
     )
     metadata = {
         "trials compared": len(rows),
-        "not compared": dg.MetadataValue.md("\n".join(f"- {note}" for note in notes) or "nothing"),
+        "not compared": dg.MetadataValue.md(markdown_list(notes, "nothing")),
         "dagster/row_count": len(rows),
         "trials against their simulation": table_of(table, list(table)),
     }

@@ -12,6 +12,7 @@ from assets.report import table_of
 from pipeline.feedback.approved import Approvals
 from pipeline.feedback.change import Change, place_of
 from pipeline.feedback.trust import is_demonstration
+from pipeline.files.shown_text import markdown_list
 
 if TYPE_CHECKING:
     from pipeline.feedback.propose import Proposal
@@ -68,8 +69,8 @@ class FeedbackPage:
         """The rows of the page; tables come last."""
         rows = [self._row(each) for each in self.proposal.changes]
         table = pd.DataFrame(rows, columns=None if rows else ["part"])
-        silent = "\n".join(f"- {each}" for each in self.proposal.silent) or "nothing"
-        lingering = "\n".join(f"- {each.text()}" for each in self.lingering) or "nothing"
+        silent = markdown_list(self.proposal.silent, "nothing")
+        lingering = markdown_list((each.text() for each in self.lingering), "nothing")
         faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
         shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
         return {

@@ -16,6 +16,7 @@ from assets.sources import RAW_MOTIONS, find_motions, remember_sources
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 CATALOG, SELECTED, REPAIRED = SHARED
 
@@ -65,7 +66,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     manifest, bounds = chosen_windows(windows, curation, feedback)
     metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)
     if bounds:
-        metadata["what feedback brought"] = dg.MetadataValue.md("\n".join(f"- {each.text()}" for each in bounds))
+        metadata["what feedback brought"] = dg.MetadataValue.md(markdown_list(each.text() for each in bounds))
     metadata["windows not taken"] = len(windows.entries) - len(manifest.entries)
     metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
     return materialized(SELECTED, manifest, metadata)

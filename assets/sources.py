@@ -9,6 +9,7 @@ import dagster as dg
 
 from assets.project import Project
 from pipeline.files import digest
+from pipeline.files.shown_text import escaped
 from pipeline.readers import Source, SourcesInUse, content_digest, list_motion_files
 from pipeline.readers.remembered import VARIABLE, check_sources, remember
 
@@ -87,4 +88,4 @@ def _source_table(motions: Motions) -> str:
 
 
 def _row(source: Source, files: int) -> str:
-    return f"| {source.name} | {source.licence} | {files} |"
+    return f"| {escaped(source.name)} | {escaped(source.licence)} | {files} |"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -73,9 +74,9 @@ def read_card(folder: Path) -> ModelCard:
 
 
 def page(card: ModelCard) -> str:
-    """The card as Markdown."""
+    """The card as Markdown; text of it is shown as text, whatever HTML it holds."""
     lines = [f"| {name} | {_cell(value)} |" for name, value in card_rows(card).items()]
-    return "\n".join([f"# {card.name}", "", "| | |", "|---|---|", *lines, ""])
+    return "\n".join([f"# {_cell(card.name)}", "", "| | |", "|---|---|", *lines, ""])
 
 
 def card_rows(card: ModelCard) -> dict[str, str]:
@@ -107,4 +108,4 @@ def _preset(run: dict[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    return str(value).replace("|", "\\|").replace("\n", " ")
+    return escape(str(value), quote=False).replace("|", "\\|").replace("\n", " ")
