@@ -10,6 +10,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.approval_token import ensure_token
 from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
 from assets.failure_modes import declared, reports_of, result_of
 from assets.feedback_page import FeedbackPage
@@ -62,6 +63,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         judged=(),
         settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
     )
+    ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)
     page = FeedbackPage.of(proposal, approvals)
     check = dg.AssetCheckResult(

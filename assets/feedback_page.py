@@ -106,9 +106,12 @@ class FeedbackPage:
 
 
 def _how(digest: str) -> str:
-    config = f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME"}}}}}}}}'
+    config = (
+        f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME", "token": "THE TOKEN"}}}}}}}}'
+    )
     return (
-        f'Launch the job `approve_feedback` with\n\n    {config}\n\n(`"sections": ["weights"]` approves a part; other '
+        f"Launch the job `approve_feedback` with the content of data/feedback/approval_token (each counts once) in\n\n"
+        f'    {config}\n\n(`"sections": ["weights"]` approves a part; other '
         "sections keep what was approved before), or copy data/feedback/proposed.yaml to data/feedback/approved.yaml, "
         "which is then all that is approved."
     )

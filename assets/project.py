@@ -78,6 +78,11 @@ class Project:
         """The file of proposed changes, in the form of the approved one."""
         return self.data / "feedback" / "proposed.yaml"
 
+    @property
+    def approval_token(self) -> Path:
+        """File whose content the jobs of approval ask for."""
+        return self.data / "feedback" / "approval_token"
+
     def policies(self, robot: str) -> Path:
         """Folder of what is trained and exported here for a robot."""
         return self.data / "policies" / robot

@@ -113,5 +113,5 @@ class Store:
             )
         try:
             return Manifest.from_text(path.read_text())
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise FileError(path, f"not a readable manifest ({error}).", "Materialize the asset again.") from error
