@@ -86,10 +86,11 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
     """What is said of a log, and whether a fault of the machine kept us from reading it."""
     from pipeline.robot import load_robot
 
-    root = project.store.root / "ingest"
-    root.mkdir(parents=True, exist_ok=True)
-    aside = Path(tempfile.mkdtemp(dir=root))
+    aside: Path | None = None
     try:
+        root = project.store.root / "ingest"
+        root.mkdir(parents=True, exist_ok=True)
+        aside = Path(tempfile.mkdtemp(dir=root))
         robots = [load_robot(project.robot_folder(robot)) for robot in project.robots]
         made = ingest(file.path, file.name, aside, layouts=layouts(robots), settings=values, sidecar=file.sidecar)
         pieces = [
@@ -104,7 +105,8 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
     except (PipelineError, OSError) as error:
         return _refused(f"{file.name}: {' '.join(str(error).split())}", 0), True
     finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        if aside is not None:
+            shutil.rmtree(aside, ignore_errors=True)
 
 
 def _refused(sentence: str, messages: int) -> Answer:

@@ -44,12 +44,11 @@ def replace_folder(
     folder = target_of(folder)
     if folder.exists() and not folder.is_dir():
         raise FileError(folder, "it is a file; a folder is written here.", "Move it away.")
-    folder.parent.mkdir(parents=True, exist_ok=True)
     part, old = beside(folder, "part"), beside(folder, "old")
     with _only_writer(folder):
-        _recover(folder, part, old)
-        part.mkdir()
         try:
+            _recover(folder, part, old)
+            part.mkdir()
             fill(part)
             _sync(part)
             if check is not None:
@@ -60,7 +59,10 @@ def replace_folder(
         except BaseException:
             _remove(part)
             raise
-        _swap(folder, part, old, keep or _remove)
+        try:
+            _swap(folder, part, old, keep or _remove)
+        except OSError as error:
+            raise FileError(folder, f"the previous version could not be replaced and kept ({error}).") from error
 
 
 def put_in_place(folder: Path, version: Path, keep: Callable[[Path], object]) -> None:
@@ -155,7 +157,12 @@ def sync_folder(folder: Path) -> None:
 @contextmanager
 def _only_writer(folder: Path) -> Iterator[None]:
     path = beside(folder, "lock")
-    with path.open("a") as stream:
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        stream = path.open("a")
+    except OSError as error:
+        raise FileError(folder, f"could not be written ({error}); what was there is unchanged.") from error
+    with stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

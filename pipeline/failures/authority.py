@@ -18,6 +18,7 @@ from pipeline.failures.held import Excuse
 from pipeline.failures.motors import asked_torque
 from pipeline.failures.settings import AuthoritySettings
 from pipeline.failures.signals import Signals
+from pipeline.robot import Robot
 
 LEAST_TORQUE = 2.0
 """Friction may hide what a motor gives when it is asked for less [N m]."""
@@ -27,6 +28,8 @@ FAR_S = 0.1
 """A joint whose motor lost its authority is far from its target for so long [s]."""
 USUAL_PERCENTILE = 95.0
 """Of what was asked by stiffness until the robot was down: a robot that stands asks for little."""
+OF_LEGS = "of the legs"
+"""Name of the evidence that tells whether a joint of a leg is among them."""
 TOGETHER_S = 0.1
 """Outages of joints that begin within this time are one [s]."""
 
@@ -58,9 +61,24 @@ def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings
     return [_failure(signals, group, asked, error) for group in _together(found, trial.rate_hz)]
 
 
-def outage_excuse(outage: Failure) -> Excuse:
-    """What a robot does while its motors are off, and just after, is not the policy's."""
-    return Excuse(start_s=outage.time_s, stop_s=outage.until_s, why=MOTORS_OFF, said={})
+def outage_excuses(outages: Sequence[Failure]) -> list[Excuse]:
+    """What a robot does while motors of its legs are off, and just after, is not the policy's; arms excuse nothing."""
+    return [
+        Excuse(start_s=each.time_s, stop_s=each.until_s, why=MOTORS_OFF, said={})
+        for each in outages
+        if each.evidence[OF_LEGS] is True
+    ]
+
+
+def leg_joints(robot: Robot) -> frozenset[int]:
+    """Indices of the joints between the root and the feet."""
+    joints: set[int] = set()
+    for foot in robot.feet:
+        link = int(robot.tree.site_link[robot.site(foot)])
+        while link > 0:
+            joints.add(int(robot.tree.joint[link]))
+            link = int(robot.tree.parent[link])
+    return frozenset(joint for joint in joints if joint >= 0)
 
 
 def damped_after(signals: Signals, falls: Sequence[Failure], settings: AuthoritySettings) -> list[Failure]:
@@ -142,6 +160,7 @@ def _failure(
         evidence={
             "seconds": (stop - start) / trial.rate_hz,
             "joints": len(joints),
+            OF_LEGS: any(joint in leg_joints(signals.robot) for joint in joints),
             "asked [N m]": float(np.nanmax(np.abs(asked[inside]))),
             "given [N m]": float(np.nanmedian(np.abs(np.asarray(trial.torque_est, dtype=float)[inside]))),
             "from the target [rad]": float(np.nanmax(error[inside])),

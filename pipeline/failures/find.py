@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline import time_series
 from pipeline.actuators import JointActuator
-from pipeline.failures.authority import damped_after, motor_outages, outage_excuse
+from pipeline.failures.authority import OF_LEGS, damped_after, motor_outages, outage_excuses
 from pipeline.failures.failure import DAMPED, HELD, Failure
 from pipeline.failures.falls import falls
 from pipeline.failures.fingerprint import fingerprint_of
@@ -38,9 +38,9 @@ def find_failures(
     """
     signals = signals_of(trial, robot)
     outages = motor_outages(signals, actuators, settings.authority)
-    lost = [each for each in outages if each.kind == "authority_loss"]
+    lost = [each for each in outages if each.kind == "authority_loss" and each.evidence[OF_LEGS] is True]
     by_hand = excuses(signals, settings.excuse)
-    excused = (*by_hand, *(outage_excuse(each) for each in outages))
+    excused = (*by_hand, *outage_excuses(outages))
     down = falls(signals, settings.fall, excused, settings.excuse)
     damped = damped_after(signals, down, settings.authority)
     down = [_in_damping(each, damped) for each in down]

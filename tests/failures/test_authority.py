@@ -121,3 +121,12 @@ def test_an_outage_comes_as_often_as_it_is_planted(robot):
 
 def test_none_of_these_kinds_is_the_policys():
     assert {"damped", "motor_flicker", "authority_loss"} <= set(NOT_OF_POLICY)
+
+
+def test_an_arm_that_is_off_excuses_no_fall(robot, actuators):
+    arm = Outage(start_s=3.0, stop_s=3.5, joints=("Left_Elbow_Pitch", "Left_Shoulder_Roll"))
+    planted = VirtualTrial(command=((0.5, 0.0, 0.0, 0.0),), seconds=7.0, outages=(arm,))
+    trial = trial_of(scripted_log(robot, TOPPLE_LEFT, planted), robot)
+    report = find_failures(trial, robot, actuators, FAILURES)
+    (fall,) = [each for each in report.failures if each.kind == "fall"]
+    assert fall.of_policy
