@@ -33,7 +33,7 @@ check: setup
 	dg check defs
 
 dev: setup
-	dagster dev
+	dagster dev --host 127.0.0.1
 
 motions: setup
 	$(BIN)/python -m pipeline.generator data/motions

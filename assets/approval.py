@@ -2,6 +2,7 @@
 
 import dagster as dg
 
+from assets.approval_token import use_token
 from assets.approved import approvals_of
 from assets.external import note_external
 from assets.plainly import told_plainly
@@ -18,6 +19,8 @@ class Approval(dg.Config):
     """Digest of the proposal, from the page of curation_feedback: what was looked at is what is approved."""
     by: str
     """Who approves it."""
+    token: str
+    """Content of data/feedback/approval_token, which counts once."""
     policies: list[str] = []  # noqa: RUF012, pydantic copies it
     """Digests of policies: only changes that rest on logs of these alone are approved. Empty: all."""
     sections: list[str] = []  # noqa: RUF012
@@ -31,6 +34,8 @@ class TakingBack(dg.Config):
     """Parts that are taken back, as `weights`."""
     by: str
     """Who takes them back."""
+    token: str
+    """Content of data/feedback/approval_token, which counts once."""
 
 
 class ApprovalError(PipelineError):
@@ -41,6 +46,7 @@ class ApprovalError(PipelineError):
 def approve(context: dg.OpExecutionContext, config: Approval):
     """Let the changes of a proposal take effect."""
     with told_plainly():
+        use_token(PROJECT, config.token)
         policies, sections = tuple(config.policies), tuple(config.sections)
         count = approve_proposal(PROJECT, config.proposal, config.by, policies=policies, sections=sections)
         context.log.info(f"proposal '{config.proposal}': {count} changes approved by {config.by}")
@@ -51,6 +57,7 @@ def approve(context: dg.OpExecutionContext, config: Approval):
 def take_back(context: dg.OpExecutionContext, config: TakingBack):
     """Let approved changes take no effect any longer."""
     with told_plainly():
+        use_token(PROJECT, config.token)
         count = take_back_sections(PROJECT, tuple(config.sections), config.by)
         context.log.info(f"{', '.join(config.sections)}: {count} changes taken back by {config.by}")
         note_external(context.instance, PROJECT)

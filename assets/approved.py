@@ -21,6 +21,7 @@ from pipeline.feedback.approved import Approvals, lineage, part_of, part_version
 from pipeline.feedback.change import SECTIONS, Change
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
+from pipeline.files.shown_text import markdown_list
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
 
@@ -99,7 +100,7 @@ def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest
 
 def told(part: Sequence[Change]) -> dict[str, Any]:
     """What the page of an asset says of approved changes; nothing where there are none."""
-    return {"feedback": dg.MetadataValue.md("\n".join(f"- {change.text()}" for change in part))} if part else {}
+    return {"feedback": dg.MetadataValue.md(markdown_list(change.text() for change in part))} if part else {}
 
 
 def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str, Any]]]:
@@ -127,6 +128,6 @@ def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any
     facts: dict[str, Any] = {"changes": len(part)}
     if part:
         logs = sorted({each.log for change in part for each in change.witnesses})
-        lines = "\n".join(f"- {change.text()}" for change in part)
+        lines = markdown_list(change.text() for change in part)
         facts |= {"what": dg.MetadataValue.md(lines), "logs": ", ".join(logs)}
     return facts

@@ -10,8 +10,9 @@ import dagster as dg
 
 from assets.external import note_external
 from assets.freshness import stale_reasons
-from assets.plan import plans
+from assets.plan import SHARED, plans
 from assets.project import Project
+from assets.sources import find_motions, remember_sources
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
@@ -25,12 +26,20 @@ def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKe
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
     """Materialize what is stale upstream of the run's assets and not in the run itself.
 
-    Raises dg.Failure when that run fails.
+    Raises dg.Failure when that run fails, SourceLostError where motions are needed and a source of an earlier run is
+    gone.
     """
     graph_parents = _parents()
     selected = assets_of(run)
     wanted = _upstream(selected, _made_for_children(graph_parents, project), set(plans(project))) - selected
-    stale = {key: why for key, why in stale_now(instance, project).items() if key in wanted}
+    motions = find_motions(project) if SHARED[0].key in wanted | selected else None
+    if motions and log:
+        for sentence in motions.warnings():
+            log.warning(sentence)
+    every_stale = stale_now(instance, project)
+    if motions and SHARED[0].key not in every_stale:
+        remember_sources(project, motions)
+    stale = {key: why for key, why in every_stale.items() if key in wanted}
     if not stale:
         return
     if log:

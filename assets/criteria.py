@@ -54,7 +54,7 @@ def _reference(source_name: str, file: str) -> Any:
     from pipeline.readers.tracked import load_reference, named_reference
 
     try:
-        source = next(source for source in PROJECT.sources() if source.name == source_name)
+        source = next(source for source in PROJECT.sources().all if source.name == source_name)
         named = named_reference(source.folder / file, source)
         return None if named is None else load_reference(source.folder / file, source, named)
     except (PipelineError, OSError, StopIteration):

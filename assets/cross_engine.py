@@ -15,6 +15,7 @@ from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 HOLDS = "holds_in_both_engines"
 VERDICT = "verdict"
@@ -70,10 +71,10 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
             **note,
             "required cells": len(found.cells) - len(found.not_required),
             "cells failed": len(found.failed_cells),
-            "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in found.reasons) or "none"),
+            "reasons": dg.MetadataValue.md(markdown_list(found.reasons)),
             "explained by the armature": "; ".join(verdict["explained"]) or "none",
             "not required": dg.MetadataValue.md(
-                "\n".join(f"- {name}: {why}" for name, why in found.not_required.items()) or "none"
+                markdown_list(f"{name}: {why}" for name, why in found.not_required.items())
             ),
             "failures written": ", ".join(path.name for path in logs) or "none",
             "pictures": picture(cross_engine_plots(found)),

@@ -13,13 +13,17 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.realizability import realizability_check
 from assets.report import picture, table_of
 from pipeline.batch import Manifest
+from pipeline.files import settings
 
 
 def materialize_database(
     context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest, pool: Any
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-    """Write the database of what left KP5 and judge it, or say that nothing is stale and what was judged."""
-    from pipeline.expert import write_database
+    """Write the database of what left KP5 and judge it, or say that nothing is stale and what was judged.
+
+    Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
+    """
+    from pipeline.expert import DatabaseSettings, write_database
     from pipeline.expert.version import database_version
     from pipeline.robot import load_robot
 
@@ -31,9 +35,8 @@ def materialize_database(
     context.log.info(f"'{plan.key.to_user_string()}' is written: {why}")
     robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
     folder = PROJECT.expert_db(robot.name)
-    if not feasible.entries:
-        context.log.error("no clip is left after KP5: the database is empty. The assets upstream say why, clip by clip")
-    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings)
+    values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
+    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values)
     realizable, accuracy = realizability_check(plan, feasible, pool)
     metadata = {"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())}
     if accuracy is not None:

@@ -14,7 +14,9 @@ from assets.project import PROJECT
 from assets.report import table_of
 from pipeline.batch import Manifest
 from pipeline.errors import FileError, PipelineError
+from pipeline.failures.failure import NOT_OF_POLICY
 from pipeline.files import digest, settings
+from pipeline.files.shown_text import markdown_list
 
 FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
@@ -121,7 +123,7 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
 
     trial = read_trial(path)
     report = find_failures(trial, robot, actuators, values, file=str(numbers.get("log", trial.name)))
-    ends = [each.time_s for each in report.failures if each.kind in ("fall", "held", "stopped")]
+    ends = [each.time_s for each in report.failures if each.kind in ("fall", *NOT_OF_POLICY)]
     twin = None
     if policy is not None:
         twin = twin_of(trial, robot, actuators, load_policy(policy), values, min(ends, default=trial.seconds))
@@ -176,7 +178,7 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},
         "dagster/row_count": len(rows),
         "what went wrong": table_of(table, list(table)),
-        NOTED: dg.MetadataValue.md("\n".join(f"- {report.trial}: {note}" for report, note in noted) or "none"),
+        NOTED: dg.MetadataValue.md(markdown_list(f"{report.trial}: {note}" for report, note in noted)),
     }
 
 

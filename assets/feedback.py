@@ -10,6 +10,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.approval_token import ensure_token
 from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
 from assets.failure_modes import declared, reports_of, result_of
 from assets.feedback_page import FeedbackPage
@@ -19,6 +20,7 @@ from assets.project import PROJECT
 from assets.report import table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 FAILURES, FEEDBACK, REPORT = FIELD
 NOTHING_PENDING = "nothing_pending"
@@ -61,6 +63,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         judged=(),
         settings={f"{place:04d}": each.to_dict() for place, each in enumerate(proposal.changes)},
     )
+    ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)
     page = FeedbackPage.of(proposal, approvals)
     check = dg.AssetCheckResult(
@@ -106,7 +109,7 @@ def sim_to_real_report(failure_modes: Manifest):
     )
     metadata = {
         "trials compared": len(rows),
-        "not compared": dg.MetadataValue.md("\n".join(f"- {note}" for note in notes) or "nothing"),
+        "not compared": dg.MetadataValue.md(markdown_list(notes, "nothing")),
         "dagster/row_count": len(rows),
         "trials against their simulation": table_of(table, list(table)),
     }

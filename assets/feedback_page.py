@@ -12,6 +12,7 @@ from assets.report import table_of
 from pipeline.feedback.approved import Approvals
 from pipeline.feedback.change import Change, place_of
 from pipeline.feedback.trust import is_demonstration
+from pipeline.files.shown_text import markdown_list
 
 if TYPE_CHECKING:
     from pipeline.feedback.propose import Proposal
@@ -68,8 +69,8 @@ class FeedbackPage:
         """The rows of the page; tables come last."""
         rows = [self._row(each) for each in self.proposal.changes]
         table = pd.DataFrame(rows, columns=None if rows else ["part"])
-        silent = "\n".join(f"- {each}" for each in self.proposal.silent) or "nothing"
-        lingering = "\n".join(f"- {each.text()}" for each in self.lingering) or "nothing"
+        silent = markdown_list(self.proposal.silent, "nothing")
+        lingering = markdown_list((each.text() for each in self.lingering), "nothing")
         faults = {"what is approved can't be used": self._faults()} if self.approvals.faults else {}
         shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
         return {
@@ -105,9 +106,12 @@ class FeedbackPage:
 
 
 def _how(digest: str) -> str:
-    config = f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME"}}}}}}}}'
+    config = (
+        f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME", "token": "THE TOKEN"}}}}}}}}'
+    )
     return (
-        f'Launch the job `approve_feedback` with\n\n    {config}\n\n(`"sections": ["weights"]` approves a part; other '
+        f"Launch the job `approve_feedback` with the content of data/feedback/approval_token (each counts once) in\n\n"
+        f'    {config}\n\n(`"sections": ["weights"]` approves a part; other '
         "sections keep what was approved before), or copy data/feedback/proposed.yaml to data/feedback/approved.yaml, "
         "which is then all that is approved."
     )

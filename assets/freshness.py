@@ -42,6 +42,7 @@ def stale_reasons(
         reason = _why(key, tags, project, plans[key], parents[key], stale, versions)
         if reason:
             stale[key] = reason
+    project.store.note_blobs()
     return stale
 
 
@@ -88,7 +89,7 @@ def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
-    """Data version of what is on disk for an asset; None where nothing readable is."""
+    """Data version of what is on disk for an asset; None where nothing readable is, or not all that it names."""
     try:
         if plan.name == "expert_db":
             from pipeline.expert.version import database_version
@@ -98,7 +99,8 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             return None
         if plan.name == "feasible_motions" and not _has_criteria(project, plan):
             return None
-        return digest.of_file(project.store.manifest_path(plan.key.to_user_string()))
+        asset = plan.key.to_user_string()
+        return digest.of_file(project.store.manifest_path(asset)) if project.store.holds_blobs_of(asset) else None
     except (PipelineError, OSError):
         return None
 

@@ -13,9 +13,17 @@ from assets.project import Project
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.clips.outcome import Reason
 from pipeline.errors import PipelineError
-from pipeline.files import atomic, digest, settings
+from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogError, LogSettings, ingest, layouts
-from pipeline.hardware_logs.log_folder import QUARANTINE, LogFile, complete_logs, packed_files, without_copies
+from pipeline.hardware_logs.log_folder import (
+    QUARANTINE,
+    LogFile,
+    closed_folders,
+    complete_logs,
+    packed_files,
+    without_copies,
+)
+from pipeline.hardware_logs.quarantine import note_refusals
 
 Answer = dict[str, Any]
 
@@ -50,8 +58,15 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
             if not is_fault:
                 project.store.remember(key, answer)
         answers[file.name] = answer
-    _note_refusals(folder / QUARANTINE, answers)
+    refused = {name: answer["refused"] for name, answer in answers.items() if answer["refused"]}
+    unwritten = note_refusals(folder / QUARANTINE, refused)
+    for sentence in unwritten:
+        log.warning(sentence)
     passed_over = [f"{path.relative_to(folder)} is still being written or can't be read." for path in waiting] + copies
+    passed_over += [
+        *unwritten,
+        *(f"{path.relative_to(folder)} can't be looked into." for path in closed_folders(folder)),
+    ]
     passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
     return IngestedLogs(
         manifest=_manifest(plan, files, answers, values, read), faults=faults, passed_over=tuple(passed_over)
@@ -71,10 +86,11 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
     """What is said of a log, and whether a fault of the machine kept us from reading it."""
     from pipeline.robot import load_robot
 
-    root = project.store.root / "ingest"
-    root.mkdir(parents=True, exist_ok=True)
-    aside = Path(tempfile.mkdtemp(dir=root))
+    aside: Path | None = None
     try:
+        root = project.store.root / "ingest"
+        root.mkdir(parents=True, exist_ok=True)
+        aside = Path(tempfile.mkdtemp(dir=root))
         robots = [load_robot(project.robot_folder(robot)) for robot in project.robots]
         made = ingest(file.path, file.name, aside, layouts=layouts(robots), settings=values, sidecar=file.sidecar)
         pieces = [
@@ -89,23 +105,12 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
     except (PipelineError, OSError) as error:
         return _refused(f"{file.name}: {' '.join(str(error).split())}", 0), True
     finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        if aside is not None:
+            shutil.rmtree(aside, ignore_errors=True)
 
 
 def _refused(sentence: str, messages: int) -> Answer:
     return {"pieces": [], "integrity": "", "messages": messages, "notes": [], "refused": sentence}
-
-
-def _note_refusals(folder: Path, answers: Mapping[str, Answer]) -> None:
-    """One text a refused log, none for what is refused no longer."""
-    texts = {f"{name}.txt": answer["refused"] + "\n" for name, answer in answers.items() if answer["refused"]}
-    for path in sorted(folder.rglob("*.txt")):
-        if path.relative_to(folder).as_posix() not in texts:
-            path.unlink()
-    for name, text in texts.items():
-        path = folder / name
-        if not path.is_file() or path.read_text() != text:
-            atomic.write_text(path, text)
 
 
 def _manifest(

@@ -13,10 +13,11 @@ from assets.plan import SHARED
 from assets.project import PROJECT
 from assets.report import picture, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.sources import RAW_MOTIONS, motion_files
+from assets.sources import RAW_MOTIONS, find_motions, remember_sources
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 CATALOG, SELECTED, REPAIRED = SHARED
 
@@ -36,7 +37,9 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 
     values = settings.read(PROJECT.settings("catalog.yaml"), CatalogSettings)
     stage = stage_of(CATALOG, partial(catalogue_file, settings=values), values)
-    manifest = run_files(stage, motion_files(PROJECT), PROJECT.store, clip_pool.pool(), context.log)
+    motions = find_motions(PROJECT)
+    manifest = run_files(stage, motions.files(), PROJECT.store, clip_pool.pool(), context.log)
+    remember_sources(PROJECT, motions)
     metadata = stage_metadata(manifest, ["kind", "format", "skeleton", "unit", "fps", "speed_mean", "licence"])
     return materialized(CATALOG, manifest, metadata)
 
@@ -65,7 +68,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     manifest, bounds = chosen_windows(windows, curation, feedback)
     metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)
     if bounds:
-        metadata["what feedback brought"] = dg.MetadataValue.md("\n".join(f"- {each.text()}" for each in bounds))
+        metadata["what feedback brought"] = dg.MetadataValue.md(markdown_list(each.text() for each in bounds))
     metadata["windows not taken"] = len(windows.entries) - len(manifest.entries)
     metadata["coverage"] = picture(command_coverage(manifest.entry_table(), "human speed, selected windows"))
     return materialized(SELECTED, manifest, metadata)

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from pipeline.batch import Store
-from pipeline.readers import Source, read_sources, sources_of_environment
+from pipeline.readers import SourcesInUse, sources_in_use
 
 DEFAULT_ROBOT = "t1"
 """The robot whose assets have the bare keys."""
@@ -78,6 +78,11 @@ class Project:
         """The file of proposed changes, in the form of the approved one."""
         return self.data / "feedback" / "proposed.yaml"
 
+    @property
+    def approval_token(self) -> Path:
+        """File whose content the jobs of approval ask for."""
+        return self.data / "feedback" / "approval_token"
+
     def policies(self, robot: str) -> Path:
         """Folder of what is trained and exported here for a robot."""
         return self.data / "policies" / robot
@@ -111,10 +116,15 @@ class Project:
         found = (path for folder in folders for path in sorted(folder.rglob("*.npz")))
         return tuple(path for path in found if path.name != "golden.npz")
 
-    def sources(self) -> tuple[Source, ...]:
-        """The source folders: those of `data/sources.yaml` and of the environment."""
-        stated = read_sources(self.settings("sources.yaml"))
-        return stated + sources_of_environment(os.environ.get(MOTIONS_VARIABLE, ""), stated)
+    @property
+    def remembered_sources(self) -> Path:
+        """File that records the sources that runs have used."""
+        return self.store.root / "sources.json"
+
+    def sources(self) -> SourcesInUse:
+        """The source folders: of `data/sources.yaml`, of the environment, and those of earlier runs' environments."""
+        variable = os.environ.get(MOTIONS_VARIABLE, "")
+        return sources_in_use(self.settings("sources.yaml"), variable, self.remembered_sources)
 
 
 PROJECT = Project(Path(__file__).resolve().parent.parent)

@@ -66,7 +66,7 @@ def _in_database(project: Project, robot: str) -> dict[str, str] | None:
     """Section -> version of its approved part, as a robot's database has it; None where there is no database."""
     try:
         return heard(json.loads((project.expert_db(robot) / "manifest.json").read_text())["stages"])
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 

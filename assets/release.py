@@ -17,6 +17,7 @@ from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.files import atomic, digest
+from pipeline.files.shown_text import markdown_list
 from pipeline.release.dossier import Dossier, Picture, Verdict, verdict_of
 
 READY = "ready_to_sign"
@@ -61,7 +62,7 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
         )
         metadata = {
             "policy": dossier.policy or "none",
-            "open points": dg.MetadataValue.md("\n".join(f"- {point}" for point in points) or "none"),
+            "open points": dg.MetadataValue.md(markdown_list(points)),
             "digest of the page": facts["page"],
             "dagster/uri": dg.MetadataValue.path(str(path)),
         }

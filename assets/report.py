@@ -8,6 +8,7 @@ import dagster as dg
 import pandas as pd
 
 from pipeline.batch import Manifest
+from pipeline.files.shown_text import escaped
 
 MAX_ROWS = 200
 """Rows of a table that are shown; the manifest has all."""
@@ -40,7 +41,7 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
     for effect in ("rejected", "repaired", "noted"):
         counts = manifest.reason_counts(effect)
         if counts:
-            lines = [f"| {code} | {count} |" for code, count in sorted(counts.items())]
+            lines = [f"| {escaped(code)} | {count} |" for code, count in sorted(counts.items())]
             metadata[f"reasons {effect}"] = dg.MetadataValue.md("\n".join(["| reason | times |", "|---|---|", *lines]))
     return metadata
 

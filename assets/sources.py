@@ -1,5 +1,7 @@
 """The external asset `raw_motions`: the source folders, versioned by content."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +9,9 @@ import dagster as dg
 
 from assets.project import Project
 from pipeline.files import digest
-from pipeline.readers import content_digest, list_motion_files
+from pipeline.files.shown_text import escaped
+from pipeline.readers import Source, SourcesInUse, content_digest, list_motion_files
+from pipeline.readers.remembered import VARIABLE, check_sources, remember
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
 
@@ -22,26 +26,66 @@ raw_motions = dg.AssetSpec(
 )
 
 
-def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
-    """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
-    files = []
-    for source in project.sources():
-        paths = list_motion_files(source)
-        stems = [path.relative_to(source.folder).with_suffix("").as_posix() for path in paths]
-        for path, stem in zip(paths, stems, strict=True):
-            within = path.relative_to(source.folder).as_posix()
-            name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
-            files.append((name, path, content_digest(path, source), (source, within)))
-    return files
+@dataclass(frozen=True, kw_only=True)
+class Motions:
+    """The motion files of all sources, as they are now."""
+
+    sources: SourcesInUse
+    paths: Mapping[str, list[Path]]
+    """Name of a source -> its motion files."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Name of a source -> how many motion files it holds."""
+        return {name: len(paths) for name, paths in self.paths.items()}
+
+    def files(self) -> list[tuple[str, Path, str, tuple]]:
+        """Every motion file: `(clip name, path, digest of all its clip is read from, (source, path in it))`."""
+        files = []
+        for source in self.sources.all:
+            paths = self.paths[source.name]
+            stems = [path.relative_to(source.folder).with_suffix("").as_posix() for path in paths]
+            for path, stem in zip(paths, stems, strict=True):
+                within = path.relative_to(source.folder).as_posix()
+                name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
+                files.append((name, path, content_digest(path, source), (source, within)))
+        return files
+
+    def warnings(self) -> list[str]:
+        """A sentence for each source that only an earlier run was given."""
+        return [
+            f"source '{source.name}' ({source.folder}, {len(self.paths[source.name])} motion files) is used because an "
+            f"earlier run was given it; {VARIABLE} does not name it now. Name it in data/sources.yaml to keep it, or "
+            f"take its clips out: booster-lab sources forget {source.name}"
+            for source in self.sources.remembered
+        ]
+
+
+def find_motions(project: Project) -> Motions:
+    """The motion files of all sources. Raises SourceLostError where one that earlier runs used is not there."""
+    sources = project.sources()
+    found = Motions(sources=sources, paths={source.name: list_motion_files(source) for source in sources.all})
+    check_sources(project.remembered_sources, sources, found.counts)
+    return found
+
+
+def remember_sources(project: Project, motions: Motions) -> None:
+    """Record the sources of a run in the store, so that a later run without one of them is an error."""
+    remember(project.remembered_sources, motions.sources, motions.counts)
 
 
 def motions_version(project: Project) -> tuple[str, dict[str, Any]]:
     """Digest of the source folders' content, and what is noted of them in the history."""
-    files = motion_files(project)
+    motions = find_motions(project)
+    files = motions.files()
     version = digest.of_json([(name, content) for name, _, content, _ in files])
-    return version, {"files": len(files), "sources": dg.MetadataValue.md(_source_table(project))}
+    return version, {"files": len(files), "sources": dg.MetadataValue.md(_source_table(motions))}
 
 
-def _source_table(project: Project) -> str:
-    rows = [f"| {each.name} | {each.licence} | {len(list_motion_files(each))} |" for each in project.sources()]
+def _source_table(motions: Motions) -> str:
+    rows = [_row(source, len(motions.paths[source.name])) for source in motions.sources.all]
     return "\n".join(["| source | licence | files |", "|---|---|---|", *rows])
+
+
+def _row(source: Source, files: int) -> str:
+    return f"| {escaped(source.name)} | {escaped(source.licence)} | {files} |"

@@ -15,6 +15,7 @@ from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.files.shown_text import markdown_list
 
 PASSED = "required_cells_passed"
 VERDICT = "verdict"
@@ -115,8 +116,8 @@ def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
         "cells": len(verdict.cells),
         "cells failed": len(verdict.failed_cells),
         "trials": sum(len(cell.measured.trials) for cell in verdict.cells),
-        "reasons": dg.MetadataValue.md("\n".join(f"- {reason}" for reason in verdict.reasons) or "none"),
-        "not required": dg.MetadataValue.md("\n".join(f"- {name}: {why}" for name, why in spared.items()) or "none"),
+        "reasons": dg.MetadataValue.md(markdown_list(verdict.reasons)),
+        "not required": dg.MetadataValue.md(markdown_list(f"{name}: {why}" for name, why in spared.items())),
         "failures written": ", ".join(path.name for path in logs) or "none",
         "command tracking": picture(command_tracking(verdict)),
         "survival of pushes": picture(survival_heatmap(verdict)),

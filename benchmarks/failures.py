@@ -21,6 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline import rotation  # noqa: E402
+from pipeline.failures.failure import NOT_OF_POLICY  # noqa: E402
 from pipeline.failures.find import find_failures  # noqa: E402
 from pipeline.failures.trial_report import TrialReport  # noqa: E402
 from pipeline.feedback.motor_limits import lowered  # noqa: E402
@@ -101,7 +102,7 @@ def judged(planted: Planted, found: TrialReport) -> bool:
         for each in found.failures
         if each.kind == planted.kind and planted.joint in ("", each.joint) and planted.direction in ("", each.direction)
     ]
-    if planted.kind == "held":
+    if planted.kind in NOT_OF_POLICY:
         return bool(alike) and not any(each.kind == "fall" and each.of_policy for each in found.failures)
     return any(each.of_policy for each in alike)
 

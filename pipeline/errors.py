@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class PipelineError(Exception):
-    """Base of every error that a user may see. Its text is one complete message."""
+    """Base of every error that a user may see. Its text is one complete message.
+
+    It survives pickling with text and facts, whatever arguments its class takes: errors of worker processes reach the
+    user as they were raised.
+    """
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), self.args, vars(self))
+
+
+def _restored(kind: type[PipelineError], arguments: tuple[Any, ...], facts: dict[str, Any]) -> PipelineError:
+    """An error as it was when it was pickled. `arguments` are those of `Exception`, not of the class."""
+    error = kind.__new__(kind, *arguments)
+    vars(error).update(facts)
+    return error
 
 
 class FileError(PipelineError):

@@ -12,8 +12,11 @@ from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Store
 from pipeline.errors import FileError
 from pipeline.files import digest, settings
+from pipeline.files.csv_text import MAX_BYTES
 
 MOTORS = "motors.csv"
+TOO_LARGE = f"# more than {MAX_BYTES} bytes\n"
+"""Stands for the text of a file that is larger than any sweep; it has no rows, which is why it is refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,5 +64,12 @@ def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store
 
 
 def _text(path: Path) -> str | None:
-    """The file's text, None without a file. Invalid UTF-8 becomes replacement characters, refused later."""
-    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
+    """The file's text, None where there is no file. Bytes that are no UTF-8 are kept as marks, and refused later.
+
+    Of a file that is too large for a sweep a text without rows, for which it is refused.
+    """
+    if not path.is_file():
+        return None
+    with path.open("rb") as stream:
+        data = stream.read(MAX_BYTES + 1)
+    return TOO_LARGE if len(data) > MAX_BYTES else data.decode("utf-8", errors="replace")

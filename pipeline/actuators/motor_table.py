@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.actuators.settings import ModelSettings
 from pipeline.errors import FileError
+from pipeline.files.csv_text import csv_records, read_csv_text
 
 COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
 
@@ -36,9 +36,10 @@ class Motor:
 
 def read_motors(path: Path, settings: ModelSettings) -> tuple[Motor, ...]:
     """The motor table. Raises FileError with the line."""
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    records = list(csv.reader(lines))
-    offset = 1 + sum(line.startswith("#") for line in path.read_text(encoding="utf-8").splitlines())
+    every = read_csv_text(path).splitlines()
+    lines = [line for line in every if not line.startswith("#")]
+    offset = 1 + len(every) - len(lines)
+    records = list(csv_records(lines, path, first_line=offset))
     if not records or tuple(records[0]) != COLUMNS:
         raise FileError(path, "its columns are not those of a motor table.", f"They must be {', '.join(COLUMNS)}.")
     motors = [_motor(record, path, line, settings) for line, record in enumerate(records[1:], start=offset + 1)]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import FileError
+from pipeline.files.csv_text import csv_records, read_csv_text
 
 TABLE = "published_curves.csv"
 COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [rad/s]")
@@ -43,8 +43,8 @@ def read_published(folder: Path) -> dict[str, PublishedCurve]:
     path = folder / TABLE
     if not path.is_file():
         return {}
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    records = list(csv.reader(lines))
+    lines = [line for line in read_csv_text(path).splitlines() if not line.startswith("#")]
+    records = list(csv_records(lines, path))
     if not records or tuple(records[0]) != COLUMNS:
         raise FileError(path, "its columns are not those of published curves.", f"They must be {', '.join(COLUMNS)}.")
     try:

@@ -11,8 +11,6 @@ have signs: a row is one of driving where they agree, of braking where they do n
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +21,7 @@ from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.number_text import decimal_sign, number
 from pipeline.actuators.settings import ReadingSettings
 from pipeline.errors import AmbiguousFileError, FileError
+from pipeline.files.csv_text import csv_records
 
 DIRECTIONS = {"positive": True, "+": True, "negative": False, "-": False}
 NEAR_LARGEST = 0.9
@@ -81,8 +80,8 @@ def _read_table(table: list[tuple[int, str]], file: str, motor: str, decimal: st
         raise FileError(file, "it has no rows.", "See docs/actuators.md for what a measurement file holds.")
     first, header = table[0]
     separator = next((each for each in (";", "\t") if each in header), ",")
-    columns = read_header(_cells(header, separator), file, first)
-    records = [(line, _cells(content, separator)) for line, content in table[1:]]
+    columns = read_header(_cells(header, separator, file, first), file, first)
+    records = [(line, _cells(content, separator, file, line)) for line, content in table[1:]]
     for line, cells in records:
         if len(cells) != len(columns):
             problem = f"the row has {len(cells)} values, the header {len(columns)}."
@@ -99,8 +98,8 @@ def _read_table(table: list[tuple[int, str]], file: str, motor: str, decimal: st
     return _Rows(forward=np.array(forward), **values)
 
 
-def _cells(content: str, separator: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader(io.StringIO(content), delimiter=separator))]
+def _cells(content: str, separator: str, file: str, line: int) -> list[str]:
+    return [cell.strip() for cell in next(csv_records([content], file, separator, line))]
 
 
 def _values(records: list[tuple[int, list[str]]], name: str, column: Column, sign: str, file: str) -> np.ndarray:

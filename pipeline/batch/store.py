@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,10 @@ from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files.blob_store import BlobStore
+from pipeline.files.digest_memory import DigestMemory
+
+_BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
+"""How the line of an entry begins (`Manifest.lines`, whose keys are sorted)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +33,29 @@ class Store:
     def blobs(self) -> BlobStore:
         return BlobStore(root=self.root / "blobs")
 
+    @cached_property
+    def _digests(self) -> DigestMemory:
+        return DigestMemory(self.root / "blob_digests.json")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"root": self.root}  # worker processes need not know which blobs were looked at
+
+    def holds(self, blob: str) -> bool:
+        """Whether a blob is there and its content is its name; one that nobody touched is read once."""
+        try:
+            return self.blobs.has(blob) and self._digests.of(self.blobs.path(blob)) == blob
+        except OSError:
+            return False
+
+    def holds_blobs_of(self, asset: str) -> bool:
+        """Whether every blob that the current manifest of an asset names is there and unchanged. Raises OSError."""
+        with self.manifest_path(asset).open() as stream:
+            return all(self.holds(match[1]) for line in stream if (match := _BLOB.match(line)))
+
+    def note_blobs(self) -> None:
+        """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
+        self._digests.save()
+
     def put_clip(self, clip: Clip) -> str:
         """Store a clip's motion; the digest of its blob."""
         return self.blobs.put(codec.encode(clip))
@@ -36,15 +65,16 @@ class Store:
         return codec.decode(self.blobs.get(blob), name)
 
     def recall(self, key: str) -> dict[str, Any] | None:
-        """The remembered answer to a question, if all the blobs it names are still there."""
+        """The remembered answer to a question, if all the blobs it names are still there and unchanged."""
         path = self._memo_path(key)
         if not path.is_file():
             return None
         try:
             answer = json.loads(path.read_text())
-        except ValueError:
+            blobs = [piece["blob"] for piece in answer["pieces"]]
+        except (ValueError, TypeError, KeyError, RecursionError):
             return None
-        return answer if all(self.blobs.has(piece["blob"]) for piece in answer["pieces"]) else None
+        return answer if all(map(self.holds, blobs)) else None
 
     def remember(self, key: str, answer: dict[str, Any]) -> None:
         """Note the answer to a question, whole or not at all.
@@ -83,5 +113,5 @@ class Store:
             )
         try:
             return Manifest.from_text(path.read_text())
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise FileError(path, f"not a readable manifest ({error}).", "Materialize the asset again.") from error

@@ -12,6 +12,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
+from pipeline.files.shown_text import markdown_list
 from pipeline.readers import Statement
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.robot import Robot
@@ -56,7 +57,7 @@ def _of_file(project: Project, path: Path, robot: Robot, stated: Statement) -> P
 
 def _shown(name: str, source: object, result: object, robot: Robot, reasons: tuple[Reason, ...]) -> Shown:
     recording = source if isinstance(source, RobotClip) else None
-    lines = "\n".join(f"- {reason_line(reason)}" for reason in reasons)
+    lines = markdown_list((reason_line(reason) for reason in reasons), "")
     return Shown(
         name=name,
         human=source if isinstance(source, HumanClip) else None,
@@ -68,5 +69,5 @@ def _shown(name: str, source: object, result: object, robot: Robot, reasons: tup
 
 def _of_database(path: Path, robot: Robot) -> Playlist:
     clip, head = read_database_clip(path, robot)
-    facts = "\n".join(f"- {name}: {value}" for name, value in head.items())
+    facts = markdown_list(f"{name}: {value}" for name, value in head.items())
     return Playlist(names=(clip.name,), load=lambda name: Shown(name=name, robot_clip=clip, robot=robot, text=facts))

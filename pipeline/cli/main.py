@@ -8,10 +8,12 @@ from collections.abc import Sequence
 
 from pipeline.cli import (
     cross_engine_command,
+    database_command,
     inspect_command,
     retarget_command,
     score_command,
     simulate_robot_command,
+    sources_command,
     validate_command,
     view_command,
     webots_command,
@@ -34,7 +36,9 @@ COMMANDS = (
     score_command,
     validate_command,
     cross_engine_command,
+    database_command,
     simulate_robot_command,
+    sources_command,
     view_command,
     webots_command,
 )

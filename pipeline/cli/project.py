@@ -12,7 +12,7 @@ from typing import TypeVar
 from pipeline.batch import Store
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.files import settings
-from pipeline.readers import Source, Statement, read_sources, sources_of_environment
+from pipeline.readers import Source, Statement, sources_in_use, sources_of_environment
 from pipeline.robot import Robot, load_robot
 
 MOTIONS_VARIABLE = "BOOSTER_LAB_MOTIONS"
@@ -29,6 +29,11 @@ class Project:
     @property
     def store(self) -> Store:
         return Store(root=self.root / "data" / "store")
+
+    @property
+    def remembered_sources(self) -> Path:
+        """File that records the sources that runs have used."""
+        return self.store.root / "sources.json"
 
     def settings(self, name: str, kind: type[T]) -> T:
         """The settings file `data/<name>` as `kind`."""
@@ -59,9 +64,10 @@ class Project:
 
     @cached_property
     def _sources(self) -> tuple[Source, ...]:
-        file = self.root / "data" / "sources.yaml"
-        listed = read_sources(file) if file.is_file() else ()
-        return listed + sources_of_environment(os.environ.get(MOTIONS_VARIABLE, ""), known=listed)
+        file, variable = self.root / "data" / "sources.yaml", os.environ.get(MOTIONS_VARIABLE, "")
+        if not file.is_file():
+            return sources_of_environment(variable)
+        return sources_in_use(file, variable, self.remembered_sources).all
 
 
 def find_project() -> Project:

@@ -13,6 +13,7 @@ from pipeline.cli.project import Project
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
+from pipeline.files.shown_text import escaped, markdown_list
 from pipeline.robot import Robot
 from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.human_figure import mirrored
@@ -113,9 +114,11 @@ def _manifest(store: Store, asset: str) -> Manifest:
 
 
 def _text(numbers: dict[str, Any], reasons: list[dict[str, Any]]) -> str:
-    rows = [f"| {name} | {_number(numbers[name])} |" for name in NUMBERS if numbers.get(name) is not None]
+    rows = [
+        f"| {escaped(name)} | {escaped(_number(numbers[name]))} |" for name in NUMBERS if numbers.get(name) is not None
+    ]
     table = "\n".join(["| | |", "|---|---|", *rows]) if rows else ""
-    lines = "\n".join(f"- {reason['effect']}: {reason['text']}" for reason in reasons)
+    lines = markdown_list((f"{reason['effect']}: {reason['text']}" for reason in reasons), "")
     return f"{table}\n\n{lines}"
 
 

@@ -7,6 +7,7 @@ gains it was trained with as `joint_names, kp, kd, default_joint_pos`, and examp
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,10 +17,13 @@ from jaxtyping import Float
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files import digest as digests
-from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.files.npz import NpzCaps, read_npz_header
 
 GAINS = ("kp", "kd", "default_joint_pos")
 GOLDEN = ("golden_observation", "golden_action")
+LAYER = re.compile(r"L[0-9]+_[wb]")
+CAPS = NpzCaps(members=200, member_bytes=64_000_000, total_bytes=64_000_000, ratio=1_000)
+"""Of the file: a network of three layers of 512 has 2 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,13 +85,21 @@ def load_policy(path: Path) -> Policy:
     missing = [name for name in wanted if name not in named]
     if missing or count == 0:
         raise FileError(path, f"lacks the arrays {', '.join(missing) or 'L0_w, L0_b'}.")
+    stray = sorted(name for name in named if LAYER.fullmatch(name) and name not in wanted)
+    if stray:
+        raise FileError(path, f"has parts of layers that are not whole: {', '.join(stray)}.")
     layers = tuple((named[f"L{index}_w"], named[f"L{index}_b"]) for index in range(count))
+    flat = [name for name in wanted if name.endswith("_b") and named[name].ndim != 1]
+    if flat:
+        raise FileError(path, f"has a bias that is no list of numbers: {', '.join(flat)}.")
     shapes = [weight.shape for weight, _ in layers]
     sizes = [named["mean"].size, *(bias.size for _, bias in layers)]
     if shapes != list(zip(sizes[1:], sizes[:-1], strict=True)):
         raise FileError(path, f"has layers of the shapes {shapes}, which do not follow on each other.")
     if named["mean"].shape != named["std"].shape or named["mean"].ndim != 1:
         raise FileError(path, f"has a mean of shape {named['mean'].shape} and a std of {named['std'].shape}.")
+    if named["eps"].shape not in ((), (1,), named["std"].shape):
+        raise FileError(path, f"has an eps of shape {named['eps'].shape}, wanted one number.")
     bad = [name for name, value in named.items() if not np.isfinite(value).all()]
     if bad:
         raise FileError(path, f"has numbers that are not finite in {', '.join(bad)}.")
@@ -108,15 +120,11 @@ def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the npz of a policy.")
     try:
-        loaded = np.load(path, allow_pickle=False)
-        if not isinstance(loaded, np.lib.npyio.NpzFile):
-            raise ValueError("it holds a single array")
-        with loaded as arrays:
-            names = tuple(str(name) for name in arrays["joint_names"]) if "joint_names" in arrays.files else ()
-            known = (name for name in arrays.files if np.issubdtype(arrays[name].dtype, np.number))
-            return {name: np.asarray(arrays[name], dtype=float) for name in known}, names
-    except DAMAGED_NPZ as error:
-        raise FileError(path, f"is no npz of numbers ({error}).") from error
+        header = read_npz_header(path, CAPS)
+        names = header.texts("joint_names") if header.has("joint_names") else ()
+        return {name: header.array(name) for name in sorted(header.numeric)}, names
+    except FileError as error:
+        raise FileError(path, f"is no npz of numbers: {error.problem}", error.do) from error
 
 
 def _gains(path: Path, named: dict[str, np.ndarray], names: tuple[str, ...]) -> PolicyGains | None:
@@ -134,7 +142,8 @@ def _golden(path: Path, named: dict[str, np.ndarray], observations: int, actions
     there = [named[name] for name in GOLDEN if name in named]
     if not there:
         return None
-    if len(there) == 1 or [part.shape[1:] for part in there] != [(observations,), (actions,)]:
+    fits = [part.shape[1:] for part in there] == [(observations,), (actions,)]
+    if not fits or len(there[0]) != len(there[1]):
         raise FileError(path, f"has {' and '.join(GOLDEN)} that do not fit its layers.")
     return Golden(observation=there[0], action=there[1])
 

@@ -1,15 +1,20 @@
 """The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
 
 from pipeline.expert.frames import Column, columns, expert_frames
+from pipeline.expert.history import DatabaseLossError
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
 from pipeline.expert.read import DatabaseError, check_database, read_database
-from pipeline.expert.write import ExpertEntry, write_database
+from pipeline.expert.settings import DatabaseSettings
+from pipeline.expert.write import ExpertEntry, NoClipsError, write_database
 
 __all__ = [
     "Column",
     "DatabaseError",
+    "DatabaseLossError",
+    "DatabaseSettings",
     "ExpertEntry",
     "LicenceClass",
+    "NoClipsError",
     "check_database",
     "classify_licence",
     "columns",

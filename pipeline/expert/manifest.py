@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,12 +18,16 @@ SCHEMA = "booster-lab expert database 1"
 """Raised when a reader of the old one could misread the new one."""
 
 
+SEAL = "sha256"
+"""Key of the manifest's digest of itself."""
+
+
 def build(folder: Path, rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -> dict[str, Any]:
     """The manifest of the files that lie in `folder` (all but itself) and of the index's rows."""
     licences = sorted({entry["licence"] for entry in rows})
     worst = strictest(licences)
     files = sorted(path for path in folder.iterdir() if path.name != FILE)
-    return {
+    content = {
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
@@ -32,6 +37,7 @@ def build(folder: Path, rows: list[dict[str, Any]], robot: Robot, stages: Mappin
         "frames": sum(entry["frames"] for entry in rows),
         "seconds": round(sum(entry["seconds"] for entry in rows), 6),
         "seconds_by_skill": _seconds_by_skill(rows),
+        "clips_by_source": dict(sorted(Counter(str(entry.get("source") or "unknown") for entry in rows).items())),
         "licence": {
             "strictest": worst.label,
             "allowed_use": worst.allowed_use,
@@ -40,6 +46,23 @@ def build(folder: Path, rows: list[dict[str, Any]], robot: Robot, stages: Mappin
         "stages": dict(stages),
         "files": {path.name: digest.of_file(path) for path in files},
     }
+    return {**content, SEAL: seal_of(content)}
+
+
+def seal_of(head: Mapping[str, Any]) -> str:
+    """Digest of everything else that a manifest says."""
+    return digest.of_json({key: value for key, value in head.items() if key != SEAL})
+
+
+def broken_seal(head: Mapping[str, Any]) -> str | None:
+    """What is wrong with the digest that a manifest carries of itself; None if nothing is."""
+    if SEAL not in head:
+        return f"carries no digest of itself ('{SEAL}')"
+    try:
+        holds = head[SEAL] == seal_of(head)
+    except (ValueError, TypeError):  # a number that is not finite
+        holds = False
+    return None if holds else "was changed: its content is not the one that its own digest states"
 
 
 def _seconds_by_skill(rows: list[dict[str, Any]]) -> dict[str, float]:

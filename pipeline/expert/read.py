@@ -108,6 +108,9 @@ def _read_manifest(folder: Path, faults: list[str]) -> dict[str, Any] | None:
     if head.get("schema") != manifest.SCHEMA:
         faults.append(f"{manifest.FILE}: has the schema {head.get('schema')!r}, this version reads {manifest.SCHEMA!r}")
         return None
+    broken = manifest.broken_seal(head)
+    if broken is not None:
+        faults.append(f"{manifest.FILE}: {broken}")
     missing = [key for key in ("robot", "clips", "frame_columns", "frame_duration_s", "files") if key not in head]
     faults += [f"{manifest.FILE}: the key '{key}' is missing" for key in missing]
     return None if missing else head

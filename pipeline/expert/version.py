@@ -19,9 +19,12 @@ def database_version(folder: Path) -> str:
         raise FileError(path, "there is no database here.", "Materialize expert_db.")
     data = path.read_bytes()
     try:
-        stated = json.loads(data)["files"]
-    except (ValueError, KeyError) as error:
+        head = json.loads(data)
+        stated, broken = head["files"], manifest.broken_seal(head)
+    except (ValueError, KeyError, TypeError) as error:
         raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
+    if broken is not None:
+        raise FileError(path, f"it {broken}.", "Materialize expert_db again.")
     found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
     if found != stated:
         raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")

@@ -2,7 +2,7 @@
 
 <folder>/<clip file>.json    frames of one clip, in the form of Eq. (1)
 <folder>/index.parquet       a row a clip: quality, weight, skill, where it came from
-<folder>/manifest.json       what the database is, a digest of every file, what it may be used for
+<folder>/manifest.json       what the database is, a digest of every file and of itself, what it may be used for
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.errors import ClipError
-from pipeline.expert import index, manifest
+from pipeline.errors import ClipError, PipelineError
+from pipeline.expert import history, index, manifest
 from pipeline.expert.file_name import file_name
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
 from pipeline.expert.loop_mode import loop_mode
+from pipeline.expert.read import check_database
+from pipeline.expert.settings import DatabaseSettings
 from pipeline.expert.swap import replace_folder
 from pipeline.files import digest
 from pipeline.robot import Robot
@@ -40,23 +42,62 @@ class ExpertEntry:
     """Version, digest of the settings and settings of each stage it went through, as JSON types."""
 
 
-def write_database(folder: Path, entries: Iterable[ExpertEntry], robot: Robot, *, stages: Mapping[str, Any]) -> dict:
+class NoClipsError(PipelineError):
+    """A database of no clips, which never takes the place of another one."""
+
+    def __init__(self, folder: Path):
+        super().__init__(
+            f"{folder}: no clip is left after KP5, and a database without clips is not written. The assets upstream "
+            "say why, clip by clip; what was in place is unchanged."
+        )
+
+
+def write_database(
+    folder: Path,
+    entries: Iterable[ExpertEntry],
+    robot: Robot,
+    *,
+    stages: Mapping[str, Any],
+    settings: DatabaseSettings | None = None,
+) -> dict:
     """Replace the database in `folder` by one of `entries`; its manifest.
 
-    `stages`: version and settings of each stage, for the manifest. The order of the entries doesn't matter; each is
-    written as it comes and let go. Raises ClipError for an entry that can't be in the database (rate, joints, weight, a
-    name given twice) and FileError when the disk refuses; the previous database stays then.
+    The new one is read and checked before it takes the place of the old one. The order of the entries doesn't matter;
+    each is written as it comes and let go. Raises ClipError for an entry that can't be in the database (rate, joints,
+    weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back, and FileError
+    when the disk refuses; the previous database stays then.
+
+    Args:
+        stages: version and settings of each stage, for the manifest
+        settings: keep the old database in the history, and raise DatabaseLossError where the new one lost more than
+            they allow; without them the old one is removed, whatever it held
     """
     made: dict = {}
 
     def fill(part: Path) -> None:
         rows = sorted(_write_clips(part, entries, robot), key=lambda row: row["clip"])
+        if not rows:
+            raise NoClipsError(folder)
         (part / index.FILE).write_bytes(index.encode(rows))
         text = manifest.build(part, rows, robot, stages)
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 
-    replace_folder(folder, fill)
+    def check(part: Path) -> None:
+        check_database(part)
+        if settings is None:
+            return
+        loss = history.compare(folder, part, settings.max_lost_share)
+        if loss is not None:
+            history.keep(folder, part, refused=True)
+            history.prune(folder, settings.kept_versions)
+            raise loss
+
+    if settings is None:
+        replace_folder(folder, fill, check=check)
+    else:
+        replace_folder(folder, fill, check=check, keep=lambda old: history.keep(folder, old))
+        history.prune(folder, settings.kept_versions)
     return made
 
 

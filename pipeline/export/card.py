@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
 from pipeline.files import atomic
+from pipeline.files import digest as digests
 
 FILE = "card.json"
 PAGE = "CARD.md"
-SCHEMA = "booster-lab policy card 1"
+SCHEMA = "booster-lab policy card 2"
+UNSEALED = "booster-lab policy card 1"
+"""Schema of cards that carry no digest of themselves; they are read, not written."""
+SEAL = "sha256"
+"""Key of the card's digest of itself."""
+MAX_BYTES = 5_000_000
+AGAIN = "Export the policy again."
 REQUIRED = ("name", "robot", "digest", "run", "data", "shippable", "why", "network", "parity", "task", "files")
 
 
@@ -43,7 +51,9 @@ class ModelCard:
     """Measured figures by the name of the measurement; may be empty."""
 
     def to_text(self) -> str:
-        return json.dumps({"schema": SCHEMA, **vars(self)}, indent=1, sort_keys=True, allow_nan=False) + "\n"
+        content = {"schema": SCHEMA, **vars(self)}
+        sealed = {**content, SEAL: digests.of_json(content)}
+        return json.dumps(sealed, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
 def write_card(folder: Path, card: ModelCard) -> None:
@@ -57,25 +67,63 @@ def read_card(folder: Path) -> ModelCard:
     path = folder / FILE
     if not path.is_file():
         raise FileError(path, "there is no exported policy here.", "Export one: python -m pipeline.export --help")
+    if path.stat().st_size > MAX_BYTES:
+        raise FileError(path, f"is larger than {MAX_BYTES} bytes.")
     try:
         value = json.loads(path.read_text())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(path, f"is no JSON ({error}).") from error
-    if not isinstance(value, dict) or value.pop("schema", None) != SCHEMA:
+    if not isinstance(value, dict) or value.get("schema") not in (SCHEMA, UNSEALED):
         raise FileError(path, f"is no card of schema {SCHEMA!r}.", "Export the policy again.")
+    _check_seal(path, value)
+    del value["schema"]
     missing = [name for name in REQUIRED if name not in value]
     unknown = sorted(set(value) - set(ModelCard.__dataclass_fields__))
     if missing or unknown:
         raise FileError(
             path, f"lacks {', '.join(missing) or 'nothing'}, has unknown {', '.join(unknown) or 'nothing'}."
         )
+    _check_types(path, value)
     return ModelCard(**value)
 
 
+def check_stated(path: Path) -> None:
+    """Hold a file against the card beside it, where there is one. Raises FileError where the card states another."""
+    if not (path.parent / FILE).is_file():
+        return
+    stated = read_card(path.parent).files.get(path.name)
+    if stated is None or not path.is_file() or digests.of_file(path) != stated:
+        raise FileError(path, f"is not what {FILE} beside it states.", "Export the policy again.")
+
+
+def _check_seal(path: Path, value: dict[str, Any]) -> None:
+    """Take the card's digest of itself out of it, which has to be that of all else."""
+    seal = value.pop(SEAL, None)
+    if value["schema"] == UNSEALED and seal is None:
+        return
+    try:
+        holds = digests.of_json(value) == seal
+    except ValueError:  # a number that is not finite
+        holds = False
+    if not holds:
+        raise FileError(path, "was changed: its content is not the one that its own digest states.", AGAIN)
+
+
+def _check_types(path: Path, value: dict[str, Any]) -> None:
+    """Every field of the kind that a card has, every file inside the folder. Raises FileError."""
+    kinds = {"name": str, "robot": str, "digest": str, "why": str, "shippable": bool}
+    wrong = [name for name, each in value.items() if not isinstance(each, kinds.get(name, dict))]
+    if wrong:
+        raise FileError(path, f"has a value of a wrong kind in {', '.join(sorted(wrong))}.", AGAIN)
+    outside = [name for name in value["files"] if Path(name).is_absolute() or ".." in Path(name).parts]
+    if outside or not all(isinstance(content, str) for content in value["files"].values()):
+        raise FileError(path, f"states files that are none of its folder: {', '.join(outside) or 'no digests'}.", AGAIN)
+
+
 def page(card: ModelCard) -> str:
-    """The card as Markdown."""
+    """The card as Markdown; text of it is shown as text, whatever HTML it holds."""
     lines = [f"| {name} | {_cell(value)} |" for name, value in card_rows(card).items()]
-    return "\n".join([f"# {card.name}", "", "| | |", "|---|---|", *lines, ""])
+    return "\n".join([f"# {_cell(card.name)}", "", "| | |", "|---|---|", *lines, ""])
 
 
 def card_rows(card: ModelCard) -> dict[str, str]:
@@ -107,4 +155,4 @@ def _preset(run: dict[str, Any]) -> str:
 
 
 def _cell(value: Any) -> str:
-    return str(value).replace("|", "\\|").replace("\n", " ")
+    return escape(str(value), quote=False).replace("|", "\\|").replace("\n", " ")

@@ -16,8 +16,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.deployment import DeploymentTask, Policy, PolicyController
 from pipeline.errors import FileError
+from pipeline.export.card import check_stated
 from pipeline.files import atomic
-from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.files.npz import NpzCaps, read_npz_header
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.pd_control import PdControl
@@ -27,6 +28,7 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 SECONDS = 1.0
 COMMAND = (0.6, -0.2, 0.3)
 """Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different numbers, so that a swap shows."""
+CAPS = NpzCaps(members=50, member_bytes=100_000_000, total_bytes=100_000_000, ratio=1_000)
 DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
@@ -94,9 +96,17 @@ def write_golden(path: Path, golden: GoldenVectors) -> None:
 
 
 def read_golden(path: Path) -> GoldenVectors:
-    """The golden vectors of an npz. Raises FileError."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return GoldenVectors(**{each.name: np.asarray(arrays[each.name]) for each in fields(GoldenVectors)})
-    except (KeyError, TypeError, *DAMAGED_NPZ) as error:
-        raise FileError(path, f"has no golden vectors ({error}).", "Export the policy again.") from error
+    """The golden vectors of an npz. Raises FileError, also where a card beside it states another content."""
+    check_stated(path)
+    header = read_npz_header(path, CAPS)
+    names = [each.name for each in fields(GoldenVectors)]
+    missing = [name for name in names if name not in header.numeric or len(header.shapes[name]) != 2]
+    if missing:
+        problem = f"has no golden vectors: no table of numbers is {', '.join(missing)}."
+        raise FileError(path, problem, "Export the policy again.")
+    arrays = {name: header.array(name) for name in names}
+    bad = [name for name, values in arrays.items() if not np.isfinite(values).all()]
+    if bad or len({len(values) for values in arrays.values()}) != 1:
+        problem = f"has {'numbers that are not finite in ' + ', '.join(bad) if bad else 'arrays of unequal length'}."
+        raise FileError(path, problem, "Export the policy again.")
+    return GoldenVectors(**arrays)

@@ -15,6 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import FileError
+from pipeline.export.card import check_stated
 from pipeline.export.metadata import as_texts, from_texts, metadata
 from pipeline.files import atomic
 
@@ -66,12 +67,13 @@ def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
     """The model in a self-contained file, and its metadata.
 
     Raises FileError for what can't be read, is no ONNX model, is larger than `MAX_BYTES`, keeps its numbers in another
-    file or has operators that no exported policy has.
+    file, has operators that no exported policy has, or is not the one that a card beside it states.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the ONNX file of an exported policy.")
     if path.stat().st_size > MAX_BYTES:
         raise FileError(path, f"is larger than {MAX_BYTES} bytes.")
+    check_stated(path)
     try:
         content = path.read_bytes()
     except OSError as error:

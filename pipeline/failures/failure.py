@@ -17,11 +17,17 @@ KINDS: tuple[str, ...] = (
     "limit_cycle",
     "held",
     "stopped",
+    "damped",
+    "motor_flicker",
+    "authority_loss",
 )
-"""`held` (by hand) and `stopped` (by the operator) are what happened to a robot and no failure of its policy."""
+NOT_OF_POLICY = ("held", "stopped", "damped", "motor_flicker", "authority_loss")
+"""What happened to a robot and is no failure of its policy: it was held by hand, stopped by its operator or damped
+after a fall; its motors were off for a moment, or gave next to nothing of what they were asked for."""
 
 HELD, STOPPED = "held by hand", "stopped by the operator"
-EXCUSES: tuple[str, ...] = (HELD, STOPPED)
+DAMPED, MOTORS_OFF = "damped after a fall", "its motors did not answer"
+EXCUSES: tuple[str, ...] = (HELD, STOPPED, DAMPED, MOTORS_OFF)
 """Why something is not the policy's."""
 
 
@@ -53,7 +59,7 @@ class Failure:
     @property
     def of_policy(self) -> bool:
         """Whether the policy is to answer for it."""
-        return not self.excuse and self.kind not in ("held", "stopped")
+        return not self.excuse and self.kind not in NOT_OF_POLICY
 
     def text(self) -> str:
         """A sentence for a report."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline import time_series
 from pipeline.actuators import JointActuator
-from pipeline.failures.failure import HELD, Failure
+from pipeline.failures.authority import OF_LEGS, damped_after, motor_outages, outage_excuses
+from pipeline.failures.failure import DAMPED, HELD, Failure
 from pipeline.failures.falls import falls
 from pipeline.failures.fingerprint import fingerprint_of
 from pipeline.failures.gait import slips, stumbles
@@ -36,16 +37,23 @@ def find_failures(
     After its first fall a trial is looked at for nothing but falls, heat and packets. Raises RobotMismatchError.
     """
     signals = signals_of(trial, robot)
-    excused = excuses(signals, settings.excuse)
+    outages = motor_outages(signals, actuators, settings.authority)
+    lost = [each for each in outages if each.kind == "authority_loss" and each.evidence[OF_LEGS] is True]
+    by_hand = excuses(signals, settings.excuse)
+    excused = (*by_hand, *outage_excuses(outages))
     down = falls(signals, settings.fall, excused, settings.excuse)
-    ends = [float(trial.time_s[-1]) + 1.0, *(each.time_s for each in down)]
-    put_down = [each for each in excused if each.why == HELD and each.start_s <= SOON_S]
-    until_s = min(ends + [each.start_s - settings.excuse.before_s for each in excused if each not in put_down])
+    damped = damped_after(signals, down, settings.authority)
+    down = [_in_damping(each, damped) for each in down]
+    ends = [float(trial.time_s[-1]) + 1.0, *(each.time_s for each in (*down, *lost))]
+    put_down = [each for each in by_hand if each.why == HELD and each.start_s <= SOON_S]
+    until_s = min(ends + [each.start_s - settings.excuse.before_s for each in by_hand if each not in put_down])
     alone = _from(signals, max((each.stop_s + settings.excuse.after_s for each in put_down), default=0.0))
     known = bool(np.isfinite(np.asarray(trial.command, dtype=float)).any())
     found = [
         *down,
-        *excuse_failures(signals, excused),
+        *excuse_failures(signals, by_hand),
+        *outages,
+        *damped,
         *stumbles(alone, settings.stumble, until_s - 0.5 if down else until_s),
         *slips(alone, settings.slip, until_s),
         *torque_saturations(signals, actuators, settings.torque, until_s),
@@ -76,6 +84,12 @@ def find_failures(
         failures=tuple(sorted(found, key=lambda each: (each.time_s, each.kind, each.joint))),
         notes=_notes(signals, known),
     )
+
+
+def _in_damping(fall: Failure, damped: Sequence[Failure]) -> Failure:
+    """A fall as it is, or one that a robot has while it is only damped."""
+    inside = any(each.time_s < fall.time_s <= each.until_s for each in damped)
+    return dataclasses.replace(fall, excuse=DAMPED) if inside and not fall.excuse else fall
 
 
 def _from(signals: Signals, time_s: float) -> Signals:

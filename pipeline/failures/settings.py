@@ -113,6 +113,39 @@ class SpeedSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AuthoritySettings:
+    """Motors that do not answer, and joints that are only damped after a fall."""
+
+    asked_over: float
+    """Asked torque over the limit from which a motor has to answer."""
+    dead_share: float
+    """A motor that gives less than this share of what it is asked for does not answer."""
+    alive_share: float
+    """One that gives more than this share of what it is asked for, or of its limit, does."""
+    error_rad: float
+    """Distance of a joint from its target that a motor with authority does not leave [rad]."""
+    flicker_s: tuple[float, float]
+    """Shortest and longest time for which motors flicker [s]; longer is a loss of authority."""
+    damped_share: float
+    """Asked torque by stiffness over the usual one, below which joints are only damped."""
+    damped_s: float
+    """... for at least this time [s]."""
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            increasing(self, "dead_share", "alive_share"),
+            asked_over=PART,
+            dead_share=PART,
+            alive_share=PART,
+            error_rad=POSITIVE,
+            flicker_s=POSITIVE,
+            damped_share=PART,
+            damped_s=POSITIVE,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class HeatSettings:
     """Hot motors."""
 
@@ -169,6 +202,7 @@ class FailureSettings:
     slip: SlipSettings
     torque: TorqueSettings
     speed: SpeedSettings
+    authority: AuthoritySettings
     heat: HeatSettings
     packets: PacketSettings
     tracking: TrackingSettings

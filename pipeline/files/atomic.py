@@ -14,13 +14,16 @@ from pathlib import Path
 
 from pipeline.errors import FileError
 
+READABLE = 0o644
+"""Permissions of a file that is written: everybody may read it."""
 
-def write_bytes(path: Path, data: bytes) -> None:
+
+def write_bytes(path: Path, data: bytes, mode: int = READABLE) -> None:
     """`write_parts` of one part."""
-    write_parts(path, [data])
+    write_parts(path, [data], mode)
 
 
-def write_parts(path: Path, parts: Iterable[bytes]) -> None:
+def write_parts(path: Path, parts: Iterable[bytes], mode: int = READABLE) -> None:
     """Write `parts`, one after the other, to `path` so that a reader sees the old file or the new one, never a part.
 
     The new name is on the disk when this returns, so that what is written later can't survive a power cut that this
@@ -36,7 +39,7 @@ def write_parts(path: Path, parts: Iterable[bytes]) -> None:
             stream.writelines(parts)
             stream.flush()
             os.fsync(stream.fileno())
-        Path(aside).chmod(0o644)
+        Path(aside).chmod(mode)
         Path(aside).replace(path)
         for folder in (path.parent, *(each.parent for each in made)):
             _sync_folder(folder)

@@ -21,17 +21,24 @@ class BlobStore:
     def has(self, blob: str) -> bool:
         return self.path(blob).is_file()
 
+    def is_whole(self, blob: str) -> bool:
+        """Whether the blob is there and its content is its name. Reads it."""
+        try:
+            return self.has(blob) and digest.of_file(self.path(blob)) == blob
+        except OSError:
+            return False
+
     def put(self, data: bytes) -> str:
-        """Store `data`; its digest."""
+        """Store `data`, also over a blob of that name that was damaged; its digest."""
         blob = digest.of_bytes(data)
-        if not self.has(blob):
+        if not self.is_whole(blob):
             atomic.write_bytes(self.path(blob), data)
         return blob
 
     def take(self, path: Path) -> str:
         """Move a file of the same disk into the store, whole and synced already; its digest."""
         blob = digest.of_file(path)
-        if self.has(blob):
+        if self.is_whole(blob):
             path.unlink()
         else:
             self.path(blob).parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +48,7 @@ class BlobStore:
     def get(self, blob: str) -> bytes:
         """Bytes of a blob. Raises FileError when it is missing or its content is not its name."""
         path = self.path(blob)
-        do = "Remove data/store and materialize again."
+        do = "Materialize again: what is damaged or gone is made again."
         if not path.is_file():
             raise FileError(path, "the blob is missing.", do)
         data = path.read_bytes()

@@ -1,17 +1,18 @@
 """Settings files: YAML that is checked against a frozen dataclass, every fault named at once.
 
-The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers
-like `1e3` (a string to YAML 1.1) are read by the field's type. What values are allowed the dataclass checks itself
+The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers are plain decimals
+(`1e3` is one, `1:30`, `0x10` and `010` are none). What values are allowed the dataclass checks itself
 (`pipeline.files.ranges`).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 import types
 import typing
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import yaml
 
@@ -21,11 +22,23 @@ from pipeline.files.sourced import Unit, value_of
 
 MAX_BYTES = 1_000_000
 
+INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)\Z")
+DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?\Z")
+"""Numbers as settings have them. YAML 1.1 also takes `1:30` for 90, `0x10` for 16, `010` for 8 and `1_0` for 10; these
+are texts here, which no field of a number takes."""
+
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+
 T = TypeVar("T")
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """SafeLoader without aliases and without duplicate keys."""
+    """SafeLoader without aliases, without duplicate keys, and with numbers that are plain decimals alone."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        first: [(tag, pattern) for tag, pattern in each if tag not in _NUMBERS]
+        for first, each in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
 
     def compose_node(self, parent, index):
         if self.check_event(yaml.events.AliasEvent):
@@ -50,6 +63,10 @@ class _StrictLoader(yaml.SafeLoader):
                 raise yaml.constructor.ConstructorError(None, None, f"duplicate key '{key}'", key_node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep=deep)
+
+
+_StrictLoader.add_implicit_resolver("tag:yaml.org,2002:int", INTEGER, list("-+0123456789"))
+_StrictLoader.add_implicit_resolver("tag:yaml.org,2002:float", DECIMAL, list("-+0123456789."))
 
 
 def read_yaml(path: Path) -> Any:
@@ -135,10 +152,8 @@ def _build_scalar(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
     if kind is Any:
         return value
     if kind is float and isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except ValueError:
-            number = float("nan")
+        plain = not isinstance(value, str) or DECIMAL.match(value)
+        number = float(value) if plain else float("nan")
         if number == number and abs(number) != float("inf"):
             return number
     elif isinstance(value, kind) and (kind is bool or not isinstance(value, bool)):

@@ -26,6 +26,7 @@ class BagReader:
         self.path, self.report, self.bounds = path, report, bounds
         self.channels = Channels(bounds)
         self.metadata: dict[str, dict[str, str]] = {}
+        self.contradicted: set[str] = set()
         self.summary: Summary | None = None
 
     def read(self) -> Iterator[Records | Loss]:

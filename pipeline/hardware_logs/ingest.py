@@ -65,14 +65,39 @@ def ingest(
 
     Raises LogError, one sentence, for a log that is refused.
     """
-    report = LogReport(path)
     if path.suffix not in SUFFIXES:
-        raise report.refuse(f"not a log: its suffix is '{path.suffix}'", f"There are: {', '.join(SUFFIXES)}.")
-    source = SUFFIXES[path.suffix](path, report, bounds or Bounds())
+        problem = f"not a log: its suffix is '{path.suffix}'"
+        raise LogReport(path).refuse(problem, f"There are: {', '.join(SUFFIXES)}.")
+    known: dict[str, str] | None = None
+    while True:
+        report = LogReport(path)
+        source = SUFFIXES[path.suffix](path, report, bounds or Bounds())
+        if known is not None:
+            source.metadata[METADATA] = known
+        made = _read(source, name, folder, layouts, settings, sidecar)
+        if made is not None:
+            return made
+        known = source.metadata[METADATA]  # it came after the first message, which it has to be known for
+
+
+def _read(
+    source: McapReader | BagReader,
+    name: str,
+    folder: Path,
+    layouts: Mapping[int, Layout],
+    settings: LogSettings,
+    sidecar: Path | None,
+) -> Ingested | None:
+    """One pass over a log; None where its metadata is not what the trials were begun with. Raises LogError."""
+    path, report = source.path, source.report
     with TrialFiles(folder) as files:
         flow = MessageFlow(source, report, files, layouts, settings, lambda: _facts(source, report, sidecar))
         flow.run()
-        stated = flow.stated or _facts(source, report, sidecar)
+        if METADATA in source.contradicted:
+            raise report.refuse(f"two of its metadata records '{METADATA}' contradict each other")
+        stated = _facts(source, report, sidecar)
+        if flow.stated is not None and flow.stated != stated:
+            return None
         layout = _layout(flow, stated, report)
         missed, doubts = _missed(stated, layout, len(files.trials))
         notes = (*_notes(flow, stated, report), *doubts)

@@ -43,7 +43,8 @@ class NotedEvent:
 
 @dataclass(frozen=True, kw_only=True)
 class Sidecar:
-    """The file `<log>.yaml`. What it states counts more than the log's metadata, but for robot and policy."""
+    """The file `<log>.yaml`. What it states counts more than the log's metadata, but for robot, policy and
+    whether it is simulated."""
 
     robot: str | None = None
     policy_digest: str | None = None
@@ -162,8 +163,9 @@ def _with_sidecar(said: dict[str, Any], path: Path) -> tuple[dict[str, Any], lis
         one, other = said.get(name), getattr(sidecar, name)
         if one and other and one != other:
             raise FactsError(f"its metadata states the {name} '{one}', its sidecar '{other}'")
-    if sidecar.simulated and said.get("simulated") is False:
-        raise FactsError("its metadata states that it is not simulated, its sidecar that it is")
+    if None not in (sidecar.simulated, said.get("simulated")) and sidecar.simulated != said["simulated"]:
+        one, other = ("is", "is not") if said["simulated"] else ("is not", "is")
+        raise FactsError(f"its metadata states that it {one} simulated, its sidecar that it {other}")
     stated = {
         each.name: getattr(sidecar, each.name)
         for each in dataclasses.fields(sidecar)

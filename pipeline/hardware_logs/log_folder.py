@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
+import os
 import re
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.files import atomic, digest
+from pipeline.files import digest
+from pipeline.files.digest_memory import DigestMemory
 from pipeline.hardware_logs.ingest import SUFFIXES
 from pipeline.hardware_logs.mcap_records import MAGIC
 
@@ -40,17 +43,40 @@ class LogFile:
 
 def list_logs(folder: Path) -> list[Path]:
     """Every log below a folder, in order; files that begin with a dot are of those who copy."""
-    if not folder.is_dir():
-        return []
-    paths = (path for path in folder.rglob("*") if path.suffix in SUFFIXES and path.is_file())
-    kept = [path for path in paths if not any(part.startswith(".") for part in path.relative_to(folder).parts)]
-    return sorted(path for path in kept if path.relative_to(folder).parts[0] != QUARANTINE)
+    return sorted(path for path in _files(folder) if path.suffix in SUFFIXES)
 
 
 def packed_files(folder: Path) -> list[Path]:
     """Files that look like logs packed by somebody, which are not unpacked here, and logs of ROS 1."""
-    paths = (path for path in folder.rglob("*") if path.suffix in PACKED) if folder.is_dir() else ()
-    return sorted(path for path in paths if path.relative_to(folder).parts[0] != QUARANTINE)
+    return sorted(path for path in _files(folder) if path.suffix in PACKED)
+
+
+def closed_folders(folder: Path) -> list[Path]:
+    """Folders below a folder that nobody lets us look into."""
+    closed: list[Path] = []
+    for _ in _files(folder, closed):
+        pass
+    return sorted(closed)
+
+
+def _files(folder: Path, closed: list[Path] | None = None) -> Iterator[Path]:
+    """Files below a folder, but for those of the quarantine and those whose path has a part that begins with a dot.
+
+    Args:
+        closed: takes the folders that can't be listed
+    """
+
+    def refused(error: OSError) -> None:
+        if closed is not None and Path(error.filename) != folder:
+            closed.append(Path(error.filename))
+
+    for parent, folders, names in os.walk(folder, onerror=refused):
+        top = Path(parent) == folder
+        folders[:] = [name for name in folders if not (name.startswith(".") or (top and name == QUARANTINE))]
+        for name in names:
+            with contextlib.suppress(OSError):
+                if not name.startswith(".") and (Path(parent) / name).is_file():
+                    yield Path(parent) / name
 
 
 def is_whole(path: Path) -> bool:
@@ -91,31 +117,6 @@ def names_of(paths: list[Path]) -> list[str]:
     ]
 
 
-class Digests:
-    """Digests of files, remembered by size and time of change in a file of their own."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        try:
-            self._known = json.loads(path.read_text())
-        except (OSError, ValueError):
-            self._known = {}
-        self._used: dict[str, list] = {}
-
-    def of(self, path: Path) -> str:
-        stat = path.stat()
-        state = [stat.st_size, stat.st_mtime_ns]
-        known = self._known.get(str(path))
-        content = known[2] if known and known[:2] == state else digest.of_file(path)
-        self._used[str(path)] = [*state, content]
-        return content
-
-    def save(self) -> None:
-        """Keep what was asked for since this was made; the rest is of files that are gone."""
-        if self._used != self._known:
-            atomic.write_text(self._path, json.dumps(self._used, sort_keys=True))
-
-
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
     """The logs that are complete, by name, and those that are still being written or that nobody lets us read.
 
@@ -124,7 +125,7 @@ def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tupl
         cache: file that digests are remembered in
         now_s: the time, if it is not now
     """
-    found, waiting, digests = [], [], Digests(cache)
+    found, waiting, digests = [], [], DigestMemory(cache)
     paths = list_logs(folder)
     for path, name in zip(paths, names_of([path.relative_to(folder) for path in paths]), strict=True):
         try:

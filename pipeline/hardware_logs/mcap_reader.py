@@ -43,6 +43,8 @@ class McapReader:
         self.path, self.report, self.bounds = path, report, bounds
         self.channels = Channels(bounds)
         self.metadata: dict[str, dict[str, str]] = {}
+        self.contradicted: set[str] = set()
+        """Names of metadata records of which another one says something else."""
         self.summary: Summary | None = None
         self._inflated = 0
         self._counts: Counter[int] = Counter()
@@ -152,10 +154,12 @@ class McapReader:
     def _metadata(self, at: int, length: int) -> Iterator[Loss]:
         cursor = Cursor(self._bytes(at + HEAD, length))
         try:
-            name = cursor.text()
-            self.metadata[name] = cursor.text_map()
+            name, values = cursor.text(), cursor.text_map()
         except ValueError:
             yield self.report.lose(at, "a metadata record that can't be read")
+            return
+        if self.metadata.setdefault(name, values) != values:
+            self.contradicted.add(name)
 
     def _end(self, at: int) -> Iterator[Loss]:
         """Hold what was read against the checksum of the whole and against the statistics."""

@@ -20,6 +20,7 @@ from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.messages import TOPICS
 from pipeline.hardware_logs.plausible import Plausible
 from pipeline.hardware_logs.regular import Block, Regular, Stretched
+from pipeline.hardware_logs.sensors import SensorWatch
 from pipeline.hardware_logs.settings import LogSettings
 from pipeline.hardware_logs.trial_files import TrialFiles
 
@@ -154,6 +155,7 @@ class MessageFlow:
             kept = self._plausible.finite(columns)
             if not kept.all():
                 time_ns, columns = time_ns[kept], taken(columns, kept)
+            self._sensors.add(time_ns, columns)
             good = self._plausible.in_range(columns)
             if not good.all() and self.report.unchecked:
                 time_ns, columns = time_ns[good], taken(columns, good)
@@ -172,6 +174,7 @@ class MessageFlow:
         )
         self._regular = Regular(self.settings.time, len(self.layout.joint_names))
         self._plausible = Plausible(self.settings.plausible, self.layout)
+        self._sensors = SensorWatch(self.layout, self.settings.plausible.frozen_s)
         self.stated = self._facts()
         self._command = CommandSource(
             self.stated, self._origin(), whole=not self.report.losses and not self.stated.damaged
@@ -250,4 +253,4 @@ class MessageFlow:
             counts["messages have the time of another and are left out"] = self._regular.duplicates
             counts["messages come too late and are left out"] = self._regular.late
         said = [f"{count} {what}." for what, count in counts.items() if count]
-        return said + (self._plausible.remarks() if self.layout is not None else [])
+        return said + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])

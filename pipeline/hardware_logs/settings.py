@@ -37,12 +37,19 @@ class PlausibleSettings:
     rest_joint_rad_s: float
     rest_gravity_m_s2: tuple[float, float]
     rest_tilt_deg: float
+    frozen_s: float
     rate_hz: tuple[float, float]
     implausible_share: float
 
     def __post_init__(self) -> None:
         names = ("position_margin_rad", "speed_factor", "acceleration_m_s2", "rest_gyro_rad_s", "rest_joint_rad_s")
-        check(self, implausible_share=PART, rest_tilt_deg=POSITIVE, **{name: POSITIVE for name in names})
+        check(
+            self,
+            implausible_share=PART,
+            rest_tilt_deg=POSITIVE,
+            frozen_s=POSITIVE,
+            **{name: POSITIVE for name in names},
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

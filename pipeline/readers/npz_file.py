@@ -1,16 +1,12 @@
-"""NumPy archives from strangers: sizes checked before anything is inflated, never an object array."""
+"""NumPy archives of motions: the caps that they have (`pipeline.files.npz`)."""
 
 from __future__ import annotations
 
-import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+from pipeline.files.npz import NpzCaps, NpzHeader, read_npz_header
 
-from pipeline.errors import FileError
-from pipeline.files.damaged_npz import DAMAGED_NPZ
+__all__ = ["NpzHeader", "open_npz"]
 
 MAX_MEMBERS = 200
 MAX_MEMBER_BYTES = 1_000_000_000
@@ -19,109 +15,7 @@ MAX_RATIO = 1_000
 """Caps on an archive: members, bytes of one and of those that are read, and how far a member may inflate."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class NpzHeader:
-    """What an archive holds, known without inflating it."""
-
-    path: Path
-    shapes: Mapping[str, tuple[int, ...]]
-    """Shape of each array that can be read: numbers and text, no objects."""
-    objects: tuple[str, ...]
-    """Names of the object arrays; they are never read."""
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.shapes for name in names)
-
-    def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
-        if name in self.objects:
-            raise FileError(self.path, f"'{name}' is an array of Python objects, which is never loaded.")
-        if name not in self.shapes:
-            raise FileError(self.path, f"'{name}' is missing; there are: {', '.join(sorted(self.shapes))}.")
-        try:
-            with np.load(self.path, allow_pickle=False) as archive:
-                value = archive[name]
-        except DAMAGED_NPZ as error:
-            raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
-        return value.astype(float) if value.dtype.kind in "fiu" else value
-
-    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
-        value = self.array(name)
-        fits = len(shape) == value.ndim and all(
-            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
-        )
-        if value.dtype.kind != "f" or not fits:
-            wanted = "×".join("n" if length is None else str(length) for length in shape)
-            problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
-            )
-            raise FileError(self.path, problem)
-        return np.where(np.isfinite(value), value, np.nan)
-
-    def number(self, name: str) -> float:
-        """An array of one finite number."""
-        value = self.array(name)
-        if value.size != 1 or value.dtype.kind != "f" or not np.isfinite(value).all():
-            raise FileError(self.path, f"'{name}' is not one finite number.")
-        return float(value.reshape(-1)[0])
-
-    def texts(self, name: str) -> tuple[str, ...]:
-        """A list of names."""
-        value = self.array(name)
-        if value.dtype.kind != "U" or value.ndim != 1:
-            raise FileError(self.path, f"'{name}' is not a list of names.")
-        return tuple(str(entry) for entry in value)
-
-
 def open_npz(path: Path) -> NpzHeader:
     """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
-    if not path.is_file():
-        raise FileError(path, "the file does not exist.")
-    if path.stat().st_size == 0:
-        raise FileError(path, "the file is empty.")
-    shapes: dict[str, tuple[int, ...]] = {}
-    objects: list[str] = []
-    try:
-        with zipfile.ZipFile(path) as archive:
-            _check_sizes(path, archive.infolist())
-            for info in archive.infolist():
-                name = info.filename.removesuffix(".npy")
-                shape, dtype = _member(archive, info)
-                if dtype.hasobject:
-                    objects.append(name)
-                elif int(np.prod(shape, dtype=object)) * dtype.itemsize > info.file_size:
-                    raise FileError(path, f"'{name}' claims shape {shape}, more than its {info.file_size} bytes hold.")
-                else:
-                    shapes[name] = shape
-    except DAMAGED_NPZ as error:
-        raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
-    return NpzHeader(path=path, shapes=shapes, objects=tuple(objects))
-
-
-def _short(error: Exception) -> str:
-    """An error's first words; zipfile prints whole members."""
-    return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
-
-
-def _check_sizes(path: Path, members: list[zipfile.ZipInfo]) -> None:
-    if len(members) > MAX_MEMBERS:
-        raise FileError(path, f"the archive has {len(members)} members, more than the {MAX_MEMBERS} allowed.")
-    for info in members:
-        if info.file_size > MAX_MEMBER_BYTES or info.file_size > MAX_RATIO * max(info.compress_size, 1_000):
-            problem = (
-                f"'{info.filename[:60]}' inflates from {info.compress_size} to {info.file_size} bytes, not allowed."
-            )
-            raise FileError(path, problem)
-    total = sum(info.file_size for info in members)
-    if total > MAX_TOTAL_BYTES:
-        raise FileError(path, f"the archive inflates to {total} bytes, more than the {MAX_TOTAL_BYTES} allowed.")
-
-
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[tuple[int, ...], np.dtype]:
-    """Shape and type of one array, from its header."""
-    with archive.open(info) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(stream)
-    return shape, dtype
+    caps = NpzCaps(members=MAX_MEMBERS, member_bytes=MAX_MEMBER_BYTES, total_bytes=MAX_TOTAL_BYTES, ratio=MAX_RATIO)
+    return read_npz_header(path, caps)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import fnmatch
+import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -20,6 +22,10 @@ UNKNOWN_LICENCE = "unknown"
 
 LICENCE_FILES = ("LICENSE", "LICENSE.txt", "LICENSE.md", "LICENCE", "LICENCE.txt", "LICENCE.md")
 """Files whose first line names the licence of the folder they are in."""
+LICENCE_BYTES = 10_000
+"""Bytes of a licence file that are read."""
+INDEX_BYTES = 20_000_000
+"""Size of an `index.csv`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +76,10 @@ class Source:
 
     def notes_of(self, path: Path) -> tuple[Reason, ...]:
         """What is wrong with what is said of one file and does not count for that; nothing for most."""
-        fault = None if self.stated_licence_of(path) is not None else _sidecar_fault(path)
-        return () if fault is None else (Reason(code="broken_sidecar", text=fault, effect="noted"),)
+        if self.stated_licence_of(path) is not None:
+            return ()
+        faults = {"broken_sidecar": _sidecar_fault(path), "broken_index": _index_fault(self.folder, path)}
+        return tuple(Reason(code=code, text=text, effect="noted") for code, text in faults.items() if text is not None)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
         """Everything that this source says of one file, flat, for digests and provenance."""
@@ -146,12 +154,18 @@ def _with_paths(statement: Stated, folder: Path) -> Stated:
     return dataclasses.replace(statement, **changed)
 
 
-def sources_of_environment(value: str, known: tuple[Source, ...] = ()) -> tuple[Source, ...]:
+def sources_of_environment(
+    value: str, known: tuple[Source, ...] = (), names: Mapping[Path, str] | None = None
+) -> tuple[Source, ...]:
     """Sources from folders joined by `:`, named after the folders. Raises FileError for one that is not there.
 
-    `known`: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and no
-    name is given twice.
+    Args:
+        value: the folders
+        known: sources that there are already (those of data/sources.yaml): a folder of theirs is not taken again, and
+            no name is given twice
+        names: name that a folder had in an earlier run, by its resolved path: it keeps it
     """
+    earlier = names or {}
     sources: list[Source] = []
     for text in filter(None, (part.strip() for part in value.split(":"))):
         folder = Path(text).expanduser().resolve()
@@ -159,10 +173,12 @@ def sources_of_environment(value: str, known: tuple[Source, ...] = ()) -> tuple[
             raise FileError(text, "BOOSTER_LAB_MOTIONS names it, but it is not a folder.", "Correct the variable.")
         if any(source.folder.resolve() == folder for source in (*known, *sources)):
             continue
-        taken = {source.name for source in (*known, *sources)}
+        others = {name for path, name in earlier.items() if path != folder}
+        taken = {source.name for source in (*known, *sources)} | others
         base = "".join("_" if letter in "/\\@+~:" else letter for letter in folder.name) or "motions"
-        names = [base, *(f"{base}-{number}" for number in range(2, len(taken) + 3))]
-        sources.append(Source(name=next(name for name in names if name not in taken), folder=folder))
+        before = [earlier[folder]] if folder in earlier else []
+        choices = [*before, base, *(f"{base}-{number}" for number in range(2, len(taken) + 3))]
+        sources.append(Source(name=next(name for name in choices if name not in taken), folder=folder))
     return tuple(sources)
 
 
@@ -202,15 +218,44 @@ def _sidecar_licence(path: Path) -> str | None:
 
 def _index(folder: Path, path: Path) -> str | None:
     """The licence that `index.csv` (columns `file`, `licence`) gives a file."""
+    return _table(folder)[0].get(path.relative_to(folder).as_posix()) or None
+
+
+def _table(folder: Path) -> tuple[dict[str, str], str | None]:
+    """What `index.csv` says, and what is wrong with it."""
     index = folder / "index.csv"
     if not index.is_file():
+        return {}, None
+    stat = index.stat()
+    return _licences(index, (stat.st_size, stat.st_mtime_ns))
+
+
+@functools.lru_cache(maxsize=64)
+def _licences(index: Path, state: tuple[int, int]) -> tuple[dict[str, str], str | None]:
+    """Licence of each file that a table names, and what is wrong with it; rows behind a fault are not there.
+
+    `state`: size and time of change of the table, which is read once for all files that it is about.
+    """
+    licences: dict[str, str] = {}
+    if state[0] > INDEX_BYTES:
+        return {}, str(FileError(index, f"it has more than the {INDEX_BYTES} bytes allowed."))
+    try:
+        with index.open(newline="", encoding="utf-8-sig", errors="replace") as stream:
+            for row in csv.DictReader(stream):
+                if row.get("file"):
+                    licences.setdefault(row["file"], row.get("licence") or "")
+    except (csv.Error, OSError) as error:
+        fault = FileError(index, f"it can't be read from some row on ({error}).", "Shorten or correct the row.")
+        return licences, str(fault)
+    return licences, None
+
+
+def _index_fault(folder: Path, path: Path) -> str | None:
+    """What is wrong with `index.csv`, where it would have to tell the licence of a file; None if nothing is."""
+    licences, fault = _table(folder)
+    if fault is None or _sidecar(path) is not None or path.relative_to(folder).as_posix() in licences:
         return None
-    within = path.relative_to(folder).as_posix()
-    with index.open(newline="", encoding="utf-8", errors="replace") as stream:
-        for row in csv.DictReader(stream):
-            if row.get("file") == within:
-                return row.get("licence") or None
-    return None
+    return f"the table of licences says nothing of the motion: {fault}"
 
 
 def _licence_file(folder: Path, path: Path) -> str | None:
@@ -218,6 +263,7 @@ def _licence_file(folder: Path, path: Path) -> str | None:
     for parent in [parent for parent in path.parents if parent.is_relative_to(folder)]:
         for name in LICENCE_FILES:
             if (parent / name).is_file():
-                lines = (parent / name).read_text(encoding="utf-8", errors="replace")[:10_000].split("\n")
-                return next((line.strip()[:100] for line in lines if line.strip()), None)
+                with (parent / name).open("rb") as stream:
+                    lines = stream.read(LICENCE_BYTES).decode("utf-8", errors="replace").split("\n")
+                return next((line.strip("\0 \t\r")[:100] for line in lines if line.strip("\0 \t\r")), None)
     return None

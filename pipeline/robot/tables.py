@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
+import io
 import math
 import typing
 from dataclasses import dataclass
@@ -12,6 +12,8 @@ from typing import Any, ClassVar, TypeVar
 
 from scipy.spatial.transform import Rotation
 
+from pipeline.errors import FileError
+from pipeline.files.csv_text import csv_records, read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
 
 
@@ -160,8 +162,10 @@ def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
     if not path.is_file():
         refuse([Fault(path=path, problem="the file is missing.", do="A robot folder needs it, see docs/robot.md.")])
     hints = {name: hint for name, hint in typing.get_type_hints(kind).items() if name not in ("line", "positive")}
-    with path.open(newline="", encoding="utf-8") as stream:
-        records = list(csv.reader(stream))
+    try:
+        records = list(csv_records(io.StringIO(read_csv_text(path), newline=""), path))
+    except FileError as error:
+        refuse([Fault(path=path, line=error.line, problem=error.problem, do=error.do)])
     header = records[0] if records else []
     if header != list(hints):
         problem = f"the columns are {', '.join(header) or 'missing'}."

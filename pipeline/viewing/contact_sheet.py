@@ -140,7 +140,7 @@ class _Drawing:
         axes.set(xlim=(0.0, self.width), ylim=(min(self.low, -0.3), 0.0))
         axes.add_artist(TriangleArtist(one_above_the_other(self.layers)))
         for x, y, text, style in self.texts:
-            axes.text(x, y, text, **{"va": "bottom", **style})
+            axes.text(x, y, text, parse_math=False, **{"va": "bottom", **style})  # a name may hold a $
         return _palette_png(canvas)
 
 

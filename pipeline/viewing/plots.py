@@ -108,7 +108,7 @@ def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:
     rows = np.arange(len(worst))
     axes.barh(rows, worst["seconds_out"], color="#2ca02c", label="went on")
     axes.barh(rows, worst["lost"], left=worst["seconds_out"], color="#d62728", label="lost")
-    axes.set_yticks(rows, list(worst["clip"]), fontsize=7)
+    axes.set_yticks(rows, list(worst["clip"]), fontsize=7, parse_math=False)  # a name may hold a $
     axes.set(xlabel="seconds", title=title if len(worst) else f"{title}: nothing was lost")
     if len(worst):
         axes.legend(fontsize=7, frameon=False)

@@ -12,6 +12,7 @@ import numpy as np
 import viser
 
 from pipeline.errors import PipelineError
+from pipeline.files.shown_text import escaped
 from pipeline.viewing.playback import SPEEDS, Playback
 from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.scene import SceneFigure
@@ -89,7 +90,7 @@ class Viewer:
             self._choose(name)
         except PipelineError as error:
             self._chosen = name
-            self.text.content = f"**{name}** can't be shown: {error}"
+            self.text.content = f"**{escaped(name)}** can't be shown: {escaped(error)}"
 
     def _choose(self, name: str) -> None:
         shown = self._load(name)
@@ -105,7 +106,7 @@ class Viewer:
         duration_s = max((figure.duration_s for figure in figures), default=0.0)
         self.playback = Playback(duration_s=duration_s, playing=self.playback.playing)
         self.slider.max = max(round(duration_s, 2), 0.01)
-        self.text.content = f"**{name}**\n\n{shown.text}"
+        self.text.content = f"**{escaped(name)}**\n\n{shown.text}"
         self.server.initial_camera.position = (2.1, -2.5, 1.2)
         self.server.initial_camera.look_at = (0.0, 0.0, 0.7)
         self._chosen = name

@@ -18,6 +18,7 @@ from pipeline.simulation.run import Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.virtual_robot.deviations import Deviations, by_joint, envelope_of, motor_envelope
+from pipeline.virtual_robot.failing_motors import FailingMotors, Outage, joints_of
 from pipeline.virtual_robot.fall_guard import FallGuard
 from pipeline.virtual_robot.holding_hand import HeldPlant, Hold
 from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
@@ -46,6 +47,8 @@ class VirtualTrial:
     hold: Hold | None = None
     stop_s: float | None = None
     """Time of the operator's stop, after which joints are only damped [s]."""
+    outages: tuple[Outage, ...] = ()
+    """Times at which motors give no torque."""
 
 
 def simulate(
@@ -82,7 +85,7 @@ def simulate(
         robot,
         _plant(robot, trial),
         FallGuard(controller),
-        motors if trial.stop_s is None else StoppedMotors(**vars(motors), stop_s=trial.stop_s),
+        _failing(motors, robot, trial),
         lambda time_s: deviations.command_scale * command(time_s),
         trial.seconds,
         trial.pushes,
@@ -95,33 +98,26 @@ def simulate(
     quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
-    differences = "; ".join(deviations.words()) or "no"
+    words = (*deviations.words(), *(outage.word() for outage in trial.outages))
     facts = dataclasses.replace(
         facts,
         events=(*facts.events, *_events(trial)),
-        notes={
-            **facts.notes,
-            "simulated in": "MuJoCo",
-            "differs from the model": differences,
-        },
+        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(words) or "no"},
     )
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)
 
 
-@dataclass(frozen=True, kw_only=True)
-class StoppedMotors(PdControl):
-    """Motors that only damp after the operator's stop."""
-
-    stop_s: float
-    clock: list[float] = field(default_factory=lambda: [0.0])
-
-    def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> np.ndarray:
-        now = self.clock[0]
-        self.clock[0] = now + TIMESTEP_S
-        if now < self.stop_s:
-            return super().torque(target, joint_pos, joint_vel)
-        return self.envelope.clip(-self.kd * joint_vel, joint_vel)
+def _failing(motors: PdControl, robot: Robot, trial: VirtualTrial) -> PdControl:
+    """The motors with what fails of them; as they are where nothing does."""
+    if trial.stop_s is None and not trial.outages:
+        return motors
+    return FailingMotors(
+        **vars(motors),
+        timestep_s=TIMESTEP_S,
+        stop_s=np.inf if trial.stop_s is None else trial.stop_s,
+        outages=tuple((outage, joints_of(robot, outage)) for outage in trial.outages),
+    )
 
 
 def _plant(robot: Robot, trial: VirtualTrial) -> MujocoPlant:

@@ -1,6 +1,7 @@
 """Each trial is looked at once, and one that cannot be looked at stops no other."""
 
 import dataclasses
+import html
 
 import dagster as dg
 import pytest
@@ -54,7 +55,7 @@ def test_the_page_shows_what_a_validation_missed_and_what_of_it_is_no_failure(pr
     manifest = Manifest(stage="failure_modes", entries=(), judged=(), settings={"x": {"report": answer["report"]}})
     said = failure_modes._failure_metadata(manifest)
     assert "at most 0.1 m/s in the cell vy -0.6" in str(said["what went wrong"].value)
-    assert said[NOTED].md_str == "- side_left_fall: vy -0.6: power 133, asked is at most 112 W"
+    assert html.unescape(said[NOTED].md_str) == "- side_left_fall: vy -0.6: power 133, asked is at most 112 W"
 
 
 def test_a_fault_of_ours_is_told_and_not_remembered(project, robot, tmp_path, monkeypatch):

@@ -102,6 +102,34 @@ def test_a_bad_log_gets_its_sentence_and_does_not_stop_the_others(project, log_b
     assert text.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["r" * 246 + ".mcap", "session.txt/bad.mcap", "\udcff.mcap"])
+def test_no_name_of_a_refused_log_stops_the_others(project, log_bytes, name):
+    drop(project, "b.mcap", log_bytes)
+    bad = drop(project, name, b"no log at all" * 10)
+    for _ in range(2):
+        found = ingested(project)
+        assert sorted(row.fate for row in found.manifest.judged) == ["accepted", "rejected"]
+    bad.unlink()
+    assert [row.fate for row in ingested(project).manifest.judged] == ["accepted"]
+    assert not list((project.hardware_logs / "quarantine").rglob("*"))
+
+
+def test_a_folder_that_cannot_be_written_stops_no_log(project, log_bytes):
+    drop(project, "a.mcap", b"no log at all" * 10)
+    drop(project, "b.mcap", log_bytes)
+    (project.hardware_logs / "quarantine").write_text("")  # as of a folder that is mounted read-only, for root too
+    found = ingested(project)
+    assert [row.fate for row in found.manifest.judged] == ["rejected", "accepted"]
+    assert any("can't be written" in sentence for sentence in found.passed_over)
+
+
+def test_a_memory_of_digests_that_is_not_one_counts_as_empty(project, log_bytes):
+    drop(project, "b.mcap", log_bytes)
+    project.log_digests.parent.mkdir(parents=True)
+    project.log_digests.write_text("null")
+    assert len(ingested(project).manifest.entries) == 1
+
+
 def test_a_log_that_is_healed_leaves_quarantine(project, log_bytes):
     drop(project, "a.mcap", b"no log at all" * 10)
     ingested(project)

@@ -132,3 +132,25 @@ def test_a_manifest_is_json_with_a_line_a_clip(tmp_path):
     assert [entry["clip"] for entry in value["entries"]] == ["clip000", "clip001", "clip002"]
     lines = [line for line in made.to_text().splitlines() if '"blob"' in line]
     assert len(lines) == 3
+
+
+@pytest.mark.parametrize("damage", ["gone", "a bit turned", "emptied"])
+def test_a_blob_that_is_gone_or_was_changed_is_made_again(tmp_path, damage):
+    store, pool = Store(root=tmp_path), ClipPool(backend="sequential")
+    before = stored(store, 2)
+    first = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    store.save("made", first)
+    assert store.holds_blobs_of("made")
+    path = store.blobs.path(first.entries[0].blob)
+    data = path.read_bytes()
+    if damage == "gone":
+        path.unlink()
+    else:
+        path.write_bytes(b"" if damage == "emptied" else data[:100] + bytes([data[100] ^ 1]) + data[101:])
+    store = Store(root=tmp_path)
+    assert not store.holds_blobs_of("made")
+    again = run_stage(stage(raise_a_little), before, store, pool, LOG)
+    assert again.recomputed == 1
+    assert again.digest == first.digest
+    assert path.read_bytes() == data
+    assert Store(root=tmp_path).holds_blobs_of("made")

@@ -150,11 +150,24 @@ def test_code_changed_recomputes_from_its_stage_on(materialized):
     assert materialized.recomputed()["augmented_motions"] > 0
 
 
-def test_a_folder_named_in_the_environment_comes_in_and_leaves_again(materialized, tmp_path):
-    shutil.copy2(materialized.root / "data/motions/curve_left.bvh", tmp_path / "mine.bvh")
-    materialized.materialize(BOOSTER_LAB_MOTIONS=str(tmp_path))
+def test_a_folder_of_the_environment_stays_until_it_is_forgotten(materialized, tmp_path):
+    takes = tmp_path / "takes"
+    takes.mkdir()
+    shutil.copy2(materialized.root / "data/motions/curve_left.bvh", takes / "mine.bvh")
+    materialized.materialize(BOOSTER_LAB_MOTIONS=str(takes))
     assert "mine.bvh" in materialized.clips()
     assert materialized.recomputed()["motion_catalog"] == 1
+    printed = materialized.materialize()
+    assert "source 'takes'" in printed
+    assert "BOOSTER_LAB_MOTIONS does not name it now" in printed
+    assert "mine.bvh" in materialized.clips()
+    database = materialized.database()
+    takes.rename(tmp_path / "moved")
+    done = materialized.run("dagster", "asset", "materialize", "--select", "expert_db")
+    assert done.returncode != 0
+    assert "is not a folder any more. The clips of 1 motion files would leave" in done.stdout + done.stderr
+    assert materialized.database() == database
+    assert materialized.run("booster-lab", "sources", "forget", "takes").returncode == 0
     materialized.materialize()
     assert "mine.bvh" not in materialized.clips()
 

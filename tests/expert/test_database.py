@@ -12,7 +12,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.errors import ClipError, FileError
-from pipeline.expert import DatabaseError, ExpertEntry, check_database, read_database, swap, write_database
+from pipeline.expert import (
+    DatabaseError,
+    ExpertEntry,
+    NoClipsError,
+    check_database,
+    read_database,
+    swap,
+    write_database,
+)
 from pipeline.expert.file_name import file_name
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
@@ -81,11 +89,16 @@ def test_a_deleted_clip_leaves_the_database(robot: Robot, tmp_path: Path):
     assert len(list(folder.glob("*.json"))) == 2  # the clip and the manifest
 
 
-def test_a_database_of_no_clips_is_whole(robot: Robot, tmp_path: Path):
-    write_database(tmp_path / "t1", [], robot, stages={})
-    database = read_database(tmp_path / "t1")
-    assert database.clips == ()
-    assert "clip" in pq.read_table(tmp_path / "t1" / "index.parquet").column_names
+def test_a_database_of_no_clips_takes_the_place_of_none(robot: Robot, tmp_path: Path):
+    folder = tmp_path / "t1"
+    with pytest.raises(NoClipsError, match="no clip is left after KP5"):
+        write_database(folder, [], robot, stages={})
+    assert not folder.exists()
+    write_database(folder, _entries(robot), robot, stages={})
+    before = _bytes(folder)
+    with pytest.raises(NoClipsError, match="what was in place is unchanged"):
+        write_database(folder, [], robot, stages={})
+    assert _bytes(folder) == before
 
 
 class _BreakError(Exception):

@@ -16,6 +16,7 @@ from pipeline.simulation.events import Push
 from pipeline.simulation.record import Rollout
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.virtual_robot.deviations import Deviations
+from pipeline.virtual_robot.failing_motors import Outage
 from pipeline.virtual_robot.holding_hand import Hold
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 
@@ -125,6 +126,22 @@ def taken_in_hand(seed: int, rng: np.random.Generator) -> Planted:
     )
 
 
+def flickering(seed: int, rng: np.random.Generator) -> Planted:
+    """All motors are off for a moment, as when their enable flickers; the robot sags or falls."""
+    start, length = float(rng.uniform(3.0, 4.5)), float(rng.uniform(0.3, 0.6))
+    trial = _trial((float(rng.uniform(0.5, 1.2)), 0.0, 0.0), outages=(Outage(start_s=start, stop_s=start + length),))
+    return Planted(name="motor enable flickers", trial=trial, kind="motor_flicker", seed=seed, value=length)
+
+
+def without_authority(seed: int, rng: np.random.Generator) -> Planted:
+    """The motors of a leg give nothing from some time on."""
+    side = ("Left", "Right")[seed % 2]
+    joints = tuple(f"{side}_{name}" for name in ("Hip_Pitch", "Knee_Pitch", "Ankle_Pitch"))
+    outage = Outage(start_s=float(rng.uniform(3.0, 4.5)), joints=joints)
+    trial = _trial((float(rng.uniform(0.5, 1.2)), 0.0, 0.0), outages=(outage,))
+    return Planted(name="loss of motor authority", trial=trial, kind="authority_loss", seed=seed)
+
+
 def sound(seed: int, rng: np.random.Generator) -> Planted:
     """A command that the policy follows; it does not step below .35 m/s, so slow ones are to stand."""
     forward, lateral, yaw = (float(rng.uniform(*ends)) for ends in ((-0.6, 1.8), (-0.6, 0.6), (-1.2, 1.2)))
@@ -150,6 +167,8 @@ KINDS: tuple[Callable[[int, np.random.Generator], Planted], ...] = (
     hot_motor,
     lagging,
     taken_in_hand,
+    flickering,
+    without_authority,
 )
 
 

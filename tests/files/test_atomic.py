@@ -144,7 +144,7 @@ def test_a_blob_is_read_back_and_a_changed_one_is_refused(tmp_path):
 
 
 def test_a_missing_blob_says_what_to_do(tmp_path):
-    with pytest.raises(FileError, match=r"missing.*materialize again"):
+    with pytest.raises(FileError, match=r"missing.*Materialize again"):
         BlobStore(root=tmp_path).get("ab" * 32)
 
 

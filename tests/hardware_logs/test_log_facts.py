@@ -73,14 +73,18 @@ def test_a_sidecar_says_what_a_recorder_does_not(tmp_path):
 
 
 def test_a_sidecar_corrects_what_it_may(tmp_path):
-    stated = stated_facts(to_metadata(facts(), START_NS), sidecar(tmp_path, "simulated: false\n"))
-    assert not stated.facts.simulated
-    assert stated.remarks == ("its sidecar states simulated.",)
+    stated = stated_facts(to_metadata(facts(), START_NS), sidecar(tmp_path, "command_source: remote\n"))
+    assert stated.facts.command_source == "remote"
+    assert stated.remarks == ("its sidecar states command_source.",)
 
 
-def test_a_log_of_a_robot_is_not_made_a_simulated_one_by_its_sidecar(tmp_path):
-    with pytest.raises(FactsError, match="states that it is not simulated"):
-        stated_facts(to_metadata(facts(simulated=False), START_NS), sidecar(tmp_path, "simulated: true\n"))
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_sidecar_does_not_change_whether_a_log_is_simulated(tmp_path, simulated):
+    beside = sidecar(tmp_path, f"simulated: {str(not simulated).lower()}\n")
+    with pytest.raises(FactsError, match=r"its metadata states that it is (not )?simulated, its sidecar that it is"):
+        stated_facts(to_metadata(facts(simulated=simulated), START_NS), beside)
+    agreed = sidecar(tmp_path, f"simulated: {str(simulated).lower()}\n")
+    assert stated_facts(to_metadata(facts(simulated=simulated), START_NS), agreed).facts.simulated is simulated
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from pipeline.hardware_logs import mcap_bytes
 from pipeline.hardware_logs.log_folder import (
     QUIET_S,
     STALE_S,
-    Digests,
     complete_logs,
     is_complete,
     is_whole,
@@ -124,16 +123,3 @@ def test_whatever_logs_are_called_their_trials_have_names_of_their_own(files):
     names = names_of([Path(file) for file in sorted(files)])
     trials = [trial for name in names for trial in (name, *(f"{name}+{number}" for number in range(2, 23)))]
     assert len(set(trials)) == len(trials)
-
-
-def test_digests_are_remembered_until_the_file_changes(logs, tmp_path):
-    path = put(tmp_path / "a.mcap", logs[".mcap"], 100.0)
-    digests = Digests(tmp_path / "digests.json")
-    before = digests.of(path)
-    digests.save()
-    put(path, logs[".mcap"][::-1], 100.0)
-    assert Digests(tmp_path / "digests.json").of(path) == before
-    put(path, logs[".mcap"][::-1], 50.0)
-    assert Digests(tmp_path / "digests.json").of(path) != before
-    (tmp_path / "digests.json").write_text("no json")
-    assert Digests(tmp_path / "digests.json").of(path) != before

@@ -4,6 +4,7 @@ import dataclasses
 import io
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
 
@@ -12,6 +13,7 @@ from pipeline.viewing import projection
 from pipeline.viewing.contact_sheet import Strip, contact_sheet, worst_clips_sheet
 from pipeline.viewing.figure import Figure, Part, Shape
 from pipeline.viewing.human_figure import human_figure
+from pipeline.viewing.plots import lost_seconds
 from tests.factories.figures import gliding_human, standing_robot, tumbling_robot
 
 MAX_BYTES = 100_000
@@ -129,3 +131,10 @@ def test_no_triangle_of_a_person_on_the_ground_is_below_the_sheet_of_ground():
     pose = projection.pose_triangles(human_figure(gliding_human()), 0, 0.0)
     ground = np.concatenate(projection.ground_triangles(0.36).corners)
     assert np.concatenate(pose.corners)[:, 1].min() > ground[:, 1].min()
+
+
+def test_a_name_with_signs_of_formulas_is_a_name():
+    strip = Strip(title=r"a $\frac{ b$ <c>", human=gliding_human())
+    assert _pixels(worst_clips_sheet([strip], None)).size > 0
+    judged = pd.DataFrame([{"clip": r"a $\frac{ b$", "seconds_in": 2.0, "seconds_out": 1.0}])
+    assert lost_seconds(judged, "lost")[:4] == b"\x89PNG"

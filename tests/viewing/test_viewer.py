@@ -1,5 +1,6 @@
 """The browser viewer: server, scene and controls, driven without a browser."""
 
+import html
 import socket
 import urllib.error
 import urllib.request
@@ -119,7 +120,7 @@ def test_a_clip_that_cannot_be_shown_says_why_and_the_viewer_goes_on(viewer):
     viewer.clip.value = "broken"
     viewer.step(0.1)
     viewer.step(0.1)
-    assert "clip 'broken': it has no frames." in viewer.text.content and viewer.figures
+    assert "clip 'broken': it has no frames." in html.unescape(viewer.text.content) and viewer.figures
     viewer.clip.value = "both"
     viewer.step(0.0)
     assert "as measured" in viewer.text.content
@@ -167,3 +168,22 @@ def test_a_clip_of_one_frame_stands_still():
     clock = Playback(duration_s=0.0)
     clock.advance(1.0)
     assert clock.time_s == 0.0
+
+
+@pytest.mark.parametrize("name", ["<script>fetch('/x')</script>", "<img src=x onerror=alert(1)>", "[a](b){c}|d|`e`"])
+def test_a_name_and_an_error_are_shown_as_text(robot, name):
+    def load(chosen: str) -> Shown:
+        if chosen != name:
+            raise ClipError(chosen, "damaged", f"{name} has no frames.")
+        return Shown(name=name, robot_clip=standing_robot(robot), robot=robot)
+
+    viewer = Viewer(Playlist(names=(name,), beside=("broken",), load=load), port=8931)
+    try:
+        assert html.unescape(viewer.text.content) == f"**{name}**\n\n"
+        assert not set(viewer.text.content.replace("&#", "")) & set("<>[]{}|`")
+        viewer.clip.value = "broken"
+        viewer.step(0.0)
+        assert name in html.unescape(viewer.text.content)
+        assert not set(viewer.text.content.replace("&#", "")) & set("<>[]{}|`")
+    finally:
+        viewer.stop()

@@ -1,0 +1,154 @@
+"""Earlier versions of a database, kept beside it, and the one that comes back.
+
+`.<name>.history/` beside the database holds a folder a version, `<number>-<digest>`: the number grows with time, the
+digest is the first digits of the manifest's. `-refused` ends the name of a version that lost too much to take the place
+of the one before it. A version is a whole database; nothing in it is rewritten.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FileError, PipelineError, UnknownNameError
+from pipeline.expert import manifest, swap
+from pipeline.expert.read import check_database
+from pipeline.files import digest
+
+REFUSED = "-refused"
+"""End of the name of a version that never was in place."""
+KEPT_REFUSED = 2
+"""Refused versions that are kept."""
+DIGITS = 12
+_NAME = re.compile(rf"(\d{{4,}})-([0-9a-f]{{{DIGITS}}})({REFUSED})?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Version:
+    """One version of a database."""
+
+    name: str
+    """As `restore` takes it; of the one in place `current`."""
+    folder: Path
+    clips: int
+    seconds: float
+    by_source: dict[str, int]
+    """Name of a source -> its clips."""
+
+
+class DatabaseLossError(PipelineError):
+    """A new database that lacks more of the one in place than `data/database.yaml` allows."""
+
+    def __init__(self, folder: Path, new: Version, old: Version, max_lost_share: float):
+        fewer = [
+            f"{source} {new.by_source.get(source, 0)} of {clips}"
+            for source, clips in sorted(old.by_source.items())
+            if new.by_source.get(source, 0) < clips
+        ]
+        super().__init__(
+            f"{folder}: the new database has {new.clips} of {old.clips} clips and {new.seconds:.1f} of "
+            f"{old.seconds:.1f} s; 'max_lost_share' of data/database.yaml allows to lose {max_lost_share:g}. Clips by "
+            f"source: {', '.join(fewer) or 'as before'}. The one in place is unchanged. If the loss is meant, put the "
+            f"new one in place: booster-lab database restore {new.name} --robot {folder.name}"
+        )
+
+
+def history_folder(folder: Path) -> Path:
+    """Where the earlier versions of the database in `folder` are."""
+    return swap.beside(folder, "history")
+
+
+def read_versions(folder: Path) -> list[Version]:
+    """The earlier versions of a database, the newest first; what is no database among them is passed over."""
+    found = []
+    for path in history_folder(folder).glob("*"):
+        if _NAME.fullmatch(path.name) and path.is_dir():
+            try:
+                found.append(describe(path, path.name))
+            except FileError:
+                continue
+    return sorted(found, key=lambda each: _number(each.folder), reverse=True)
+
+
+def describe(folder: Path, name: str) -> Version:
+    """Counts of a database as its manifest states them. Raises FileError where there is no readable manifest."""
+    path = folder / manifest.FILE
+    try:
+        head: dict[str, Any] = json.loads(path.read_text())
+        clips, seconds = int(head["clips"]), float(head["seconds"])
+        by_source = {str(source): int(count) for source, count in head.get("clips_by_source", {}).items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
+    return Version(name=name, folder=folder, clips=clips, seconds=seconds, by_source=by_source)
+
+
+def compare(folder: Path, part: Path, max_lost_share: float) -> DatabaseLossError | None:
+    """Why the new database in `part` may not take the place of the one in `folder`; None where it may.
+
+    Where the one in place has no readable manifest, the newest version that was in place before is compared.
+    """
+    before = [each for each in read_versions(folder) if not each.name.endswith(REFUSED)]
+    with contextlib.suppress(FileError):
+        before.insert(0, describe(swap.current(folder), "current"))
+    if not before:
+        return None
+    old, new = before[0], describe(part, _next_name(folder, part) + REFUSED)
+    lost = max(
+        1.0 - new.clips / old.clips if old.clips else 0.0, 1.0 - new.seconds / old.seconds if old.seconds else 0.0
+    )
+    return DatabaseLossError(folder, new, old, max_lost_share) if lost > max_lost_share else None
+
+
+def keep(folder: Path, version: Path, *, refused: bool = False) -> Path:
+    """Move a database of the same disk into the history of `folder`; where it is now."""
+    history = history_folder(folder)
+    history.mkdir(parents=True, exist_ok=True)
+    target = history / (_next_name(folder, version) + (REFUSED if refused else ""))
+    version.rename(target)
+    for other in history.glob(f"*-{target.name.split('-')[1]}*"):
+        if other != target:
+            shutil.rmtree(other)
+    swap.sync_folder(history)
+    return target
+
+
+def prune(folder: Path, kept_versions: int) -> None:
+    """Remove the oldest versions beyond `kept_versions`; of the refused ones the newest few are kept."""
+    versions = [path for path in history_folder(folder).glob("*") if _NAME.fullmatch(path.name)]
+    versions.sort(key=_number, reverse=True)
+    were_in_place = [path for path in versions if not path.name.endswith(REFUSED)]
+    refused = [path for path in versions if path.name.endswith(REFUSED)]
+    for path in (*were_in_place[kept_versions:], *refused[KEPT_REFUSED:]):
+        shutil.rmtree(path)
+
+
+def restore(folder: Path, name: str) -> Version:
+    """Put a version in place; the one that was there becomes the newest of the history.
+
+    Raises UnknownNameError, DatabaseError where the version is not whole, FileError where the disk refuses or another
+    process writes the database. In each case the database in place is unchanged.
+    """
+    versions = {each.name: each for each in read_versions(folder)}
+    if name not in versions:
+        raise UnknownNameError("version", name, list(versions))
+    check_database(versions[name].folder)
+    swap.put_in_place(folder, versions[name].folder, lambda old: keep(folder, old))
+    return describe(folder, name)
+
+
+def _next_name(folder: Path, version: Path) -> str:
+    numbers = [_number(path) for path in history_folder(folder).glob("*") if _NAME.fullmatch(path.name)]
+    try:
+        content = digest.of_file(version / manifest.FILE)
+    except OSError:
+        content = digest.of_bytes(b"")
+    return f"{max(numbers, default=0) + 1:04d}-{content[:DIGITS]}"
+
+
+def _number(path: Path) -> int:
+    return int(path.name.split("-")[0])

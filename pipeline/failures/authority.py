@@ -1,0 +1,168 @@
+"""Motors that do not answer, and joints that are only damped after a fall: causes of stops that are not the policy's.
+
+A motor answers when it gives a good share of the torque that its controller asks for, kp (target - position) - kd
+velocity, and does not when it gives next to nothing of it. Between two answers it is off: for a moment that is a
+flicker of its enable, for longer and with the joint far from its target a loss of authority.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline import time_series
+from pipeline.actuators import JointActuator
+from pipeline.failures.failure import DAMPED, MOTORS_OFF, Failure
+from pipeline.failures.held import Excuse
+from pipeline.failures.motors import asked_torque
+from pipeline.failures.settings import AuthoritySettings
+from pipeline.failures.signals import Signals
+from pipeline.robot import Robot
+
+LEAST_TORQUE = 2.0
+"""Friction may hide what a motor gives when it is asked for less [N m]."""
+DEAD_OF_FLICKER = 0.4
+"""Share of the shortest outage in which the motor has to be asked for something and to give nothing."""
+FAR_S = 0.1
+"""A joint whose motor lost its authority is far from its target for so long [s]."""
+USUAL_PERCENTILE = 95.0
+"""Of what was asked by stiffness until the robot was down: a robot that stands asks for little."""
+OF_LEGS = "of the legs"
+"""Name of the evidence that tells whether a joint of a leg is among them."""
+TOGETHER_S = 0.1
+"""Outages of joints that begin within this time are one [s]."""
+
+
+def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings: AuthoritySettings) -> list[Failure]:
+    """Stretches in which motors gave next to nothing, as `motor_flicker` or `authority_loss`; joints that are off
+    together are one. Nothing where the log does not say what was asked for."""
+    trial = signals.trial
+    asked = asked_torque(signals)
+    error = np.abs(np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)
+    given = np.abs(np.asarray(trial.torque_est, dtype=float))
+    found: list[tuple[int, int, int, bool]] = []
+    for joint, actuator in enumerate(actuators):
+        limit = actuator.box_effort_limit
+        wanted = np.where(trial.measured, np.nan_to_num(np.abs(asked[:, joint])), 0.0)
+        has_to_answer = wanted > max(settings.asked_over * limit, LEAST_TORQUE)
+        dead = has_to_answer & (given[:, joint] < settings.dead_share * np.minimum(wanted, limit))
+        alive = has_to_answer & (given[:, joint] > settings.alive_share * np.minimum(wanted, limit))
+        for start, stop in _between(dead, alive):
+            seconds = (stop - start) / trial.rate_hz
+            dead_s = float(dead[start:stop].sum() / trial.rate_hz)
+            far = (error[start:stop, joint] > settings.error_rad) & dead[start:stop]
+            if min(seconds, dead_s / DEAD_OF_FLICKER) < settings.flicker_s[0]:
+                continue
+            if seconds <= settings.flicker_s[1] and alive[stop:].any():
+                found.append((start, stop, joint, False))
+            elif far.sum() > FAR_S * trial.rate_hz:  # for long, or until nothing was asked for any more
+                found.append((start, stop, joint, True))
+    return [_failure(signals, group, asked, error) for group in _together(found, trial.rate_hz)]
+
+
+def outage_excuses(outages: Sequence[Failure]) -> list[Excuse]:
+    """What a robot does while motors of its legs are off, and just after, is not the policy's; arms excuse nothing."""
+    return [
+        Excuse(start_s=each.time_s, stop_s=each.until_s, why=MOTORS_OFF, said={})
+        for each in outages
+        if each.evidence[OF_LEGS] is True
+    ]
+
+
+def leg_joints(robot: Robot) -> frozenset[int]:
+    """Indices of the joints between the root and the feet."""
+    joints: set[int] = set()
+    for foot in robot.feet:
+        link = int(robot.tree.site_link[robot.site(foot)])
+        while link > 0:
+            joints.add(int(robot.tree.joint[link]))
+            link = int(robot.tree.parent[link])
+    return frozenset(joint for joint in joints if joint >= 0)
+
+
+def damped_after(signals: Signals, falls: Sequence[Failure], settings: AuthoritySettings) -> list[Failure]:
+    """For each fall the stretch behind it in which joints are only damped: by stiffness nothing is asked of them."""
+    trial = signals.trial
+    stiff = np.abs(trial.kp * (np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)).sum(axis=1)
+    told = np.isfinite(stiff)
+    if not told.any() or not falls:
+        return []
+    down = int(np.searchsorted(trial.time_s, falls[0].until_s))
+    before = stiff[:down][told[:down]]
+    usual = float(np.percentile(before if len(before) else stiff[told], USUAL_PERCENTILE))
+    limp = told & (stiff < settings.damped_share * usual)
+    least = settings.damped_s * trial.rate_hz
+    long_ones = [(start, stop) for start, stop in time_series.runs(limp) if stop - start >= least]
+    found = []
+    for fall, until_s in zip(falls, [*(each.time_s for each in falls[1:]), np.inf], strict=True):
+        own = [run for run in long_ones if fall.time_s <= trial.time_s[run[0]] < until_s]
+        if own:
+            inside = np.concatenate([stiff[start:stop] for start, stop in own])
+            begins, ends = float(trial.time_s[own[0][0]]), float(trial.time_s[own[-1][1] - 1])
+            found.append(_damped(signals, begins, ends, float(inside.mean() / max(usual, 1e-9))))
+    return found
+
+
+def _damped(signals: Signals, start_s: float, stop_s: float, share: float) -> Failure:
+    forward, lateral, yaw = signals.command[signals.at(start_s)].tolist()
+    return Failure(
+        kind="damped",
+        time_s=start_s,
+        until_s=stop_s,
+        command=(forward, lateral, yaw),
+        confidence=0.95,
+        excuse=DAMPED,
+        evidence={"torque by stiffness over the usual": share, "seconds": stop_s - start_s},
+    )
+
+
+def _between(dead: np.ndarray, alive: np.ndarray) -> list[tuple[int, int]]:
+    """From the first to the last sample without answer, wherever no answer lies between."""
+    found = []
+    edges = [-1, *np.flatnonzero(alive).tolist(), len(dead)]
+    without = np.flatnonzero(dead)
+    place = np.searchsorted(edges, without)
+    for edge in np.unique(place):
+        inside = without[place == edge]
+        found.append((int(inside[0]), int(inside[-1]) + 1))
+    return found
+
+
+def _together(found: list[tuple[int, int, int, bool]], rate_hz: float) -> list[list[tuple[int, int, int, bool]]]:
+    """Outages of one kind that begin at about the same time."""
+    groups: list[list[tuple[int, int, int, bool]]] = []
+    for each in sorted(found, key=lambda one: (one[3], one[0])):
+        last = groups[-1] if groups else None
+        if last and last[0][3] == each[3] and each[0] - last[-1][0] <= TOGETHER_S * rate_hz:
+            last.append(each)
+        else:
+            groups.append([each])
+    return groups
+
+
+def _failure(
+    signals: Signals, group: list[tuple[int, int, int, bool]], asked: np.ndarray, error: np.ndarray
+) -> Failure:
+    trial = signals.trial
+    start, stop = min(each[0] for each in group), max(each[1] for each in group)
+    joints = [each[2] for each in group]
+    forward, lateral, yaw = signals.command[signals.at(float(trial.time_s[start]))].tolist()
+    inside = (slice(start, stop), joints)
+    return Failure(
+        kind="authority_loss" if group[0][3] else "motor_flicker",
+        time_s=float(trial.time_s[start]),
+        until_s=float(trial.time_s[stop - 1]),
+        command=(forward, lateral, yaw),
+        joint=trial.joint_names[joints[0]] if len(joints) == 1 else "",
+        confidence=0.9,
+        excuse=MOTORS_OFF,
+        evidence={
+            "seconds": (stop - start) / trial.rate_hz,
+            "joints": len(joints),
+            OF_LEGS: any(joint in leg_joints(signals.robot) for joint in joints),
+            "asked [N m]": float(np.nanmax(np.abs(asked[inside]))),
+            "given [N m]": float(np.nanmedian(np.abs(np.asarray(trial.torque_est, dtype=float)[inside]))),
+            "from the target [rad]": float(np.nanmax(error[inside])),
+        },
+    )

@@ -1,0 +1,42 @@
+"""CSV files that people write: bounded, UTF-8, and every fault with its line."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from pipeline.errors import FileError
+
+MAX_BYTES = 50_000_000
+"""Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
+
+
+def read_csv_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+    """The text of a file. Raises FileError: too large, or with the line of the first bytes that are no UTF-8."""
+    if path.stat().st_size > max_bytes:
+        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {max_bytes} allowed.")
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        problem = f"the byte 0x{data[error.start]:02x} is no UTF-8 text."
+        raise FileError(path, problem, "Save the table as UTF-8 (in a spreadsheet: 'CSV UTF-8').", line) from error
+
+
+def csv_records(
+    lines: Iterable[str], path: Path | str, delimiter: str = ",", first_line: int = 1
+) -> Iterator[list[str]]:
+    """Records of a table. Raises FileError with the line where a field is too long or no end of a quote is found.
+
+    Args:
+        path: what messages call the file
+        first_line: number of the first of `lines` in the file
+    """
+    reader = csv.reader(lines, delimiter=delimiter)
+    try:
+        yield from reader
+    except csv.Error as error:
+        line = first_line + max(reader.line_num - 1, 0)
+        raise FileError(path, f"the row can't be read ({error}).", "Shorten or correct it.", line) from error

@@ -1,0 +1,138 @@
+"""NumPy archives from strangers: sizes checked before anything is inflated, never an object array."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import FileError
+from pipeline.files.damaged_npz import DAMAGED_NPZ
+
+
+@dataclass(frozen=True, kw_only=True)
+class NpzCaps:
+    """How large an archive may be."""
+
+    members: int
+    member_bytes: int
+    """Of one array when it is inflated."""
+    total_bytes: int
+    """Of all arrays when they are inflated."""
+    ratio: int
+    """Bytes of an array over those it takes in the archive."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NpzHeader:
+    """What an archive holds, known without inflating it."""
+
+    path: Path
+    shapes: Mapping[str, tuple[int, ...]]
+    """Shape of each array that can be read: numbers and text, no objects."""
+    objects: tuple[str, ...]
+    """Names of the object arrays; they are never read."""
+    numeric: frozenset[str] = frozenset()
+    """Names of the arrays of numbers."""
+
+    def has(self, *names: str) -> bool:
+        return all(name in self.shapes for name in names)
+
+    def array(self, name: str) -> np.ndarray:
+        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        if name in self.objects:
+            raise FileError(self.path, f"'{name}' is an array of Python objects, which is never loaded.")
+        if name not in self.shapes:
+            raise FileError(self.path, f"'{name}' is missing; there are: {', '.join(sorted(self.shapes))}.")
+        try:
+            with np.load(self.path, allow_pickle=False) as archive:
+                value = archive[name]
+        except DAMAGED_NPZ as error:
+            raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
+        return value.astype(float) if value.dtype.kind in "fiu" else value
+
+    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
+        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
+        value = self.array(name)
+        fits = len(shape) == value.ndim and all(
+            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
+        )
+        if value.dtype.kind != "f" or not fits:
+            wanted = "×".join("n" if length is None else str(length) for length in shape)
+            problem = (
+                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
+            )
+            raise FileError(self.path, problem)
+        return np.where(np.isfinite(value), value, np.nan)
+
+    def number(self, name: str) -> float:
+        """An array of one finite number."""
+        value = self.array(name)
+        if value.size != 1 or value.dtype.kind != "f" or not np.isfinite(value).all():
+            raise FileError(self.path, f"'{name}' is not one finite number.")
+        return float(value.reshape(-1)[0])
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """A list of names."""
+        value = self.array(name)
+        if value.dtype.kind != "U" or value.ndim != 1:
+            raise FileError(self.path, f"'{name}' is not a list of names.")
+        return tuple(str(entry) for entry in value)
+
+
+def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
+    """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
+    if not path.is_file():
+        raise FileError(path, "the file does not exist.")
+    if path.stat().st_size == 0:
+        raise FileError(path, "the file is empty.")
+    shapes: dict[str, tuple[int, ...]] = {}
+    objects: list[str] = []
+    numeric: set[str] = set()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check_sizes(path, archive.infolist(), caps)
+            for info in archive.infolist():
+                name = info.filename.removesuffix(".npy")
+                shape, dtype = _member(archive, info)
+                if dtype.hasobject:
+                    objects.append(name)
+                elif int(np.prod(shape, dtype=object)) * dtype.itemsize > info.file_size:
+                    raise FileError(path, f"'{name}' claims shape {shape}, more than its {info.file_size} bytes hold.")
+                else:
+                    shapes[name] = shape
+                    numeric |= {name} if dtype.kind in "fiub" else set()
+    except DAMAGED_NPZ as error:
+        raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
+    return NpzHeader(path=path, shapes=shapes, objects=tuple(objects), numeric=frozenset(numeric))
+
+
+def _short(error: Exception) -> str:
+    """An error's first words; zipfile prints whole members."""
+    return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
+
+
+def _check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> None:
+    if len(members) > caps.members:
+        raise FileError(path, f"the archive has {len(members)} members, more than the {caps.members} allowed.")
+    for info in members:
+        if info.file_size > caps.member_bytes or info.file_size > caps.ratio * max(info.compress_size, 1_000):
+            problem = (
+                f"'{info.filename[:60]}' inflates from {info.compress_size} to {info.file_size} bytes, not allowed."
+            )
+            raise FileError(path, problem)
+    total = sum(info.file_size for info in members)
+    if total > caps.total_bytes:
+        raise FileError(path, f"the archive inflates to {total} bytes, more than the {caps.total_bytes} allowed.")
+
+
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[tuple[int, ...], np.dtype]:
+    """Shape and type of one array, from its header."""
+    with archive.open(info) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(stream)
+    return shape, dtype

@@ -1,0 +1,168 @@
+"""Sources that a run has used, recorded in the store: none of them disappears because a shell lacks a variable.
+
+A folder that was named by `BOOSTER_LAB_MOTIONS` once stays a source until `booster-lab sources forget` removes it. A
+source of `data/sources.yaml` that is no longer named, a folder that is gone and one that lost all of its files are
+errors, which name what would leave the database.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from pipeline.errors import FileError, PipelineError, UnknownNameError
+from pipeline.files import atomic
+from pipeline.readers.source import Source, read_sources, sources_of_environment
+
+FILE = "data/sources.yaml"
+VARIABLE = "BOOSTER_LAB_MOTIONS"
+NAMED_IN = (FILE, VARIABLE)
+"""Where a source can be named."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RememberedSource:
+    """A source as a run used it last."""
+
+    name: str
+    folder: str
+    """Absolute path, links resolved."""
+    named_in: str
+    """One of `NAMED_IN`."""
+    files: int
+    """Motion files that it held."""
+
+    def text(self) -> str:
+        """The source in half a sentence."""
+        return f"source '{self.name}' ({self.folder}, {self.files} motion files, named in {self.named_in})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourcesInUse:
+    """The sources of a run, in the order in which they are read."""
+
+    stated: tuple[Source, ...]
+    """Of `data/sources.yaml`."""
+    environment: tuple[Source, ...]
+    """Of `BOOSTER_LAB_MOTIONS` as it is now."""
+    remembered: tuple[Source, ...]
+    """Named by the variable in an earlier run and not in this one."""
+
+    @property
+    def all(self) -> tuple[Source, ...]:
+        return self.stated + self.environment + self.remembered
+
+
+class SourceLostError(PipelineError):
+    """Sources that earlier runs used are not there any more; running on would take their clips out of the database."""
+
+    def __init__(self, memory: Path, lost: Sequence[tuple[RememberedSource, str]]):
+        listed = "; ".join(f"{source.text()} {why}" for source, why in lost)
+        names = " ".join(source.name for source, _ in lost)
+        files = sum(source.files for source, _ in lost)
+        super().__init__(
+            f"{memory}: {listed}. The clips of {files} motion files would leave the database; nothing was changed. "
+            f"Bring the source back, or take it out for good: booster-lab sources forget {names}"
+        )
+
+
+def sources_in_use(file: Path, variable: str, memory: Path) -> SourcesInUse:
+    """The sources that are named now and those that the store remembers.
+
+    Args:
+        file: `data/sources.yaml`
+        variable: value of `BOOSTER_LAB_MOTIONS`
+        memory: the file that `remember` writes
+
+    Raises SettingsError, FileError for a folder of the variable that is not there, SourceLostError for a remembered
+    folder that is not there.
+    """
+    known = read_remembered(memory)
+    stated = read_sources(file)
+    names = {Path(each.folder): each.name for each in known if each.named_in == VARIABLE}
+    environment = sources_of_environment(variable, stated, names)
+    taken = {source.folder.resolve() for source in (*stated, *environment)}
+    missing = {folder: name for folder, name in names.items() if folder not in taken}
+    gone = [each for each in known if Path(each.folder) in missing and not _is_folder(Path(each.folder))]
+    if gone:
+        raise SourceLostError(memory, [(each, "is not a folder any more") for each in gone])
+    remembered = sources_of_environment(":".join(map(str, missing)), (*stated, *environment), missing)
+    return SourcesInUse(stated=stated, environment=environment, remembered=remembered)
+
+
+def check_sources(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> None:
+    """Raise SourceLostError where a remembered source is not among those in use or has lost all of its files.
+
+    A source of `data/sources.yaml` is the same one as long as its name or its folder is.
+
+    Args:
+        memory: the file that `remember` writes
+        files: name of each source in use -> how many motion files it holds
+    """
+    by_folder = {str(source.folder.resolve()): source.name for source in sources.all}
+    stated = {source.name for source in sources.stated}
+    lost = []
+    for each in read_remembered(memory):
+        same = each.name if each.named_in == FILE and each.name in stated else None
+        name = by_folder.get(each.folder, same)
+        if name is None:
+            lost.append((each, "is not named any more"))
+        elif files[name] == 0 and each.files > 0:
+            lost.append((each, "holds no motion file any more (is its disk mounted?)"))
+    if lost:
+        raise SourceLostError(memory, lost)
+
+
+def read_remembered(memory: Path) -> tuple[RememberedSource, ...]:
+    """The sources that runs used, by name; none where nothing was recorded. Raises FileError for a damaged record."""
+    try:
+        if not memory.is_file():
+            return ()
+        rows = json.loads(memory.read_text())
+        found = tuple(RememberedSource(**row) for row in rows)
+        if not all(isinstance(each.files, int) and each.named_in in NAMED_IN for each in found):
+            raise ValueError("a source has no count of files or no known origin")
+    except (OSError, ValueError, TypeError) as error:
+        do = "Name all of your sources in data/sources.yaml, then remove this file."
+        raise FileError(memory, f"the record of the sources in use can't be read ({error}).", do) from error
+    return tuple(sorted(found, key=lambda each: each.name))
+
+
+def remember(memory: Path, sources: SourcesInUse, files: Mapping[str, int]) -> None:
+    """Record the sources that a run used, each with its number of files (`check_sources`)."""
+    stated = {source.name for source in sources.stated}
+    rows = [
+        RememberedSource(
+            name=source.name,
+            folder=str(source.folder.resolve()),
+            named_in=FILE if source.name in stated else VARIABLE,
+            files=files[source.name],
+        )
+        for source in sources.all
+    ]
+    _write(memory, rows)
+
+
+def forget(memory: Path, names: Sequence[str]) -> tuple[RememberedSource, ...]:
+    """Take sources out of the record; what was recorded of them. Raises UnknownNameError."""
+    known = read_remembered(memory)
+    for name in names:
+        if name not in {each.name for each in known}:
+            raise UnknownNameError("source", name, [each.name for each in known])
+    _write(memory, [each for each in known if each.name not in names])
+    return tuple(each for each in known if each.name in names)
+
+
+def _write(memory: Path, rows: Sequence[RememberedSource]) -> None:
+    text = json.dumps([asdict(row) for row in rows], indent=1, sort_keys=True) + "\n"
+    if not memory.is_file() or memory.read_text() != text:
+        atomic.write_text(memory, text)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:
+        return False

@@ -1,0 +1,201 @@
+"""Policies, golden vectors and cards with a planted fault: refused in one sentence, in bounded memory."""
+
+import io
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.deployment import deployment_task, load_policy, save_policy
+from pipeline.errors import FileError
+from pipeline.export.card import FILE, SCHEMA, ModelCard, read_card
+from pipeline.export.golden import GoldenVectors, read_golden, write_golden
+from pipeline.files import digest
+from pipeline.robot import Robot
+from tests.factories.policies import random_policy
+
+CARD = ModelCard(
+    name="walk",
+    robot="t1",
+    digest="ab" * 32,
+    run={},
+    data={},
+    shippable=False,
+    why="nobody asked.",
+    network={},
+    parity={},
+    task={},
+    files={"policy.npz": "cd" * 32},
+)
+
+
+@pytest.fixture
+def arrays(robot: Robot, tmp_path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a sound policy."""
+    save_policy(tmp_path / "sound.npz", random_policy(deployment_task(robot), np.random.default_rng(3), gains=True))
+    with np.load(tmp_path / "sound.npz") as sound:
+        return dict(sound)
+
+
+FAULTS = {
+    "0-d joint names": lambda arrays: arrays.update(joint_names=np.array("knee")),
+    "joint names of numbers": lambda arrays: arrays.update(joint_names=np.arange(23.0)),
+    "joint names in rows": lambda arrays: arrays.update(joint_names=arrays["joint_names"][None]),
+    "0-d mean": lambda arrays: arrays.update(mean=np.array(1.0)),
+    "0-d bias": lambda arrays: arrays.update(L0_b=np.array(1.0)),
+    "bias in rows": lambda arrays: arrays.update(L0_b=arrays["L0_b"][None]),
+    "0-d weight": lambda arrays: arrays.update(L0_w=np.array(1.0)),
+    "empty weight": lambda arrays: arrays.update(L0_w=np.zeros((0, 0))),
+    "eps of another length": lambda arrays: arrays.update(eps=np.zeros(3)),
+    "std below zero": lambda arrays: arrays.update(std=-arrays["std"]),
+    "a layer taken out": lambda arrays: arrays.pop("L1_w"),
+    "NaN": lambda arrays: arrays["L0_w"].__setitem__((0, 0), np.nan),
+    "complex numbers": lambda arrays: arrays.update(L0_w=arrays["L0_w"].astype(complex)),
+    "text for numbers": lambda arrays: arrays.update(L0_w=arrays["L0_w"].astype(str)),
+    "gains of another length": lambda arrays: arrays.update(kp=arrays["kp"][:-1]),
+    "0-d gains": lambda arrays: arrays.update(kp=np.array(1.0)),
+    "examples of unequal number": lambda arrays: arrays.update(
+        golden_observation=np.zeros((3, arrays["mean"].size)), golden_action=np.zeros((2, 21))
+    ),
+    "0-d examples": lambda arrays: arrays.update(golden_observation=np.array(1.0), golden_action=np.array(1.0)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_faulty_policy_is_refused_in_one_sentence(tmp_path, arrays, fault):
+    FAULTS[fault](arrays)
+    path = tmp_path / "policy.npz"
+    np.savez(path, **arrays)
+    with pytest.raises(FileError, match=r"policy\.npz") as raised:
+        load_policy(path)
+    assert "\n" not in str(raised.value)
+
+
+def bomb(path: Path, inflated: int, name: str = "L0_w") -> None:
+    """An archive whose array of zeros is of so many bytes."""
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (inflated // 8,)})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(f"{name}.npy", "w") as member:
+        member.write(stream.getvalue())
+        for _ in range(inflated // 1_000_000):
+            member.write(bytes(1_000_000))
+
+
+MEASURE = """
+import resource, sys
+from pathlib import Path
+{imports}
+try:
+    {call}
+except {error} as error:
+    print(error)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+def measured(imports: str, call: str, root: Path, error: str = "Exception") -> tuple[str, int]:
+    """What a process of its own prints, and the most memory it had [MB]."""
+    script = MEASURE.format(imports=imports, call=call, error=error)
+    done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]
+    *said, peak = done.stdout.splitlines()
+    return " ".join(said), int(peak)
+
+
+@pytest.mark.parametrize("kind", ["policy", "golden"])
+def test_a_bomb_is_refused_before_it_inflates(tmp_path, root, kind):
+    path = tmp_path / f"{kind}.npz"
+    bomb(path, 800_000_000, "L0_w" if kind == "policy" else "command")
+    module, name = (
+        ("pipeline.deployment", "load_policy") if kind == "policy" else ("pipeline.export.golden", "read_golden")
+    )
+    said, peak_mb = measured(f"from {module} import {name}", f"{name}(Path({str(path)!r}))", root)
+    assert "inflates" in said
+    assert peak_mb < 600
+
+
+def golden(path: Path, **changes: np.ndarray) -> Path:
+    """Golden vectors of two steps beside a card that states them."""
+    shapes = dict(gyro_b=3, gravity_b=3, command=3, joint_pos=23, joint_vel=23, observation=720, action=21, targets=23)
+    write_golden(path, GoldenVectors(**{name: np.zeros((2, width)) for name, width in shapes.items()}))
+    if changes:
+        with np.load(path) as sound:
+            np.savez(path, **{**sound, **changes})
+    return path
+
+
+def card(folder: Path, **files: str) -> Path:
+    made = ModelCard(**{**vars(CARD), "files": files})
+    (folder / FILE).write_text(made.to_text())
+    return folder / FILE
+
+
+def test_golden_vectors_are_those_that_the_card_beside_them_states(tmp_path):
+    path = golden(tmp_path / "golden.npz")
+    assert read_golden(path).command.shape == (2, 3)
+    card(tmp_path, **{"golden.npz": digest.of_file(path)})
+    assert read_golden(path).command.shape == (2, 3)
+    golden(path, command=np.ones((2, 3)))
+    with pytest.raises(FileError, match=r"golden.npz: is not what card.json beside it states"):
+        read_golden(path)
+    card(tmp_path)
+    with pytest.raises(FileError, match=r"golden.npz: is not what card.json beside it states"):
+        read_golden(path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"command": np.array(1.0)},
+        {"command": np.zeros((3, 3))},
+        {"command": np.full((2, 3), np.nan)},
+        {"command": np.array([["a", "b", "c"]] * 2)},
+    ],
+    ids=["0-d", "unequal", "NaN", "text"],
+)
+def test_faulty_golden_vectors_are_refused(tmp_path, changes):
+    with pytest.raises(FileError, match=r"golden\.npz: has"):
+        read_golden(golden(tmp_path / "golden.npz", **changes))
+
+
+def test_a_card_carries_a_digest_of_itself(tmp_path):
+    path = card(tmp_path, **{"policy.npz": "cd" * 32})
+    assert read_card(tmp_path).files == {"policy.npz": "cd" * 32}
+    value = json.loads(path.read_text())
+    assert value["schema"] == SCHEMA
+    for change in ({"shippable": True}, {"sha256": None}, {"files": {}}, {"sha256": "ab" * 32}):
+        path.write_text(json.dumps({**value, **change}))
+        with pytest.raises(FileError, match="was changed: its content is not the one that its own digest states"):
+            read_card(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"files": None},
+        {"files": []},
+        {"files": {"../../outside": "ab" * 32}},
+        {"files": {"/etc/passwd": "ab" * 32}},
+        {"files": {"policy.npz": 3}},
+        {"name": None},
+        {"shippable": "yes"},
+        {"run": "walk"},
+    ],
+    ids=str,
+)
+def test_a_card_of_other_kinds_of_values_is_refused(tmp_path, change):
+    value = {"schema": SCHEMA, **vars(CARD), **change}
+    (tmp_path / FILE).write_text(json.dumps({**value, "sha256": digest.of_json(value)}))
+    with pytest.raises(FileError, match=r"card\.json: "):
+        read_card(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["null", "[]", "3", "{", "[" * 5_000 + "]" * 5_000, '{"schema": null}'])
+def test_what_is_no_card_is_refused(tmp_path, text):
+    (tmp_path / FILE).write_text(text)
+    with pytest.raises(FileError, match=r"card\.json: is no"):
+        read_card(tmp_path)

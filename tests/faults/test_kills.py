@@ -1,0 +1,122 @@
+"""Work killed at random moments, and work on a disk that is full from some moment on: nothing is lost or half there."""
+
+import contextlib
+import errno
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.factories.interrupted import WORKS, refused, run
+
+KILLS = {"database swap": 9, "ingest": 9, "approval": 6, "training start": 6}
+"""30 kills in all."""
+FULL_DISKS = {"database swap": 3, "ingest": 3, "approval": 1, "training start": 3}
+"""10 moments from which nothing can be written."""
+SEED = 37
+SERVER = multiprocessing.get_context("forkserver")
+SERVER.set_forkserver_preload(["tests.factories.interrupted"])
+
+
+def started(name: str, folder: Path):
+    """The work in a process of its own, from when it begins."""
+    ready = SERVER.Event()
+    process = SERVER.Process(target=worker, args=(name, str(folder), ready))
+    process.start()
+    assert ready.wait(60.0)
+    return process
+
+
+def worker(name: str, folder: str, ready) -> None:
+    ready.set()
+    run(name, Path(folder))
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory) -> dict[str, Path]:
+    """What each work starts from."""
+    folders = {name: tmp_path_factory.mktemp(name.replace(" ", "_")) for name in WORKS}
+    for name, folder in folders.items():
+        WORKS[name].prepare(folder)
+    return folders
+
+
+@pytest.mark.parametrize("name", WORKS)
+def test_work_that_is_killed_leaves_a_whole_state_and_is_done_by_the_next(prepared, tmp_path, name):
+    rng = np.random.default_rng([SEED, *name.encode()])
+    folder = shutil.copytree(prepared[name], tmp_path / "timed", symlinks=True)
+    whole = started(name, folder)
+    begun = time.monotonic()
+    whole.join(60.0)
+    length_s = time.monotonic() - begun
+    assert whole.exitcode == 0 and WORKS[name].check(folder) == "after"
+    killed = 0
+    for number in range(KILLS[name]):
+        folder = shutil.copytree(prepared[name], tmp_path / f"kill{number}", symlinks=True)
+        process = started(name, folder)
+        time.sleep(float(rng.uniform(0.0, length_s)))
+        with contextlib.suppress(ProcessLookupError):  # it was faster
+            os.kill(process.pid, signal.SIGKILL)
+        process.join()
+        killed += process.exitcode == -signal.SIGKILL
+        WORKS[name].check(folder)
+        assert refused(name, folder) == ""
+        assert WORKS[name].check(folder) == "after"
+    assert killed >= KILLS[name] // 3, "the kills came too late to test anything"
+
+
+WRITES = {"open", "os.mkdir", "os.rename"}
+"""Events of the interpreter's audit by which a file system changes."""
+
+
+class FullDisk:
+    """Counts the writes below a folder, and refuses them from a number on."""
+
+    def __init__(self) -> None:
+        self.below, self.count, self.allowed = "", 0, -1
+
+    def hook(self, event: str, arguments: tuple) -> None:
+        if not self.below or event not in WRITES or not str(arguments[0]).startswith(self.below):
+            return
+        reads = event == "open" and not (isinstance(arguments[1], str) and set(arguments[1]) & set("wax+"))
+        if reads and not (event == "open" and arguments[1] is None and arguments[2] & (os.O_WRONLY | os.O_RDWR)):
+            return
+        self.count += 1
+        if 0 <= self.allowed < self.count:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(arguments[0]))
+
+    @contextlib.contextmanager
+    def __call__(self, folder: Path, allowed: int) -> Iterator[None]:
+        self.below, self.count, self.allowed = str(folder), 0, allowed
+        try:
+            yield
+        finally:
+            self.below = ""
+
+
+DISK = FullDisk()
+sys.addaudithook(DISK.hook)
+
+
+@pytest.mark.parametrize("name", WORKS)
+def test_on_a_full_disk_work_is_a_sentence_and_what_was_there_stays(prepared, tmp_path, name):
+    folder = shutil.copytree(prepared[name], tmp_path / "counted", symlinks=True)
+    with DISK(folder, -1):
+        assert refused(name, folder) == ""
+    writes = DISK.count
+    assert writes > FULL_DISKS[name]
+    for number in range(FULL_DISKS[name]):
+        folder = shutil.copytree(prepared[name], tmp_path / f"full{number}", symlinks=True)
+        with DISK(folder, number * writes // FULL_DISKS[name]):
+            said = refused(name, folder)
+        assert said == "" or "No space left" in said, said
+        WORKS[name].check(folder)
+        assert refused(name, folder) == ""
+        assert WORKS[name].check(folder) == "after"
