@@ -15,7 +15,7 @@ from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing
-from tests.factories.robot_faults import FAULTS, weakened_robot
+from tests.factories.robot_faults import FAULTS
 
 
 @pytest.fixture(scope="module")
