@@ -9,8 +9,7 @@ seed, others drawn from the whole box. Each of these gets a table, and the draws
 the axes, which limits were set with; every table has the bars. Rollouts are judged with their true contacts, without
 contacts, with those that KP2 tells, and cut into windows of half a second. Into the same rollouts each fault is planted
 once and counted if some body moved 5 cm. Criteria that a rollout is not held to have tables of their own: tracking, and
-likeness to the person (of the clips of a checkout whose `expert_db` was made). Then torque by inverse dynamics is held
-against the simulation's motors. Weak motors in references are benchmarks/feasibility_references.py.
+likeness to the person (of the clips of a checkout whose `expert_db` was made).
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.feasibility_faults import FAULTS  # noqa: E402
 from benchmarks.feasibility_judge import (  # noqa: E402
     PUBLISHED,
-    WEAK,
     Command,
     Judged,
     commands_on_axes,
@@ -39,14 +37,11 @@ from benchmarks.feasibility_judge import (  # noqa: E402
 )
 from benchmarks.feasibility_likeness import likeness_bars  # noqa: E402
 from benchmarks.feasibility_rates import LEAST, criteria, fault_bars, known_good_bars  # noqa: E402
-from benchmarks.feasibility_reach import reach_bars  # noqa: E402
-from benchmarks.feasibility_torque import torque_bars  # noqa: E402
 from benchmarks.feasibility_tracked import tracking_bars  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.errors import PipelineError  # noqa: E402
 from pipeline.feasibility import FeasibilitySettings  # noqa: E402
 from pipeline.files import settings  # noqa: E402
-from pipeline.robot import load_robot  # noqa: E402
 
 SEEDS = (1,)
 """Of the draws. Which were looked at and which were held out: docs/feasibility.md, "Seeds"."""
@@ -81,8 +76,8 @@ def main() -> int:
 
 
 def _tables(files: list[Path], arguments: argparse.Namespace, limits: FeasibilitySettings, codes: list[str]):
-    """Title and bars of each table, when it is done: axes, every seed, the draws of all seeds where there are several,
-    and what feet in the air seem to bear; then torque."""
+    """Title and bars of each table, when it is done: axes, every seed, the draws of all seeds where there are several;
+    then tracking and likeness."""
     for file in files:
         name = f"{file.parent.name}/{file.stem}"
         on_axes = _judge_all(file, commands_on_axes(), 0, limits, arguments)
@@ -95,17 +90,12 @@ def _tables(files: list[Path], arguments: argparse.Namespace, limits: Feasibilit
         if len(arguments.seeds) > 1:
             title = f"{name}, seeds {' '.join(map(str, arguments.seeds))} together"
             yield title, _of_rollouts(drawn, codes, arguments)
-        beyond = [one.beyond for one in (*on_axes, *drawn) if one.beyond is not None]
-        yield f"{name}, forces beyond contacts", reach_bars(beyond)
     for seed in arguments.seeds:
         yield f"motion that is tracked, seed {seed}", tracking_bars(limits, arguments.drawn // 2, seed, LEAST)
     try:
         yield "likeness to the person", likeness_bars(arguments.project, limits, arguments.seeds[0], LEAST)
     except PipelineError as error:
         print(f"the table of likeness is left out: {error}", file=sys.stderr)
-    for file in files:
-        if file.name == PUBLISHED:
-            yield "torque", torque_bars(file.parent, load_robot("t1"))
 
 
 def _of_rollouts(judged: list[Judged], codes: list[str], arguments: argparse.Namespace) -> list[Bar]:
@@ -122,7 +112,7 @@ def _judge_all(
 
 
 def _planted(arguments: argparse.Namespace) -> Collection[str]:
-    return arguments.only if arguments.only is not None else (*FAULTS, WEAK)
+    return arguments.only if arguments.only is not None else tuple(FAULTS)
 
 
 def _arguments() -> argparse.Namespace:
@@ -131,7 +121,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--project", type=Path, default=ROOT, help="a checkout with an expert database, for likeness")
     parser.add_argument("--drawn", type=int, default=80, help="commands drawn from the whole box, for each seed")
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS), help="of drawn commands and of faults")
-    parser.add_argument("--only", nargs="*", choices=(*FAULTS, WEAK), metavar="FAULT", help="faults that are planted")
+    parser.add_argument("--only", nargs="*", choices=tuple(FAULTS), metavar="FAULT", help="faults that are planted")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     return parser.parse_args()

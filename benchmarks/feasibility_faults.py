@@ -87,12 +87,6 @@ def tilted(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip
     return _tipped(clip, angle, way, int(rng.integers(clip.frame_count)))
 
 
-def leaning(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
-    """The whole robot tips over by 20 to 35 degrees, which takes its mass past the feet."""
-    angle, way = np.radians(rng.uniform(20.0, 35.0)), rng.uniform(-np.pi, np.pi)
-    return _tipped(clip, angle, way, int(rng.integers(clip.frame_count)))
-
-
 def crouched(clip: RobotClip, robot: Robot, rng: np.random.Generator) -> RobotClip:
     """Both legs fold, feet level and as high as they were, until the thighs are 55 to 65 degrees further, in 2 s."""
     bend = np.radians(rng.uniform(55.0, 65.0)) * _bump(clip, int(rng.integers(clip.frame_count)), 1.0)
@@ -197,7 +191,6 @@ FAULTS: dict[str, Fault] = {
     **{name: Fault(plant=IN_TESTS[name], group=group) for name, group in _GROUPS.items()},
     ARM_IN_BODY: Fault(plant=arm_in_body, group="self-collision"),
     "tilted by 55 to 85 degrees": Fault(plant=tilted, group="root motion"),
-    "leaning by 20 to 35 degrees": Fault(plant=leaning, group="balance by contact wrench"),
     "crouched": Fault(plant=crouched, group="root motion"),
     "hovering": Fault(plant=hovering, group="contact consistency"),
     "carried off": Fault(plant=carried_off, group="root motion"),

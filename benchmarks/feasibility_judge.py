@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.feasibility_faults import FAULTS, LABELS, MATTERS_M, displacement, matters
-from benchmarks.feasibility_reach import Beyond, beyond_contact
+from benchmarks.feasibility_faults import FAULTS, LABELS, matters
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import load_policy
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, assess, process
-from pipeline.feasibility.criteria import GROUPS
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
 from pipeline.quality.command_velocity import command_velocity
@@ -26,7 +24,6 @@ from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import deployed
 from tests.factories.policy_walks import policy_walk
-from tests.factories.robot_faults import weakened_robot
 
 Command = tuple[float, float, float]
 
@@ -47,8 +44,6 @@ STILL = 0.3
 """Slower commands [m/s, rad/s] get no faults."""
 SWAPPED = "feet swapped"
 """No fault of a robot that stands, whatever its command: the mirrored pose stands as well."""
-WEAK = "1.2 x torque for .2 s"
-WEAK_GROUP = "torque"
 NO_LABELS, TOLD_LABELS = ", no labels", ", KP2's labels"
 """Rollouts and faults are judged with the simulation's contacts, with none, and with those that KP2 tells."""
 
@@ -70,8 +65,6 @@ class Judged:
     """Fault -> criteria that say so and say nothing of the rollout itself; none if it was not found."""
     small: list[str] = field(default_factory=list)
     """Faults that moved no body far enough to matter."""
-    beyond: Beyond | None = None
-    """What feet in the air seem to bear; None where it fell."""
 
 
 def policy_file(path: Path) -> Path | None:
@@ -110,7 +103,7 @@ def judge(
     command: Command,
     seed: tuple[int, int],
     limits: FeasibilitySettings,
-    planted: Collection[str] = (*FAULTS, WEAK),
+    planted: Collection[str] = tuple(FAULTS),
 ) -> Judged:
     """A rollout by a command, as it is and with each fault that is `planted`."""
     robot, rng = load_robot("t1"), np.random.default_rng(seed)
@@ -127,12 +120,9 @@ def judge(
         told=own[TOLD_LABELS][0],
         windows=[_judged(window, robot, limits)[0] for window in windows],
         broken=set().union(*(broken for _, _, broken in own.values())),
-        beyond=beyond_contact(rollout, START_S, limits.torque.cutoff_hz),
     )
     if np.abs(command).max() >= STILL:
         _faults(clip, command, robot, rng, limits, found, planted)
-        if WEAK in planted:
-            _weak(policy, command, rollout, rng, limits, found)
     for fault, codes in found.found.items():
         kind = next((kind for kind in (NO_LABELS, TOLD_LABELS) if fault.endswith(kind)), "")
         found.found[fault] = codes - own[kind][2]
@@ -182,30 +172,6 @@ def _faults(
         for kind, one in by_labels(planted, robot).items():
             if name != LABELS or not kind:
                 found.found[name + kind] = _broken(one, robot, limits)
-
-
-def _weak(
-    policy: Path,
-    command: Command,
-    rollout: Rollout,
-    rng: np.random.Generator,
-    limits: FeasibilitySettings,
-    found: Judged,
-) -> None:
-    """The rollout judged for a robot with a motor too weak for it; only torque criteria count.
-
-    It matters where the same policy by the same command takes the weak robot elsewhere.
-    """
-    robot = weakened_robot(rollout, START_S, rng)
-    if robot is None:
-        return
-    clip = rollout.clip("walk", start_s=START_S)
-    weak = walk(policy, robot, command)
-    if not weak.fell and displacement(clip, weak.clip("walk", start_s=START_S), robot) < MATTERS_M:
-        found.small.append(WEAK)
-        return
-    for kind, one in by_labels(clip, robot).items():
-        found.found[WEAK + kind] = _broken(one, robot, limits) & set(GROUPS[WEAK_GROUP])
 
 
 def _broken(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> set[str]:

@@ -9,9 +9,10 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from benchmarks.feasibility_faults import FAULTS, LABELS
-from benchmarks.feasibility_judge import NO_LABELS, TOLD_LABELS, WEAK, WEAK_GROUP, WINDOW_S, Judged
+from benchmarks.feasibility_judge import NO_LABELS, TOLD_LABELS, WINDOW_S, Judged
 from benchmarks.report import Bar
 from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.judgement import FORCES
 from pipeline.feasibility.likeness_criteria import FIGURES
 
 LEAST = 98.0
@@ -31,8 +32,9 @@ def _counted(name: str, values: Sequence[bool]) -> Bar:
 
 
 def criteria() -> list[str]:
-    """Codes of the criteria that a rollout is held to, in their order; the others have tables of their own."""
-    elsewhere = {*GROUPS["tracking stability"], *FIGURES, LENGTH}
+    """Codes of the criteria that a walk is held to, in their order. Tracking and likeness have tables of their own; of
+    forces nothing is asked, as these walks are judged as recordings that have none."""
+    elsewhere = {*GROUPS["tracking stability"], *FORCES, *FIGURES, LENGTH}
     return [code for code in GROUP_OF if code not in elsewhere]
 
 
@@ -86,7 +88,7 @@ def _kinds(fault: str) -> list[str]:
 def group_of(fault: str) -> str:
     """The group of criteria that is made to find a fault, with labels of any kind or none."""
     name = fault.removesuffix(NO_LABELS).removesuffix(TOLD_LABELS)
-    return WEAK_GROUP if name == WEAK else FAULTS[name].group
+    return FAULTS[name].group
 
 
 def _group_bars(group: str, each: list[set[str]]) -> list[Bar]:

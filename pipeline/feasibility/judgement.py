@@ -29,6 +29,7 @@ DIGITS = 6
 
 NO_ROLLOUT = "no tracked rollout"
 PERTURBED = "a rollout that was changed on purpose"
+NOT_CUT = "no rollout of KP4"
 NO_FIGURES = "no figure of retargeting"
 NO_LABELS = "no contact labels"
 LABELLED = "contacts are labelled"
@@ -37,6 +38,8 @@ NO_STANCE = "no foot is in contact"
 NO_FORCES = "no simulation recorded its forces"
 NOT_ASKED = "not asked"
 
+FOLLOWED = "tracking_followed"
+"""The criterion of what KP4 cuts away where tracking fails."""
 FORCES = (*GROUPS["torque"], *GROUPS["contact forces"])
 """Criteria of recorded forces."""
 OF_LABELS = ("foot_slip_mean", "contact_disagreement")
@@ -142,7 +145,9 @@ def _not_applicable(code: str, asked: bool, assessment: Assessment, numbers: Num
     if code == "foot_glide_s":
         return LABELLED
     if code in GROUPS["tracking stability"]:
-        return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
+        if not numbers.get(CONTENT):
+            return NO_ROLLOUT
+        return NOT_CUT if code == FOLLOWED else PERTURBED
     if code in FIGURES:
         return (
             f"{NO_FIGURES}: KP3 had no sample of it" if code in numbers else f"{NO_FIGURES}: the robot's own recording"

@@ -7,11 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline import time_series
 from pipeline.augment.time_scale import time_scale_clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
-from pipeline.simulation.rollout import Rollout
 
 Fault = Callable[[RobotClip, Robot, np.random.Generator], RobotClip]
 
@@ -70,34 +68,6 @@ def unlabelled(fault: Fault) -> Fault:
         return dataclasses.replace(fault(clip, robot, rng), contacts=None)
 
     return plant
-
-
-def weakened_robot(walk: Rollout, start_s: float, rng: np.random.Generator) -> Robot | None:
-    """The robot with one leg joint too weak for a rollout: it needs 1.2 times its limit for .2 s or more.
-
-    The joint is one of the standing leg in single support, where the torque follows from the motion alone,
-    so the motors' true torque of the simulation is the need. None where no stretch has torque worth it.
-    """
-    robot, fps = walk.robot, round(1.0 / walk.timestep_s)
-    contacts = walk.contacts()[round(start_s * fps) :]
-    torque = np.abs(walk.torque[round(start_s * fps) :])
-    width = round(0.2 * fps)
-    found = []
-    for side, prefix in enumerate(("Left", "Right")):
-        for start, stop in time_series.runs(contacts[:, side] & ~contacts[:, 1 - side]):
-            for joint in (
-                robot.joint(f"{prefix}_{name}") for name in ("Hip_Roll", "Knee_Pitch", "Ankle_Pitch", "Hip_Pitch")
-            ):
-                for first in range(start, stop - width, 5):
-                    least = torque[first : first + width, joint].min()
-                    if least > 4.0:
-                        found.append((joint, least))
-    if not found:
-        return None
-    joint, least = found[int(rng.integers(len(found)))]
-    limit = robot.torque_limit.copy()
-    limit[joint] = least / 1.2
-    return dataclasses.replace(robot, torque_limit=limit)
 
 
 FAULTS: dict[str, Fault] = {

@@ -9,10 +9,7 @@ import pytest
 import benchmarks.feasibility as benchmark
 from benchmarks.feasibility_faults import FAULTS, LABELS, displacement, matters
 from benchmarks.feasibility_judge import (
-    NO_LABELS,
     SWAPPED,
-    TOLD_LABELS,
-    WEAK,
     Judged,
     commands_on_axes,
     drawn_commands,
@@ -21,7 +18,6 @@ from benchmarks.feasibility_judge import (
     stands,
 )
 from benchmarks.feasibility_rates import criteria, fault_bars, group_of, known_good_bars, rate
-from benchmarks.feasibility_reach import reach_bars
 from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings, assess
 from pipeline.feasibility.criteria import GROUPS
@@ -53,8 +49,9 @@ def test_a_fault_that_no_criterion_tells_is_a_miss():
 
 
 def test_every_criterion_has_its_rate_on_known_good_motion_and_on_plants_made_for_its_group():
-    fault_of = {group_of(fault): fault for fault in (*FAULTS, WEAK)}
+    fault_of = {group_of(fault): fault for fault in FAULTS}
     elsewhere = {"tracking stability", "likeness to the person", "length"}  # tables of their own; refused by its length
+    elsewhere |= {"torque", "contact forces"}  # of what a simulation recorded, which these walks are judged without
     assert set(fault_of) == set(GROUPS) - elsewhere
     good = {bar.name for bar in known_good_bars([Judged()], criteria())}
     planted = {bar.name for bar in fault_bars([Judged(found={fault: set() for fault in fault_of.values()})])}
@@ -166,17 +163,6 @@ def test_the_shipped_policy_walks_and_what_is_planted_into_it_is_found(root: Pat
         assert found.found[f"{fault}, KP2's labels"], fault
 
 
-def test_a_run_of_quick_steps_is_taken_at_its_word_so_that_a_weak_motor_shows(root: Path):
-    """Its impacts, low-passed at 50 Hz, leave more at the root than those of long steps."""
-    limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
-    file = policy_file(root / "robots" / "t1" / "policies" / "walk")
-    assert file is not None
-    found = judge(file, (2.0, 0.0, 0.0), (0, 13), limits, [WEAK])
-    assert found.labelled == (True, 1.0)
-    for kind in ("", NO_LABELS, TOLD_LABELS):
-        assert found.found[WEAK + kind] & {"torque_over_share", "torque_over_run_s"}
-
-
 @pytest.mark.parametrize(
     ("seeds", "axes", "drawn", "failing"),
     [
@@ -216,18 +202,3 @@ def test_every_table_of_rollouts_has_the_bars_and_the_axes_lend_nothing_to_the_d
         assert f"accepted whole ({len(seeds) * (80 - drawn)} of {len(seeds) * 80})" in rollouts[title]
     assert all("holds" in table for table in rollouts.values())
     assert {title for title, table in rollouts.items() if "FAILS" in table} == failing
-
-
-def test_the_impact_of_a_run_is_seen_two_frames_before_it_comes_and_none_sees_three(root: Path):
-    limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
-    file = root / "robots" / "t1" / "policies" / "walk" / "policy.npz"
-    beyond = judge(file, (1.6, 0.0, 0.0), (1, 1), limits, []).beyond
-    assert beyond is not None
-    assert len(beyond.before) == len(beyond.after) > 10
-    bars = {bar.name.partition(" %")[0]: bar.value for bar in reach_bars([beyond, beyond])}
-    early, late = (bars[f"seems to bear, frame 2 {said} a contact, 90"] for said in ("before", "after"))
-    assert early > 2.0 * max(late, 0.01)
-    for said in ("before", "after"):
-        assert bars[f"seems to bear, frame 1 {said} a contact, 90"] > 0.1
-        assert bars[f"seems to bear, frame 3 {said} a contact, 98"] < 0.05
-    assert reach_bars([]) == []

@@ -13,15 +13,17 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility import FeasibilitySettings, assess, criteria_table, process
-from pipeline.feasibility.criteria import EXPLAINED, GROUP_OF, GROUPS, LENGTH
+from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
 from pipeline.feasibility.criteria_summary import by_criterion, worst_margins
 from pipeline.feasibility.judgement import NUMBER, Judgement, from_text, judge, to_text
 from pipeline.feasibility.likeness_criteria import FIGURES
 from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.tracking_criteria import followed
 from pipeline.files import settings
 from pipeline.files.sourced import SOURCES, Origin, origins
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
+from tests.factories.simulated_clip import simulated_standing
 
 FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
 LIMITS = settings.read(FILE, FeasibilitySettings)
@@ -60,7 +62,7 @@ def _judged(folder: Path, robot: Robot) -> Manifest:
     )
     function = partial(process, settings=LIMITS, robot=robot)
     stage = Stage(name="feasible_motions", version="1", function=function, settings=settings.plain(LIMITS))
-    previous = Manifest(stage="augmented_motions", entries=entries, judged=())
+    previous = Manifest(stage="motion_variants", entries=entries, judged=())
     return run_stage(stage, previous, store, ClipPool(backend="sequential"), logging.getLogger("test"))
 
 
@@ -81,16 +83,16 @@ def _rows(table: pd.DataFrame, clip: str) -> dict[str, dict]:
 
 
 def test_every_verdict_there_is_has_its_place_and_the_unit_of_its_threshold(robot: Robot):
-    explained, unexplained = standing(robot), dataclasses.replace(wandering(robot), contacts=None)
+    bare = dataclasses.replace(wandering(robot), contacts=None)
     verdicts = [
         verdict
-        for clip in (explained, unexplained)
+        for clip in (standing(robot), bare, simulated_standing(robot, 0.5))
         for verdict in assess(motion_of(clip, robot, LIMITS, clip), LIMITS).verdicts
     ]
+    verdicts += followed({"followed_share": 0.9}, LIMITS.tracking)
     assert {verdict.code for verdict in verdicts} | {*FIGURES, LENGTH} == set(GROUP_OF)
     for verdict in verdicts:
-        names = {GROUPS[GROUP_OF[verdict.code]][verdict.code], EXPLAINED.get(verdict.code, "")} - {""}
-        assert {ORIGINS[name].unit for name in names} == {verdict.unit}, verdict.code
+        assert ORIGINS[GROUPS[GROUP_OF[verdict.code]][verdict.code]].unit == verdict.unit, verdict.code
 
 
 def test_the_groups_are_all_that_is_asked_for():
@@ -102,7 +104,7 @@ def test_the_groups_are_all_that_is_asked_for():
         "contact consistency",
         "foot slip",
     }
-    asked |= {"penetration", "self-collision", "balance by contact wrench", "smoothness"}
+    asked |= {"penetration", "self-collision", "contact forces", "smoothness"}
     assert asked | {"likeness to the person", "length"} == set(GROUPS)
 
 
@@ -281,21 +283,11 @@ def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd
     assert seen["not_finite"]["broken"] == 1
 
 
-@pytest.mark.parametrize(
-    ("closest", "setting"), [("good", "torque.dynamic_residual.force"), ("unlike", "torque.reference_force")]
-)
-def test_from_afar_a_threshold_is_told_with_where_it_itself_comes_from(table: pd.DataFrame, closest: str, setting: str):
-    """Of two limits of one criterion the one that the closest stretch was held to."""
-    bare = table[(table["criterion"] == "force_residual") & table["clip"].isin(["good", "unlike"])].copy()
-    bare["piece"], bare["verdict"] = bare["clip"], "holds"
-    bare["margin"] = np.where(bare["clip"] == closest, 0.1, 0.9)
-    other = ORIGINS["torque.reference_force"]
-    bare = bare.astype(dict.fromkeys(("setting", "source", "why"), str))
-    for column, text in (("setting", "torque.reference_force"), ("source", other.source), ("why", other.why)):
-        bare.loc[bare["clip"] == "unlike", column] = text
-    (row,) = by_criterion(bare).to_dict("records")
-    assert row["setting"] == setting
-    assert row["why"] == ORIGINS[setting.removeprefix("feasibility.")].why
+def test_from_afar_a_threshold_is_told_with_where_it_comes_from(table: pd.DataFrame):
+    rows = {row["criterion"]: row for row in by_criterion(table).to_dict("records")}
+    for code in ("joint_limit_excess", "foot_slip_p95", "force_residual"):
+        setting = GROUPS[GROUP_OF[code]][code]
+        assert (rows[code]["setting"], rows[code]["why"]) == (setting, ORIGINS[setting].why)
 
 
 def test_the_worst_margins_come_first(table: pd.DataFrame):

@@ -33,14 +33,11 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
             "on_speed: {value: 0.9",
             r"'contact.off_speed' is 0.7, allowed is more than 'on_speed'",
         ),
-        ("friction: {value: 1.0", "friction: {value: 0", r"'torque.friction' is 0"),
-        ("mean_s: {value: 0.25", "mean_s: {value: 0", r"'torque.lasting_need.mean_s' is 0"),
-        ("told_speed: {value: [0.3, 0.3]", "told_speed: {value: [-0.3, 0.3]", r"'torque.told_speed\[0\]' is -0.3"),
-        (
-            "told_reach_s: {value: [0.04, 0.02]",
-            "told_reach_s: {value: [0.04, -0.02]",
-            r"'torque.told_reach_s\[1\]' is -0.02",
-        ),
+        ("saturation: {value: 0.99", "saturation: {value: 1.5", r"'torque.saturation' is 1.5, allowed is 0.5 to 1"),
+        ("saturation_share: {value: 0.25", "saturation_share: {value: 2", r"'torque.saturation_share' is 2"),
+        ("saturation_run_s: {value: 0.3", "saturation_run_s: {value: -1", r"'torque.saturation_run_s' is -1"),
+        ("residual_window_s: {value: 0.5", "residual_window_s: {value: 0", r"'torque.residual_window_s' is 0"),
+        ("followed: {value: 0.5", "followed: {value: 2", r"'tracking.followed' is 2, allowed is 0 to 1"),
         ("told_slip_mean: {value: [0.05", "told_slip_mean: {value: [-0.1", r"'feet.told_slip_mean\[0\]' is -0.1"),
         ("slip_mean: {value: [0.1, 0.06]", "slip_mean: {value: [0.1, -1]", r"'feet.slip_mean\[1\]' is -1"),
         (
@@ -56,9 +53,9 @@ FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
         ("tilt_deg: {value: 45.0", "tilt_deg: {value: 450", r"'root.tilt_deg' is 450"),
         ("max_ratio: {value: 10.0", "max_ratio: {value: 0.5", r"'balance.max_ratio' is 0.5, allowed is at least 1"),
         (
-            "force: {value: 0.15",
-            "force: {value: 0",
-            r"'torque.consistent.force' is 0, allowed is more than 0",
+            "force_residual: {value: 0.1",
+            "force_residual: {value: 0",
+            r"'torque.force_residual' is 0, allowed is more than 0",
         ),
     ],
 )
@@ -73,11 +70,11 @@ def test_a_number_out_of_its_range_is_refused_by_its_name(tmp_path, line, change
 def test_all_faults_are_told_at_once(tmp_path):
     text = (
         FILE.read_text()
-        .replace("friction: {value: 1.0", "friction: {value: 9")
+        .replace("saturation: {value: 0.99", "saturation: {value: 9")
         .replace("tilt_deg: {value: 45.0", "tilt_deg: {value: -1")
     )
     (tmp_path / "feasibility.yaml").write_text(text)
-    with pytest.raises(SettingsError, match=r"torque\.friction.*root\.tilt_deg"):
+    with pytest.raises(SettingsError, match=r"torque\.saturation.*root\.tilt_deg"):
         settings.read(tmp_path / "feasibility.yaml", FeasibilitySettings)
 
 

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline import rotation
-from pipeline.clips.robot_clip import RobotClip
+from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.feasibility import FeasibilitySettings, process
 from pipeline.feasibility.foot_criteria import foot_slip, gliding, label_disagreement
 from pipeline.feasibility.motion import Motion, motion_of
-from pipeline.feasibility.torque_criteria import dynamics
+from pipeline.feasibility.torque_criteria import GRAVITY, recorded_forces
 from pipeline.files import settings
 from pipeline.quality.sole import SoleMotion
 from pipeline.robot import Robot
@@ -41,29 +40,6 @@ def _soles_replaced(motion: Motion, height: np.ndarray, velocity: np.ndarray) ->
     pos, vel = sole.corner_pos_w.copy(), np.broadcast_to(velocity[:, None], sole.corner_vel_w.shape).copy()
     pos[..., 2] = height[:, None]
     return dataclasses.replace(motion, sole=SoleMotion(fps=sole.fps, corner_pos_w=pos, corner_vel_w=vel))
-
-
-def _on_the_left_foot(robot: Robot, lean: float = 0.2) -> RobotClip:
-    """It leans to the left over its left foot, whose label alone says contact."""
-    clip = standing(robot, 2.0)
-    joints = clip.joint_pos.copy()
-    joints[:, robot.joint("Left_Ankle_Roll")] += lean
-    tilt = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.full(clip.frame_count, -lean))
-    contacts = np.tile(np.array([True, False]), (clip.frame_count, 1))
-    return dataclasses.replace(clip, joint_pos=joints, root_quat_w=tilt, contacts=contacts)
-
-
-def _on_the_ground(motion: Motion, blinking: int = 0) -> Motion:
-    """The motion with soles on the ground; every so many frames they are off it in one of them."""
-    frames = motion.clip.frame_count
-    height = np.zeros((frames, 4))
-    if blinking:
-        height[::blinking] = 0.05
-    return _soles_replaced(motion, height, np.zeros((frames, 4, 3)))
-
-
-def _consistent(motion: Motion, limits: FeasibilitySettings) -> bool:
-    return dynamics(motion, limits.torque).consistent
 
 
 def _slips_at_the_heel(robot: Robot, limits: FeasibilitySettings) -> bool:
@@ -100,111 +76,43 @@ def _keeps_what_is_left(robot: Robot, limits: FeasibilitySettings) -> bool:
     return bool(outcome.pieces)
 
 
-def _is_explained_without_a_frame_in_three(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Standing, with no contact labelled in each third frame."""
+def _with_forces(robot: Robot, joint_torque: np.ndarray, weightless_s: float = 0.0) -> RobotClip:
+    """Standing for 2 s; for so long [s] the ground gives no force."""
     clip = standing(robot, 2.0)
-    contacts = np.ones((clip.frame_count, 2), dtype=bool)
-    contacts[::3] = False
-    return _consistent(motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits), limits)
+    wrench = np.zeros((clip.frame_count, 2, 6))
+    wrench[..., 2] = robot.total_mass * GRAVITY / 2.0
+    wrench[50 : 50 + round(weightless_s * clip.fps)] = 0.0
+    nothing = np.zeros((clip.frame_count, 3))
+    forces = SimulatedForces(joint_torque=joint_torque, foot_wrench_w=wrench, other_force_w=nothing, push_w=nothing)
+    return dataclasses.replace(clip, forces=forces)
 
 
-def _is_explained_when_soles_blink(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Standing without labels, the soles off the ground in each third frame."""
-    clip = dataclasses.replace(standing(robot, 2.0), contacts=None)
-    return _consistent(_on_the_ground(motion_of(clip, robot, limits), blinking=3), limits)
+def _is_saturated_at(ratio: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def held(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """All motors at that part of their torque limits throughout."""
+        clip = _with_forces(robot, np.tile(ratio * robot.torque_limit, (100, 1)))
+        return all(verdict.holds for verdict in recorded_forces(motion_of(clip, robot, limits), limits.torque))
+
+    return held
 
 
-def _is_explained_when_soles_are_off_for_three_frames(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Standing without labels, the soles off the ground in three of six frames."""
-    motion = motion_of(dataclasses.replace(standing(robot, 2.0), contacts=None), robot, limits)
-    height = np.where(np.arange(motion.clip.frame_count) % 6 < 3, 0.05, 0.0)
-    height = np.repeat(height[:, None], 4, axis=1)
-    return _consistent(_soles_replaced(motion, height, np.zeros((*height.shape, 3))), limits)
+def _forces_are_missing_for(seconds: float) -> Callable[[Robot, FeasibilitySettings], bool]:
+    def held(robot: Robot, limits: FeasibilitySettings) -> bool:
+        """Standing on a ground that gives no force for that long [s]; .3 of the weight may be missing."""
+        clip = _with_forces(robot, np.zeros((100, len(robot.joint_names))), seconds)
+        loose = dataclasses.replace(limits.torque, force_residual=0.3)
+        return all(verdict.holds for verdict in recorded_forces(motion_of(clip, robot, limits), loose))
+
+    return held
 
 
-def _holds_with_a_late_label(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Standing on two feet with a hip of 6 N m, the other foot not labelled for six frames."""
-    limit = robot.torque_limit.copy()
-    limit[robot.joint("Right_Hip_Roll")] = 6.0
-    weak = dataclasses.replace(robot, torque_limit=limit)
-    clip = standing(weak, 2.0)
-    contacts = np.ones((clip.frame_count, 2), dtype=bool)
-    contacts[50:56, 0] = False
-    found = dynamics(motion_of(dataclasses.replace(clip, contacts=contacts), weak, limits), limits.torque)
-    assert found.consistent
-    return all(verdict.holds for verdict in found.verdicts)
-
-
-def _is_explained_with_a_fault(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Standing, with no contact labelled in .1 s of two."""
-    clip = standing(robot, 2.0)
-    contacts = np.ones((clip.frame_count, 2), dtype=bool)
-    contacts[50:56] = False
-    return _consistent(motion_of(dataclasses.replace(clip, contacts=contacts), robot, limits), limits)
-
-
-def _is_explained_where_it_slips(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """On ice, pushed to and fro at .15 g: friction lacks .11 of the weight, and nothing is missing about the root."""
-    clip = standing(robot, 2.0)
-    shaken = clip.root_pos_w.copy()
-    shaken[:, 0] += 0.0094 * np.sin(2.0 * np.pi * 2.0 * np.arange(clip.frame_count) / clip.fps)
-    ice = dataclasses.replace(limits, torque=dataclasses.replace(limits.torque, friction=0.05))
-    return _consistent(_on_the_ground(motion_of(dataclasses.replace(clip, root_pos_w=shaken), robot, ice)), ice)
-
-
-def _is_explained_where_it_tips(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """On one leg, leaning so far that its weight lies 1 cm beside its foot."""
-    return _consistent(_on_the_ground(motion_of(_on_the_left_foot(robot, 0.3), robot, limits)), limits)
-
-
-def _weak_hip_shows(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """On one leg with a hip of 2 N m."""
-    limit = robot.torque_limit.copy()
-    limit[robot.joint("Left_Hip_Roll")] = 2.0
-    weak = dataclasses.replace(robot, torque_limit=limit)
-    found = dynamics(_on_the_ground(motion_of(_on_the_left_foot(weak), weak, limits)), limits.torque)
-    return found.consistent and not all(verdict.holds for verdict in found.verdicts)
-
-
-def _limits_of_a_reference_are_kept(robot: Robot, limits: FeasibilitySettings) -> bool:
-    """Beside its standing foot, with a hip of 10 N m: no forces explain it."""
-    limit = robot.torque_limit.copy()
-    limit[robot.joint("Left_Hip_Roll")] = 10.0
-    weak = dataclasses.replace(robot, torque_limit=limit)
-    found = dynamics(_on_the_ground(motion_of(_on_the_left_foot(weak, 0.02), weak, limits)), limits.torque)
-    assert not found.consistent
-    return next(verdict.holds for verdict in found.verdicts if verdict.code == "torque_over_run_s")
-
-
-def _soles_bear(height: float, speed: float, ground_speed: float = 0.0) -> Callable[[Robot, FeasibilitySettings], bool]:
-    def explained(robot: Robot, limits: FeasibilitySettings) -> bool:
-        """Upright without labels on soles at that height [m] and of that speed [m/s], carried over ground [m/s]."""
-        clip = standing(robot, 2.0)
-        root = clip.root_pos_w + ground_speed * np.arange(clip.frame_count)[:, None] / clip.fps * np.array([1.0, 0, 0])
-        motion = motion_of(dataclasses.replace(clip, root_pos_w=root, contacts=None), robot, limits)
-        frames = motion.clip.frame_count
-        velocity = np.tile([speed, 0.0, 0.0], (frames, 4, 1))
-        return _consistent(_soles_replaced(motion, np.full((frames, 4), height), velocity), limits)
-
-    return explained
-
-
-def _labelled_soles_bear(height: float) -> Callable[[Robot, FeasibilitySettings], bool]:
-    def explained(robot: Robot, limits: FeasibilitySettings) -> bool:
-        """Upright on soles at that height [m] that are labelled as standing."""
-        motion = motion_of(standing(robot, 2.0), robot, limits)
-        soles = np.full((motion.clip.frame_count, 4), height)
-        return _consistent(_soles_replaced(motion, soles, np.zeros((*soles.shape, 3))), limits)
-
-    return explained
-
-
-def _labels_agree(speeds: np.ndarray) -> Callable[[Robot, FeasibilitySettings], bool]:
+def _labels_agree(speeds: np.ndarray, height: float = 0.0) -> Callable[[Robot, FeasibilitySettings], bool]:
     def agree(robot: Robot, limits: FeasibilitySettings) -> bool:
-        """Labelled as standing throughout, with soles of those speeds [m/s]."""
+        """Labelled as standing throughout, with soles of those speeds [m/s] at that height [m]."""
         motion = motion_of(standing(robot, 2.0), robot, limits)
         velocity = speeds[:, None, None] * np.tile([1.0, 0.0, 0.0], (motion.clip.frame_count, 4, 1))
-        return label_disagreement(_soles_replaced(motion, np.zeros((len(speeds), 4)), velocity), limits.feet).holds
+        soles = _soles_replaced(motion, np.full((len(speeds), 4), height), velocity)
+        return all(verdict.holds for verdict in label_disagreement(soles, limits.feet))
 
     return agree
 
@@ -238,22 +146,9 @@ QUICKER = np.where(np.arange(100) < 10, 0.0, 0.5)
         ("feet.glide_s", (0.2, 0.075), _glides(0.2, 0.5)),
         ("feet.glide_s", (0.08, 0.0), _glides(0.16, 1.6)),
         ("cut.max_cuts", 0, _keeps_what_is_left),
-        ("torque.label_reach_s", 0.0, _is_explained_without_a_frame_in_three),
-        ("torque.told_reach_s", (0.0, 0.0), _is_explained_when_soles_blink),
-        ("torque.told_reach_s", (0.02, 0.02), _holds_with_a_late_label),
-        ("torque.told_reach_s", (0.0, 0.02), _is_explained_when_soles_are_off_for_three_frames),
-        ("torque.told_reach_s", (0.04, 0.0), _is_explained_when_soles_are_off_for_three_frames),
-        ("torque.touch_height", 0.01, _labelled_soles_bear(0.015)),
-        ("torque.touch_height", 0.04, _labelled_soles_bear(0.03)),
-        ("torque.told_speed", (0.1, 0.3), _soles_bear(0.0, 0.2)),
-        ("torque.told_speed", (0.7, 0.3), _soles_bear(0.0, 0.5)),
-        ("torque.told_speed", (0.3, 0.0), _soles_bear(0.0, 0.5, ground_speed=1.5)),
-        ("torque.consistent_share", 1.0, _is_explained_with_a_fault),
-        ("torque.consistent.force", 0.05, _is_explained_where_it_slips),
-        ("torque.consistent.lever", 0.005, _is_explained_where_it_tips),
-        ("torque.strict_excess", 3.0, _weak_hip_shows),
-        ("torque.reference_excess", 0.003, _limits_of_a_reference_are_kept),
-        ("contact.height", 0.002, _soles_bear(0.005, 0.0)),
+        ("torque.saturation", 0.9, _is_saturated_at(0.95)),
+        ("torque.residual_window_s", 0.1, _forces_are_missing_for(0.08)),
+        ("contact.height", 0.002, _labels_agree(np.zeros(100), 0.005)),
         ("contact.off_speed", 0.45, _labels_agree(QUICKER)),
         ("contact.on_speed", 0.6, _labels_agree(SLOW)),
         ("contact.shortest_s", 0.1, _labels_agree(BLINKING)),

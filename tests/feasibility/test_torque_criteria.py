@@ -1,4 +1,4 @@
-"""Torque over the limit: what a motor at its limit looks like at 50 Hz, and that a need is never hidden at the root."""
+"""Criteria of recorded forces: motors at their torque limits, and whether contacts explain the motion."""
 
 import dataclasses
 from pathlib import Path
@@ -7,18 +7,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility import FeasibilitySettings
-from pipeline.feasibility.motion import Motion, motion_of
-from pipeline.feasibility.torque_criteria import Dynamics, dynamics, torque_over_limit
+from pipeline.feasibility import FeasibilitySettings, Verdict, assess, process
+from pipeline.feasibility.criteria import GROUPS
+from pipeline.feasibility.judgement import FORCES, INFERRED, NUMBER, from_text
+from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.torque_criteria import centre_of_mass, recorded_forces
 from pipeline.files import settings
-from pipeline.quality.sole import SoleMotion, sole_motion
 from pipeline.robot import Robot, mujoco_model
-from tests.factories.robot_clips import standing
+from tests.factories.robot_clips import standing, wandering
+from tests.factories.simulated_clip import simulated_standing
 
-LEAN = 0.2
-"""To the left [rad]: the mass is over the left foot."""
+PUSH_N = 8.0
 
 
 @pytest.fixture(scope="module")
@@ -26,164 +26,138 @@ def limits(root: Path) -> FeasibilitySettings:
     return settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
 
 
-def _verdicts(robot: Robot, limits: FeasibilitySettings, ratio: np.ndarray):
-    """What is said of a knee's torque over its limit (t,)."""
-    motion = motion_of(standing(robot, len(ratio) / 50.0), robot, limits)
-    torque = np.zeros((len(ratio), len(robot.joint_names)))
-    knee = robot.joint("Left_Knee_Pitch")
-    torque[:, knee] = ratio * robot.torque_limit[knee]
-    return torque_over_limit(motion, torque, limits.torque)
+@pytest.fixture(scope="module")
+def clip(robot: Robot) -> RobotClip:
+    return simulated_standing(robot)
 
 
-def test_a_motor_at_its_limit_is_not_over_it_for_the_scatter_of_single_frames(robot, limits):
-    scatter = np.where(np.arange(300) % 2, 0.15, -0.15)
-    _, share, run = _verdicts(robot, limits, 1.0 + scatter)
-    assert share.value == 0.0
-    assert run.value == 0.0
+@pytest.fixture(scope="module")
+def pushed(robot: Robot) -> RobotClip:
+    return simulated_standing(robot, push_w=(PUSH_N, 0.0, 0.0))
 
 
-def test_a_need_of_a_fifth_more_than_the_limit_for_a_fifth_of_a_second_is_told_once_in_six_seconds(robot, limits):
-    ratio = np.full(300, 0.5)
-    ratio[100:110] = 1.2
-    most, share, run = _verdicts(robot, limits, ratio)
-    assert most.holds
-    assert run.value == pytest.approx(0.16)  # a frame less at each end
-    assert not run.holds
-    assert share.value == pytest.approx(8 / 300)
-    assert run.bad is not None
-    assert np.flatnonzero(run.bad).tolist() == list(range(101, 109))
+def _verdicts(clip: RobotClip, robot: Robot, limits: FeasibilitySettings) -> dict[str, Verdict]:
+    found = recorded_forces(motion_of(clip, robot, limits), limits.torque)
+    return {verdict.code: verdict for verdict in found}
 
 
-def test_a_need_of_many_times_the_limit_is_told_however_short(robot, limits):
-    ratio = np.full(300, 0.5)
-    ratio[100:102], ratio[200:202] = 20.0, -20.0
-    most, share, run = _verdicts(robot, limits, ratio)
-    assert share.holds, "eight of 300 frames"
-    assert run.holds, "four frames in a row"
-    assert most.value == pytest.approx((20.0 + 20.0 + 0.5) / 3)
-    assert not most.holds
-    assert most.bad is not None
-    assert np.flatnonzero(most.bad).tolist() == [99, 100, 101, 102, 199, 200, 201, 202]
-    assert "Left_Knee_Pitch needs 13.50 times its torque limit" in most.text
+def _with(clip: RobotClip, **forces: np.ndarray) -> RobotClip:
+    assert clip.forces is not None
+    return dataclasses.replace(clip, forces=dataclasses.replace(clip.forces, **forces))
 
 
-def test_torques_of_both_signs_in_turn_do_not_add_up(robot, limits):
-    _, share, run = _verdicts(robot, limits, np.where(np.arange(300) % 2, 2.0, -2.0))
-    assert share.value == 0.0
-    assert run.value == 0.0
+def _saturated(clip: RobotClip, robot: Robot, joint: str, frames: slice, ratio: float = 1.0) -> RobotClip:
+    """The clip with a motor at its torque limit, in turning back as well as forth."""
+    assert clip.forces is not None
+    torque, index = clip.forces.joint_torque.copy(), robot.joint(joint)
+    torque[frames, index] = -ratio * robot.torque_limit[index]
+    return _with(clip, joint_torque=torque)
 
 
-def _on_one_leg(robot: Robot) -> RobotClip:
-    """Leaning to the left as a board, over the left foot, which stays flat; the right one is off the ground."""
-    clip = standing(robot, 2.0)
-    joints = clip.joint_pos.copy()
-    joints[:, robot.joint("Left_Ankle_Roll")] += LEAN
-    tilt = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.full(clip.frame_count, -LEAN))
-    leaning = dataclasses.replace(
+def test_the_recorded_contacts_of_a_robot_that_stands_explain_its_motion(robot, limits, clip):
+    found = _verdicts(clip, robot, limits)
+    assert set(found) == set(FORCES)
+    assert all(verdict.holds for verdict in found.values())
+    assert found["force_residual"].value < 0.01
+    assert found["torque_saturation_share"].value == found["torque_saturation_run_s"].value == 0.0
+
+
+def test_without_its_contact_forces_all_of_the_weight_is_missing(robot, limits, clip):
+    found = _verdicts(_with(clip, foot_wrench_w=np.zeros((clip.frame_count, 2, 6))), robot, limits)["force_residual"]
+    assert found.value == pytest.approx(1.0, abs=0.01)
+    assert not found.holds
+    assert found.bad is not None
+    assert found.bad.all()
+    assert "100 % of the weight is missing" in found.text
+
+
+def test_frames_without_contact_forces_are_blamed_and_those_far_from_them_are_not(robot, limits, clip):
+    assert clip.forces is not None
+    wrench = clip.forces.foot_wrench_w.copy()
+    wrench[60:80] = 0.0
+    bad = _verdicts(_with(clip, foot_wrench_w=wrench), robot, limits)["force_residual"].bad
+    assert bad is not None
+    assert bad[60:80].all()
+    assert not bad[:40].any()
+
+
+def test_a_push_that_is_recorded_is_explained_and_one_that_is_not_is_missing(robot, limits, pushed):
+    assert _verdicts(pushed, robot, limits)["force_residual"].value < 0.01
+    silent = _verdicts(_with(pushed, push_w=np.zeros((pushed.frame_count, 3))), robot, limits)["force_residual"]
+    assert silent.value == pytest.approx(PUSH_N / (robot.total_mass * 9.81), abs=0.005)
+
+
+def test_forces_of_the_ground_on_other_links_count_as_those_on_the_feet_do(robot, limits, clip):
+    assert clip.forces is not None
+    moved = _with(
         clip,
-        joint_pos=joints,
-        root_quat_w=tilt,
-        contacts=np.tile(np.array([True, False]), (clip.frame_count, 1)),
+        foot_wrench_w=np.zeros((clip.frame_count, 2, 6)),
+        other_force_w=clip.forces.foot_wrench_w[..., :3].sum(axis=1),
     )
-    height = sole_motion(leaning, robot).height
-    assert np.all(height[:, 1] - height[:, 0] > 0.02)
-    return dataclasses.replace(leaning, root_pos_w=leaning.root_pos_w - np.array([0.0, 0.0, height[0, 0]]))
+    assert _verdicts(moved, robot, limits)["force_residual"].value < 0.01
 
 
-def _weak(robot: Robot, joint: str, limit: float) -> Robot:
-    limits = robot.torque_limit.copy()
-    limits[robot.joint(joint)] = limit
-    return dataclasses.replace(robot, torque_limit=limits)
+@pytest.mark.parametrize(("joint", "frames"), [("Right_Knee_Pitch", 40), ("Left_Shoulder_Roll", 8)])
+def test_saturation_is_found_at_its_joint_with_its_share_and_its_time(robot, limits, clip, joint, frames):
+    found = _verdicts(_saturated(clip, robot, joint, slice(20, 20 + frames)), robot, limits)
+    share, run = found["torque_saturation_share"], found["torque_saturation_run_s"]
+    assert share.value == pytest.approx(frames / clip.frame_count)
+    assert run.value == pytest.approx(frames / clip.fps)
+    assert f"the motor of {joint} is at its torque limit" in share.text
+    assert f"from 0.40 s on the motor of {joint}" in run.text
+    for verdict, limit in ((share, limits.torque.saturation_share), (run, limits.torque.saturation_run_s)):
+        assert verdict.holds == (verdict.value <= limit)
+        assert verdict.bad is not None
+        wrong = [] if verdict.holds else list(range(20, 20 + frames))
+        assert np.flatnonzero(verdict.bad).tolist() == wrong
 
 
-def _share(found: Dynamics) -> float:
-    return next(verdict.value for verdict in found.verdicts if verdict.code == "torque_over_share")
+def test_a_motor_below_its_limit_is_not_saturated(robot, limits, clip):
+    below = _saturated(clip, robot, "Right_Knee_Pitch", slice(0, 100), limits.torque.saturation - 0.01)
+    assert _verdicts(below, robot, limits)["torque_saturation_share"].value == 0.0
 
 
-@pytest.mark.parametrize("part", [0.8, 0.2, 0.1])
-def test_a_need_shows_as_torque_however_large_it_is(robot: Robot, limits: FeasibilitySettings, part: float):
-    clip = _on_one_leg(robot)
-    strong = dynamics(motion_of(clip, robot, limits), limits.torque)
-    assert strong.consistent
-    assert _share(strong) == 0.0
-    need = _hip_need(robot)
-    found = dynamics(motion_of(clip, _weak(robot, "Left_Hip_Roll", part * need), limits), limits.torque)
-    assert found.consistent, "what no motor can give is no reason to doubt that forces explain the motion"
-    assert _share(found) == pytest.approx(1.0)
-    residual = next(verdict.value for verdict in found.verdicts if verdict.code == "force_residual")
-    assert residual < 0.01
+def test_several_joints_that_are_saturated_in_turn_do_not_add_up(robot, limits, clip):
+    first = _saturated(clip, robot, "Right_Knee_Pitch", slice(0, 20))
+    both = _saturated(first, robot, "Left_Knee_Pitch", slice(20, 40))
+    assert _verdicts(both, robot, limits)["torque_saturation_share"].value == pytest.approx(0.2)
 
 
-def _hip_need(robot: Robot) -> float:
-    """Moment of what hangs on the left hip about its axis [N m]: all of the robot's weight but the left leg's, at the
-    horizontal distance of its mass from the hip."""
-    clip = _on_one_leg(robot)
-    model = mujoco_model(robot)
+def test_a_clip_without_forces_gets_no_verdict_on_them(robot, limits):
+    outcome = process(standing(robot), {}, settings=limits, robot=robot)
+    assert outcome.accepted
+    assert not {*FORCES} & set(outcome.numbers)
+    (judgement,) = from_text(str(outcome.numbers[NUMBER]))
+    for code in FORCES:
+        assert judgement.found[code].value is None
+        assert judgement.found[code].not_applicable == "no simulation recorded its forces"
+
+
+def test_of_a_rollout_no_contact_is_inferred(robot, limits, clip):
+    outcome = process(clip, {}, settings=limits, robot=robot)
+    assert outcome.accepted, [reason.text for reason in outcome.reasons]
+    (judgement,) = from_text(str(outcome.numbers[NUMBER]))
+    assert {judgement.found[code].not_applicable for code in INFERRED} == {"the contacts are the simulation's"}
+    assert not set(INFERRED) & {verdict.code for verdict in assess(motion_of(clip, robot, limits), limits).verdicts}
+    assert all(judgement.found[code].value is not None for code in (*GROUPS["torque"], "foot_slip_mean"))
+
+
+def test_the_moments_in_which_a_motor_is_saturated_are_cut_out_and_the_forces_of_the_rest_go_on(robot, limits):
+    clip = simulated_standing(robot, 4.0)
+    outcome = process(_saturated(clip, robot, "Right_Knee_Pitch", slice(90, 110)), {}, settings=limits, robot=robot)
+    assert {reason.code for reason in outcome.reasons} == {"torque_saturation_run_s"}
+    first, second = (piece.clip for piece in outcome.pieces)
+    assert isinstance(first, RobotClip) and isinstance(second, RobotClip)
+    assert first.forces is not None and second.forces is not None and clip.forces is not None
+    np.testing.assert_array_equal(first.forces.joint_torque, clip.forces.joint_torque[: first.frame_count])
+    np.testing.assert_array_equal(second.forces.foot_wrench_w, clip.forces.foot_wrench_w[-second.frame_count :])
+
+
+def test_the_centre_of_mass_is_the_simulators(robot):
+    clip, model = wandering(robot), mujoco_model(robot)
+    found = centre_of_mass(robot, clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     data = mujoco.MjData(model)
-    data.qpos[:] = np.concatenate([clip.root_pos_w[0], clip.root_quat_w[0], clip.joint_pos[0]])
-    mujoco.mj_forward(model, data)
-    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "Left_Hip_Roll")
-    below = {int(model.jnt_bodyid[joint])}
-    for body in range(model.nbody):
-        if int(model.body_parentid[body]) in below:
-            below.add(body)
-    others = [body for body in range(1, model.nbody) if body not in below]
-    arms = data.xipos[others] - data.xanchor[joint]
-    weights = model.body_mass[others, None] * np.array([0.0, 0.0, -9.81])
-    return abs(float(np.sum(np.cross(arms, weights) @ data.xaxis[joint])))
-
-
-def _swinging(motion: Motion, height: float, speed: float) -> Motion:
-    """The right foot passes at a height [m] and speed [m/s]; the rest of the robot is as it was."""
-    sole = motion.sole
-    pos, vel = sole.corner_pos_w.copy(), sole.corner_vel_w.copy()
-    pos[:, 1, :, 2], vel[:, 1] = height, np.array([speed, 0.0, 0.0])
-    return dataclasses.replace(motion, sole=SoleMotion(fps=sole.fps, corner_pos_w=pos, corner_vel_w=vel))
-
-
-@pytest.mark.parametrize(("height", "speed"), [(0.005, 1.0), (0.0, 0.4), (0.015, 0.0)])
-def test_without_labels_a_foot_that_passes_low_is_not_leant_on(
-    robot: Robot, limits: FeasibilitySettings, height: float, speed: float
-):
-    weak = _weak(robot, "Left_Hip_Roll", _hip_need(robot) / 1.3)
-    clip = dataclasses.replace(_on_one_leg(robot), contacts=None)
-    found = dynamics(_swinging(motion_of(clip, weak, limits), height, speed), limits.torque)
-    assert found.consistent
-    assert _share(found) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("labelled", [False, True])
-def test_a_foot_may_bear_two_frames_before_it_comes_down_and_one_after_it_left(
-    robot: Robot, limits: FeasibilitySettings, labelled: bool
-):
-    """A low pass begins an impact before it comes; a foot that leaves lets go gently."""
-    clip = standing(robot, 2.0)
-    contacts = np.ones((clip.frame_count, 2), dtype=bool)
-    contacts[:, 1] = (np.arange(clip.frame_count) >= 50) & (np.arange(clip.frame_count) < 60)
-    motion = motion_of(dataclasses.replace(clip, contacts=contacts if labelled else None), robot, limits)
-    if not labelled:
-        pos = motion.sole.corner_pos_w.copy()
-        pos[~contacts, :, 2] = 0.05
-        motion = dataclasses.replace(motion, sole=dataclasses.replace(motion.sole, corner_pos_w=pos))
-    judged = dynamics(motion, dataclasses.replace(limits.torque, consistent_share=0.0)).judged
-    bears = np.linalg.norm(judged.force_w[:, 4:], axis=2).sum(axis=1) > 1.0
-    assert np.flatnonzero(bears).tolist() == list(range(48, 61))
-
-
-def test_without_labels_a_foot_that_rests_on_the_ground_helps(robot: Robot, limits: FeasibilitySettings):
-    weak = _weak(robot, "Left_Hip_Roll", _hip_need(robot) / 1.3)
-    clip = dataclasses.replace(_on_one_leg(robot), contacts=None)
-    found = dynamics(_swinging(motion_of(clip, weak, limits), 0.0, 0.0), limits.torque)
-    assert _share(found) == 0.0
-
-
-def test_how_fast_soles_may_be_without_labels_goes_by_the_speed_of_that_time_and_not_of_the_clip(robot, limits):
-    clip = dataclasses.replace(standing(robot, 10.0), contacts=None)
-    speed = np.interp(np.arange(clip.frame_count) / clip.fps, [4.0, 6.0], [0.0, 1.5])
-    root = clip.root_pos_w + (np.cumsum(speed) / clip.fps)[:, None] * np.array([1.0, 0.0, 0.0])
-    motion = motion_of(dataclasses.replace(clip, root_pos_w=root), robot, limits)
-    pos, vel = motion.sole.corner_pos_w, 0.4 * motion.sole.corner_vel_w
-    a, b = limits.torque.told_speed
-    assert a + b * motion.ground_speed < 0.4 * 1.5 < a + b * 1.5
-    slides = dataclasses.replace(motion, sole=SoleMotion(fps=clip.fps, corner_pos_w=pos, corner_vel_w=vel))
-    assert dynamics(slides, limits.torque).consistent
+    for frame in (0, 37, 99):
+        data.qpos[:] = np.concatenate([clip.root_pos_w[frame], clip.root_quat_w[frame], clip.joint_pos[frame]])
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(found[frame], data.subtree_com[1], atol=1e-9)

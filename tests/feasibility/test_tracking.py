@@ -32,7 +32,9 @@ from pipeline.simulation.rollout import Rollout
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked, waving
 
-CODES = tuple(GROUPS["tracking stability"])
+FOLLOWED = "tracking_followed"
+CODES = tuple(code for code in GROUPS["tracking stability"] if code != FOLLOWED)
+"""What is asked of every tracked rollout; how much was followed, only of those that KP4 made."""
 
 
 @pytest.fixture(scope="module")
@@ -182,6 +184,46 @@ def test_a_window_is_held_against_the_same_times_of_the_reference(robot, referen
     numbers = {CONTENT: "a", "fps": 50.0, **variant}
     found = reference_of(window, numbers, robot, {"a": reference}.__getitem__)
     np.testing.assert_allclose(found.joint_pos, window.joint_pos, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "of_reference"),
+    [
+        ({}, (0, 200)),
+        ({"reference_frame": 60}, (60, 300)),
+        ({"reference_frame": 50, "stretch_start_s": 1.0}, (100, 300)),
+    ],
+)
+def test_a_rollout_of_kp4_is_held_against_the_frames_that_it_names(robot, reference, place, of_reference):
+    rollout = reference.cut(*of_reference, "walk+rollout")
+    found = reference_of(rollout, {"reference": "walk", **place}, robot, {"walk": reference}.__getitem__)
+    assert found is not None
+    assert found.name == "walk+rollout"
+    np.testing.assert_array_equal(found.joint_pos, rollout.joint_pos)
+    np.testing.assert_array_equal(found.root_pos_w, rollout.root_pos_w)
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_a_rollout_that_loses_most_of_its_reference_does_not_go_on(robot, limits, reference, share):
+    numbers = {"reference": "walk", "reference_frame": 0, "followed_share": share}
+    references = {"walk": reference}.__getitem__
+    outcome = process(reference, numbers, settings=limits, robot=robot, references=references)
+    (judgement,) = from_text(str(outcome.numbers[NUMBER]))
+    found = judgement.found[FOLLOWED]
+    assert (found.value, found.limit, found.lower) == (share, limits.tracking.followed, True)
+    holds = share >= limits.tracking.followed
+    assert outcome.accepted == holds
+    assert (found.broken == "") == holds
+    again = recheck(reference, numbers, settings=limits, robot=robot, references=references)
+    assert again.numbers["holds"] == holds
+    if not holds:
+        assert [reason.code for reason in outcome.reasons] == [FOLLOWED]
+        assert "the tracker follows 40 % of the reference; at least 0.5" in outcome.reasons[0].text
+
+
+def test_how_much_was_followed_is_not_asked_of_a_recording(robot, limits, reference, rollout):
+    (judgement,) = from_text(str(_outcome(rollout, reference, robot, limits).numbers[NUMBER]))
+    assert judgement.found[FOLLOWED].not_applicable == "no rollout of KP4"
 
 
 def test_variants_are_held_against_the_same_variant_of_the_reference(robot, root, reference, rollout):
