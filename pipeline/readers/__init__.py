@@ -7,6 +7,7 @@ from pipeline.readers.read_motion import ReadMotion, read_motion
 from pipeline.readers.source import FileStatement, Source, read_sources, sources_of_environment
 from pipeline.readers.statement import NOTHING_STATED, Statement
 from pipeline.readers.tracked import Reference, read_reference
+from pipeline.readers.written_map import written_map
 
 __all__ = [
     "NOTHING_STATED",
@@ -22,4 +23,5 @@ __all__ = [
     "read_sources",
     "refuse_outside_link",
     "sources_of_environment",
+    "written_map",
 ]

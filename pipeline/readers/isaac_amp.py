@@ -14,6 +14,7 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.readers.npz_file import NpzHeader, open_npz
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion
 
@@ -65,8 +66,7 @@ def read_isaac_amp(path: Path) -> RawMotion:
         joint_names=names,
         parents=parents,
         rest_offset=_bones(path, names, parents, pos, rotation.normalize(quat)),
-        joint_pos_w=pos,
-        joint_quat_w=rotation.normalize(quat),
+        poses=StoredPoses(pos_w=pos, quat_w=rotation.normalize(quat)),
         fps=header.number("fps") if header.has("fps") else None,
         files=(path,),
         unit="m",

@@ -60,7 +60,7 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
 
 
 def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
-    canonical = to_human(motion, name, statement)
+    canonical = to_human(motion, name, statement, consume=True)
     return ReadMotion(
         clip=canonical.clip,
         format=motion.format,

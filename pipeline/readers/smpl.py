@@ -15,6 +15,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.readers.npz_file import NpzHeader, open_npz
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.raw_motion import RawMotion, forward_kinematics
 
 PARENTS: dict[str, str | None] = {
@@ -107,8 +108,7 @@ def read_smpl(path: Path, body_model: Path | None = None) -> RawMotion:
         joint_names=JOINTS,
         parents=parents,
         rest_offset=np.where(np.array(parents)[:, None] < 0, 0.0, offsets),
-        joint_pos_w=pos,
-        joint_quat_w=quat,
+        poses=StoredPoses(pos_w=pos, quat_w=quat),
         fps=_declared_fps(header),
         files=(path,) if body_model is None else (path, body_model),
         unit="m",
