@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.readers.array_file import ArrayFile
 
 MAX_MEMBERS = 200
 MAX_MEMBER_BYTES = 1_000_000_000
@@ -20,7 +21,7 @@ MAX_RATIO = 1_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class NpzHeader:
+class NpzHeader(ArrayFile):
     """What an archive holds, known without inflating it."""
 
     path: Path
@@ -28,9 +29,6 @@ class NpzHeader:
     """Shape of each array that can be read: numbers and text, no objects."""
     objects: tuple[str, ...]
     """Names of the object arrays; they are never read."""
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.shapes for name in names)
 
     def array(self, name: str) -> np.ndarray:
         """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
@@ -45,34 +43,6 @@ class NpzHeader:
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
-    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
-        value = self.array(name)
-        fits = len(shape) == value.ndim and all(
-            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
-        )
-        if value.dtype.kind != "f" or not fits:
-            wanted = "×".join("n" if length is None else str(length) for length in shape)
-            problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
-            )
-            raise FileError(self.path, problem)
-        return np.where(np.isfinite(value), value, np.nan)
-
-    def number(self, name: str) -> float:
-        """An array of one finite number."""
-        value = self.array(name)
-        if value.size != 1 or value.dtype.kind != "f" or not np.isfinite(value).all():
-            raise FileError(self.path, f"'{name}' is not one finite number.")
-        return float(value.reshape(-1)[0])
-
-    def texts(self, name: str) -> tuple[str, ...]:
-        """A list of names."""
-        value = self.array(name)
-        if value.dtype.kind != "U" or value.ndim != 1:
-            raise FileError(self.path, f"'{name}' is not a list of names.")
-        return tuple(str(entry) for entry in value)
-
 
 def open_npz(path: Path) -> NpzHeader:
     """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
@@ -84,7 +54,7 @@ def open_npz(path: Path) -> NpzHeader:
     objects: list[str] = []
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_sizes(path, archive.infolist())
+            check_sizes(path, archive.infolist())
             for info in archive.infolist():
                 name = info.filename.removesuffix(".npy")
                 shape, dtype = _member(archive, info)
@@ -104,7 +74,8 @@ def _short(error: Exception) -> str:
     return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
 
 
-def _check_sizes(path: Path, members: list[zipfile.ZipInfo]) -> None:
+def check_sizes(path: Path, members: list[zipfile.ZipInfo]) -> None:
+    """Raises FileError for an archive with too many members, or that would inflate too far."""
     if len(members) > MAX_MEMBERS:
         raise FileError(path, f"the archive has {len(members)} members, more than the {MAX_MEMBERS} allowed.")
     for info in members:

@@ -47,6 +47,8 @@ class RawMotion:
     """Frames per second as the file declares [Hz]; None where it does not."""
     assumed_fps: float | None = None
     """The rate that recordings of this kind are known to have [Hz], used when neither file nor person says one."""
+    fps_by_velocity: float | None = None
+    """The rate that the file's own velocities tell [Hz]."""
     rate_fault: FileError | None = None
     """What is wrong with the rate that the file declares; raised where nobody states another."""
     files: tuple[Path, ...]

@@ -51,3 +51,36 @@ def test_a_map_for_another_rest_pose_is_refused_in_a_sentence(cases):
     says = r"left_shoulder 'down' \(to LeftElbow\) and 'left' \(y\), which lie along one line in this file's rest pose"
     with pytest.raises(FileError, match=says):
         read_motion(folder / "suit_arms_down.bvh", "clip", Statement(skeleton=str(folder / "suit_map.yaml")))
+
+
+def test_smplx_archives_without_poses_are_the_same_motion(cases):
+    plain, split = (read(cases, f"smplx_without_poses/{name}.npz").clip for name in ("with_poses", "no_poses"))
+    assert plain.fps == split.fps
+    np.testing.assert_array_equal(plain.body_pos_w, split.body_pos_w)
+    np.testing.assert_array_equal(plain.body_quat_w, split.body_quat_w)
+
+
+def test_isaacs_joint_order_is_told_without_names(cases):
+    named, bare = (read(cases, f"isaac_lab_joint_order/t1_breadth_first{end}.npz") for end in ("_names", ""))
+    np.testing.assert_array_equal(named.clip.joint_pos, bare.clip.joint_pos)
+    assert ([note.code for note in named.notes], [note.code for note in bare.notes]) == ([], ["joint_order"])
+
+
+def test_another_robots_table_says_so_at_once(cases):
+    with pytest.raises(FileError, match=r"29 joints without names; the robots here are t1 \(23\)"):
+        read(cases, "g1_csv_message/g1_like_29.csv")
+
+
+@pytest.mark.parametrize("file", ["t1_wxyz_180", "t1_wxyz_140", "t1_xyzw_180"])
+def test_a_robot_that_faces_back_walks_forward_whatever_the_quaternions_order(cases, file):
+    clip = read(cases, f"robot_csv_wxyz_faces_back/{file}.csv").clip
+    ahead = rotation.rotate(clip.root_quat_w, np.array([1.0, 0.0, 0.0]))[:-1]
+    velocity = np.diff(clip.root_pos_w, axis=0) * clip.fps
+    assert np.mean(np.sum(ahead * velocity, axis=1)) == pytest.approx(0.43, abs=0.02)
+
+
+def test_a_rate_that_qvel_contradicts_is_named_with_both_rates(cases):
+    found = read(cases, "robot_rate_against_qvel/run_250Hz_said_500Hz_true.npz")
+    assert found.clip.fps == 500.0
+    assert [(note.code, note.effect) for note in found.notes] == [("time_base", "repaired")]
+    assert "says 250 Hz" in found.notes[0].text and "500 Hz" in found.notes[0].text
