@@ -7,7 +7,7 @@ import dagster as dg
 
 from assets.project import Project
 from pipeline.files import digest
-from pipeline.readers import content_digest, list_motion_files
+from pipeline.readers import content_digest, list_files, list_motion_files, source_warnings
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
 
@@ -33,6 +33,11 @@ def motion_files(project: Project) -> list[tuple[str, Path, str, tuple]]:
             name = f"{source.name}/{stem if stems.count(stem) == 1 else within}"
             files.append((name, path, content_digest(path, source), (source, within)))
     return files
+
+
+def source_notes(project: Project) -> list[str]:
+    """What a person should know of the sources: files that are not read, folders and patterns that hold nothing."""
+    return [text for source in project.sources() for text in source_warnings(source, list_files(source))]
 
 
 def motions_version(project: Project) -> tuple[str, dict[str, Any]]:

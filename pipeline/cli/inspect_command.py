@@ -16,7 +16,7 @@ from pipeline.cli.statement_arguments import add_statement, statement_of
 from pipeline.cli.stored_clips import BARE_ROBOT
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.errors import FileError, PipelineError
-from pipeline.readers import Source, Statement, list_motion_files, refuse_outside_link, written_map
+from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
 
 
@@ -73,11 +73,11 @@ def _is_clip(path: Path) -> bool:
 
 def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
     """A line a file of all motion files below a folder. Raises FileError when there are none."""
-    files = list_motion_files(Source(name=path.name, folder=path))
-    if not files:
-        raise FileError(path, "there is no motion file in it.")
+    listing = list_files(Source(name=path.name, folder=path))
+    if not listing.motions:
+        raise FileError(path, "there is no motion file in it.", listing.unread_text())
     rows, values = [], []
-    for file in files:
+    for file in listing.motions:
         within = file.relative_to(path).as_posix()
         try:
             refuse_outside_link(file, path)
@@ -92,7 +92,11 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
         sure = (found.format, found.skeleton, found.fps, found.seconds, found.speed_mean, found.usable_seconds)
         rows.append([within, *sure, what])
     header = ["file", "format", "skeleton", "rate [Hz]", "in [s]", "speed [m/s]", "usable [s]", "found"]
+    if as_json and listing.unread:
+        values.append({"folder": str(path), "not_read": dict(listing.unread), "note": listing.unread_text()})
     print(_json(values) if as_json else text_table(header, rows))
+    if listing.unread and not as_json:
+        print(f"\n{listing.unread_text()}")
 
 
 def as_text(found: Inspection) -> str:

@@ -16,6 +16,7 @@ from pipeline.readers.array_file import ArrayFile
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.deepmimic import read_deepmimic
 from pipeline.readers.frame_rate import declared_rate
+from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
 from pipeline.readers.loaded_arrays import open_pickle, open_torch
@@ -112,6 +113,10 @@ def _read_bvh(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _human(read_bvh(path), name, statement)
 
 
+def _read_gltf(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _human(read_gltf(path), name, statement)
+
+
 def _read_amc(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _human(read_amc(path, statement.asf), name, statement)
 
@@ -163,6 +168,8 @@ _READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
     ".amc": _read_amc,
     ".bvh": _read_bvh,
     ".csv": _read_csv,
+    ".glb": _read_gltf,
+    ".gltf": _read_gltf,
     ".npz": _read_npz,
     ".pkl": _read_pickle,
     ".pt": _read_torch,

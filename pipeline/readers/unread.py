@@ -8,15 +8,16 @@ from pipeline.errors import FileError
 
 CONVERT: dict[str, str] = {
     ".fbx": "Import it into Blender and export it as BVH or glTF.",
+    ".c3d": "Markers without a skeleton: solve them in the capture program (Nexus, Motive, Seeker) and export BVH.",
     ".mvnx": "Export it from Xsens MVN as BVH, or as FBX and convert that.",
     ".mvn": "Export it from Xsens MVN as BVH.",
-    ".trc": "Markers without a skeleton: solve them (OpenSim, Mokka) and export C3D with joint centres or BVH.",
+    ".trc": "Markers without a skeleton: solve them in the capture program and export BVH.",
     ".npy": "An array without names: write it into an archive, numpy.savez(FILE, poses=..., trans=..., fps=...).",
     ".pth": "Save it as .pt with torch.save({name: tensor, ...}, FILE).",
     ".pickle": "Rename it to .pkl.",
     ".joblib": "Rename it to .pkl.",
-    ".tak": "Export the take from Motive as BVH or C3D.",
-    ".cal": "A calibration; export the take from Nokov Seeker or Motive as BVH or C3D.",
+    ".tak": "Export the take from Motive as BVH.",
+    ".cal": "A calibration; export the take from Nokov Seeker or Motive as BVH.",
     ".usd": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
     ".usda": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
     ".usdc": "Export the skeleton's animation from Omniverse or Blender as glTF or BVH.",
@@ -27,8 +28,8 @@ CONVERT: dict[str, str] = {
     ".hdf5": "Write its arrays into an archive with numpy.savez (docs/sources.md lists the names).",
     ".mat": "Write its arrays into an archive with scipy.io.loadmat and numpy.savez (docs/sources.md lists the names).",
     ".parquet": "A LeRobot data set holds no human motion; of a robot write root and joints into a CSV.",
-    ".mot": "OpenSim coordinates: export the model's motion as C3D or BVH.",
-    ".v": "Export the trial from Vicon Nexus as C3D.",
+    ".mot": "OpenSim coordinates: convert them to BVH.",
+    ".v": "Export the trial from Vicon Nexus or Shogun as BVH.",
     ".x3d": "Convert it to glTF in Blender.",
 }
 """Suffix -> how to make a file of it that is read."""

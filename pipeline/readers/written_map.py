@@ -6,13 +6,14 @@ from pathlib import Path
 
 from pipeline.errors import FileError
 from pipeline.readers.bvh import read_bvh
+from pipeline.readers.gltf import read_gltf
 from pipeline.readers.joint_names import without_prefix
 from pipeline.readers.match_skeleton import match_skeleton
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.roles import find_roles
 from pipeline.readers.unknown_skeleton import map_text, map_to_start_from
 
-READERS = {".bvh": read_bvh}
+READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}
 """Readers of formats whose skeletons may need a map of their own."""
 
 
