@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from pipeline.cli import (
     cross_engine_command,
+    export_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -32,6 +33,7 @@ COMMANDS = (
     inspect_command,
     retarget_command,
     score_command,
+    export_command,
     validate_command,
     cross_engine_command,
     simulate_robot_command,

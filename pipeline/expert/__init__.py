@@ -1,11 +1,14 @@
 """The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
 
+from pipeline.expert.archives import ARCHIVES
+from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
 from pipeline.expert.read import DatabaseError, check_database, read_database
 from pipeline.expert.write import ExpertEntry, write_database
 
 __all__ = [
+    "ARCHIVES",
     "Column",
     "DatabaseError",
     "ExpertEntry",
@@ -13,6 +16,7 @@ __all__ = [
     "check_database",
     "classify_licence",
     "columns",
+    "dataset_card",
     "expert_frames",
     "read_database",
     "strictest",
