@@ -13,7 +13,7 @@ from assets.plan import SHARED
 from assets.project import PROJECT
 from assets.report import picture, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.sources import RAW_MOTIONS, find_motions, remember_sources
+from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
 from pipeline.files import settings
@@ -41,6 +41,11 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     manifest = run_files(stage, motions.files(), PROJECT.store, clip_pool.pool(), context.log)
     remember_sources(PROJECT, motions)
     metadata = stage_metadata(manifest, ["kind", "format", "skeleton", "unit", "fps", "speed_mean", "licence"])
+    notes = source_notes(PROJECT)
+    for text in notes:
+        context.log.warning(text)
+    if notes:
+        metadata["not read or empty"] = dg.MetadataValue.md("\n".join(f"- {text}" for text in notes))
     return materialized(CATALOG, manifest, metadata)
 
 
@@ -57,13 +62,15 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
 @plainly
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
-    from pipeline.selection import Curation, process
+    from pipeline.selection import Curation, idle_patterns, process
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
     windows_only = dataclasses.replace(curation, expert_motions="rollouts")  # no window depends on it
     stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
+    for pattern in idle_patterns(windows.entry_table(), curation):
+        context.log.warning(f"excluded_clips in data/curation.yaml: the pattern '{pattern}' fits no clip")
     feedback = approved_part(PROJECT, "selection", None)
     manifest, bounds = chosen_windows(windows, curation, feedback)
     metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)

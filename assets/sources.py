@@ -10,7 +10,7 @@ import dagster as dg
 from assets.project import Project
 from pipeline.files import digest
 from pipeline.files.shown_text import escaped
-from pipeline.readers import Source, SourcesInUse, content_digest, list_motion_files
+from pipeline.readers import Source, SourcesInUse, content_digest, list_files, list_motion_files, source_warnings
 from pipeline.readers.remembered import VARIABLE, check_sources, remember
 
 RAW_MOTIONS = dg.AssetKey(["raw_motions"])
@@ -72,6 +72,11 @@ def find_motions(project: Project) -> Motions:
 def remember_sources(project: Project, motions: Motions) -> None:
     """Record the sources of a run in the store, so that a later run without one of them is an error."""
     remember(project.remembered_sources, motions.sources, motions.counts)
+
+
+def source_notes(project: Project) -> list[str]:
+    """What a person should know of the sources: files that are not read, folders and patterns that hold nothing."""
+    return [text for source in project.sources().all for text in source_warnings(source, list_files(source))]
 
 
 def motions_version(project: Project) -> tuple[str, dict[str, Any]]:

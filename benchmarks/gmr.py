@@ -18,8 +18,7 @@ from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.readers.bvh import read_bvh
-from pipeline.readers.local_axes import with_axes_of_map
-from pipeline.readers.skeleton_map import find_map
+from pipeline.readers.match_skeleton import match_skeleton
 from pipeline.robot import Robot
 
 WORKER = Path(__file__).with_name("gmr_worker.py")
@@ -70,8 +69,8 @@ class Gmr:
 def joints_of(human: HumanClip, file: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     """GMR's body names (b,), positions (t, b, 3) [m] and orientations wxyz (t, b, 4) of the file's joints."""
     motion = read_bvh(file)
-    skeleton = find_map(motion)
-    turned = with_axes_of_map(motion, skeleton)
+    matched = match_skeleton(motion)
+    skeleton, turned = matched.skeleton, matched.motion
     sources = {**{name: (one, one) for name, one in BODIES.items()}, **FEET}
     pos_w = np.stack([human.body_pos_w[:, body(place)] for place, _ in sources.values()], axis=1)
     quats = []

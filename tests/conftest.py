@@ -38,6 +38,12 @@ def policies() -> Path:
     return _shared("policies", "the published policies")
 
 
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """The folder of small difficult inputs beside the checkout; a test that asks for it bears the marker `shared`."""
+    return _shared("cases", "the difficult inputs")
+
+
 def _shared(name: str, what: str) -> Path:
     folder = ROOT.parent / "shared" / name
     if not folder.is_dir():

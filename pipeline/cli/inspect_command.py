@@ -16,7 +16,7 @@ from pipeline.cli.statement_arguments import add_statement, statement_of
 from pipeline.cli.stored_clips import BARE_ROBOT
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.errors import FileError, PipelineError
-from pipeline.readers import Source, Statement, list_motion_files, refuse_outside_link
+from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
 
 
@@ -35,6 +35,11 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--robot", default=BARE_ROBOT, help="robot that the clip was made for")
     parser.add_argument("--json", action="store_true", help="print a JSON object (of a folder: a list of them)")
+    parser.add_argument(
+        "--write-map",
+        action="store_true",
+        help="print the skeleton map of a file (YAML) instead: the one that it is read with, or one to start from",
+    )
     add_statement(parser)
     parser.set_defaults(run=run)
 
@@ -43,6 +48,9 @@ def run(parsed: argparse.Namespace) -> int:
     """Print it. A file that can't be read is an error; in a folder it is a line."""
     chain = Chain(find_project())
     stated = statement_of(parsed)
+    if parsed.write_map:
+        print(written_map(parsed.input, stated.skeleton), end="")
+        return 0
     if _is_clip(parsed.input):
         name = clip_of(parsed.input) if parsed.input.is_file() else str(parsed.input)
         rows = judged(chain.project, name, parsed.robot)
@@ -65,11 +73,11 @@ def _is_clip(path: Path) -> bool:
 
 def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
     """A line a file of all motion files below a folder. Raises FileError when there are none."""
-    files = list_motion_files(Source(name=path.name, folder=path))
-    if not files:
-        raise FileError(path, "there is no motion file in it.")
+    listing = list_files(Source(name=path.name, folder=path))
+    if not listing.motions:
+        raise FileError(path, "there is no motion file in it.", listing.unread_text())
     rows, values = [], []
-    for file in files:
+    for file in listing.motions:
         within = file.relative_to(path).as_posix()
         try:
             refuse_outside_link(file, path)
@@ -84,7 +92,11 @@ def folder(path: Path, chain: Chain, stated: Statement, as_json: bool) -> None:
         sure = (found.format, found.skeleton, found.fps, found.seconds, found.speed_mean, found.usable_seconds)
         rows.append([within, *sure, what])
     header = ["file", "format", "skeleton", "rate [Hz]", "in [s]", "speed [m/s]", "usable [s]", "found"]
+    if as_json and listing.unread:
+        values.append({"folder": str(path), "not_read": dict(listing.unread), "note": listing.unread_text()})
     print(_json(values) if as_json else text_table(header, rows))
+    if listing.unread and not as_json:
+        print(f"\n{listing.unread_text()}")
 
 
 def as_text(found: Inspection) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pipeline.cli import (
     cross_engine_command,
     database_command,
+    export_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -34,6 +35,7 @@ COMMANDS = (
     inspect_command,
     retarget_command,
     score_command,
+    export_command,
     validate_command,
     cross_engine_command,
     database_command,

@@ -17,6 +17,7 @@ def add_statement(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--source-fps", type=positive, metavar="HZ", help="true frame rate, over what the file declares")
     group.add_argument("--skeleton", metavar="MAP", help="name of a skeleton map, or the path of your own (.yaml)")
     group.add_argument("--asf", metavar="FILE", help="the ASF file of an AMC, from the AMC's folder")
+    group.add_argument("--quaternion", choices=("wxyz", "xyzw"), help="order of a robot's root quaternion")
     group.add_argument("--body-model", metavar="NPZ", help="your own SMPL body model")
 
 
@@ -29,6 +30,7 @@ def statement_of(parsed: argparse.Namespace) -> Statement:
         skeleton=parsed.skeleton,
         asf=parsed.asf,
         body_model=parsed.body_model,
+        quaternion=parsed.quaternion,
     )
 
 

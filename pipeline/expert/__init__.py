@@ -1,5 +1,7 @@
 """The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
 
+from pipeline.expert.archives import ARCHIVES
+from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.history import DatabaseLossError
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
@@ -8,6 +10,7 @@ from pipeline.expert.settings import DatabaseSettings
 from pipeline.expert.write import ExpertEntry, NoClipsError, write_database
 
 __all__ = [
+    "ARCHIVES",
     "Column",
     "DatabaseError",
     "DatabaseLossError",
@@ -18,6 +21,7 @@ __all__ = [
     "check_database",
     "classify_licence",
     "columns",
+    "dataset_card",
     "expert_frames",
     "read_database",
     "strictest",

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files.array_file import ArrayFile
 from pipeline.files.damaged_npz import DAMAGED_NPZ
 
 
@@ -27,7 +28,7 @@ class NpzCaps:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NpzHeader:
+class NpzHeader(ArrayFile):
     """What an archive holds, known without inflating it."""
 
     path: Path
@@ -37,9 +38,6 @@ class NpzHeader:
     """Names of the object arrays; they are never read."""
     numeric: frozenset[str] = frozenset()
     """Names of the arrays of numbers."""
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.shapes for name in names)
 
     def array(self, name: str) -> np.ndarray:
         """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
@@ -54,34 +52,6 @@ class NpzHeader:
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
-    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
-        value = self.array(name)
-        fits = len(shape) == value.ndim and all(
-            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
-        )
-        if value.dtype.kind != "f" or not fits:
-            wanted = "×".join("n" if length is None else str(length) for length in shape)
-            problem = (
-                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
-            )
-            raise FileError(self.path, problem)
-        return np.where(np.isfinite(value), value, np.nan)
-
-    def number(self, name: str) -> float:
-        """An array of one finite number."""
-        value = self.array(name)
-        if value.size != 1 or value.dtype.kind != "f" or not np.isfinite(value).all():
-            raise FileError(self.path, f"'{name}' is not one finite number.")
-        return float(value.reshape(-1)[0])
-
-    def texts(self, name: str) -> tuple[str, ...]:
-        """A list of names."""
-        value = self.array(name)
-        if value.dtype.kind != "U" or value.ndim != 1:
-            raise FileError(self.path, f"'{name}' is not a list of names.")
-        return tuple(str(entry) for entry in value)
-
 
 def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
     """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
@@ -94,7 +64,7 @@ def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
     numeric: set[str] = set()
     try:
         with zipfile.ZipFile(path) as archive:
-            _check_sizes(path, archive.infolist(), caps)
+            check_sizes(path, archive.infolist(), caps)
             for info in archive.infolist():
                 name = info.filename.removesuffix(".npy")
                 shape, dtype = _member(archive, info)
@@ -115,7 +85,7 @@ def _short(error: Exception) -> str:
     return " ".join(str(error)[:120].encode("ascii", "replace").decode().split())
 
 
-def _check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> None:
+def check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> None:
     if len(members) > caps.members:
         raise FileError(path, f"the archive has {len(members)} members, more than the {caps.members} allowed.")
     for info in members:

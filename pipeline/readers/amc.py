@@ -16,6 +16,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.asf import Bone, ordered, read_asf
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.raw_motion import RawMotion, forward_kinematics
 from pipeline.readers.text_file import MAX_FRAMES, read_lines, read_number
 
@@ -45,8 +46,7 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
         joint_names=tuple(order),
         parents=parents,
         rest_offset=offsets,
-        joint_pos_w=pos,
-        joint_quat_w=quat,
+        poses=StoredPoses(pos_w=pos, quat_w=quat),
         fps=None,
         assumed_fps=CMU_RATE_HZ if set(CMU_BONES) <= set(order) else None,
         files=(path, asf),

@@ -1,27 +1,32 @@
 """BVH of any skeleton: hierarchy, channels in any order, rows of numbers.
 
-A line-by-line parser without recursion; everything is capped before memory is taken. A position
-channel replaces that component of the joint's OFFSET (files with six channels in every joint repeat
-the offset there); rotations are intrinsic, in the order of the channels.
+A line-by-line parser without recursion; everything is capped before memory is taken, and the text is never held
+as a whole. A position channel replaces that component of the joint's OFFSET (files with six channels in every joint
+repeat the offset there); rotations are intrinsic, in the order of the channels.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
-from pipeline import rotation
+from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.readers.raw_motion import RawMotion, forward_kinematics
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_lines, read_number, read_rows
+from pipeline.readers.frame_rate import printed_rate
+from pipeline.readers.joint_channels import CHANNELS, ChannelPoses, Rows
+from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows
+from pipeline.readers.text_stream import blocks, open_text
 
 MAX_JOINTS = 1000
 MAX_DEPTH = 200
 
-CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
+ROWS_AT_ONCE = 4096
+"""Rows that are parsed together."""
 
 
 @dataclass
@@ -33,6 +38,8 @@ class _Joint:
     line: int
     offset: tuple[float, float, float] | None = None
     channels: tuple[str, ...] = ()
+    tip: tuple[float, float, float] | None = None
+    """Place of its End Site."""
 
 
 @dataclass
@@ -105,6 +112,8 @@ class _Header:
         offset = tuple(read_number(self.path, word, line, "the offset") for word in words)
         if self.open[-1] >= 0:
             self.joints[self.open[-1]].offset = offset
+        elif len(self.open) > 1:
+            self.joints[self.open[-2]].tip = offset
 
     def _channels(self, words: list[str], line: int) -> None:
         names = {name.lower(): name for name in CHANNELS}
@@ -121,111 +130,155 @@ class _Header:
         self.joints[self.open[-1]].channels = channels
 
 
+@dataclass(frozen=True, kw_only=True)
+class _MotionHeader:
+    """What stands between MOTION and the rows."""
+
+    frames: int
+    """As declared."""
+    fps: float | None
+    """Frames per second [Hz]; None where the file has none that can be one."""
+    rate_fault: FileError | None
+    notes: tuple[Reason, ...]
+
+
 def read_bvh(path: Path) -> RawMotion:
     """A BVH file as joints in its own unit and axes. Raises FileError with the line."""
-    lines = read_lines(path)
-    joints, motion_line = _read_hierarchy(path, lines)
-    fps, frames, first = _read_motion_header(path, lines, motion_line)
+    text = open_text(path)
+    lines = enumerate(text.lines(), start=1)
+    joints = _read_hierarchy(path, lines)
+    header, lines = _read_motion_header(path, lines)
     columns = sum(len(joint.channels) for joint in joints)
-    if frames * columns > MAX_NUMBERS:
-        raise FileError(
-            path, f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed.", "Split it."
-        )
-    rows = sum(1 for line in lines[first:] if line.strip())
-    if rows != frames:
-        problem = f"the header declares {frames} frames, the file holds {rows}."
-        raise FileError(path, problem, "It was cut off or edited; export it again.", first + 1)
-    values = read_rows(path, lines[first:], first + 1, columns)
-    local_pos, local_quat = _local_transforms(joints, values)
-    parents = tuple(joint.parent for joint in joints)
-    pos, quat = forward_kinematics(parents, local_pos, local_quat)
+    _check_numbers(path, header.frames, columns)
+    room = Rows.empty(_most_rows(path, text.line_count, columns), columns)
+    values = room.array(_read_values(path, lines, room))
     return RawMotion(
         format="bvh",
         joint_names=tuple(joint.name for joint in joints),
-        parents=parents,
+        parents=tuple(joint.parent for joint in joints),
         rest_offset=np.array([joint.offset for joint in joints], dtype=float),
-        joint_pos_w=pos,
-        joint_quat_w=quat,
-        fps=fps,
+        poses=ChannelPoses(
+            parents=tuple(joint.parent for joint in joints),
+            offsets=np.array([joint.offset for joint in joints], dtype=float),
+            channels=tuple(joint.channels for joint in joints),
+            values=values,
+            rows=room,
+        ),
+        fps=header.fps,
+        rate_fault=header.rate_fault,
         files=(path,),
+        tips={joint.name: joint.tip for joint in joints if joint.tip is not None and any(joint.tip)},
+        notes=header.notes + _frame_count(path, header.frames, len(values)),
     )
 
 
-def _read_hierarchy(path: Path, lines: list[str]) -> tuple[list[_Joint], int]:
-    """Joints, and the index of the line MOTION."""
+def _read_hierarchy(path: Path, lines: Iterator[tuple[int, str]]) -> list[_Joint]:
+    """Joints; the line MOTION is the last that is taken."""
     header = _Header(path=path)
-    started = False
-    for index, line in enumerate(lines):
+    started, number = False, 0
+    for number, line in lines:
         for part in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
             words = part.split()
             if not words:
                 continue
             if not started:
                 if words[0].upper() != "HIERARCHY":
-                    raise FileError(path, "a BVH file begins with HIERARCHY.", line=index + 1)
+                    raise FileError(path, "a BVH file begins with HIERARCHY.", line=number)
                 started = True
             elif words[0].upper() == "MOTION":
-                return _checked(header, index), index
+                return _checked(header, number)
             else:
-                header.take(words, index + 1)
-    raise FileError(path, "there is no MOTION section.", "The file was cut off; export it again.", len(lines))
+                header.take(words, number)
+    raise FileError(path, "there is no MOTION section.", "The file was cut off; export it again.", max(number, 1))
 
 
-def _checked(header: _Header, index: int) -> list[_Joint]:
+def _checked(header: _Header, line: int) -> list[_Joint]:
     if header.open or header.pending is not None:
-        raise header.fail("MOTION begins before the hierarchy is closed: a '}' is missing.", index + 1)
+        raise header.fail("MOTION begins before the hierarchy is closed: a '}' is missing.", line)
     if not header.joints:
-        raise header.fail("the hierarchy has no joints.", index + 1)
+        raise header.fail("the hierarchy has no joints.", line)
     for joint in header.joints:
         if joint.offset is None:
             raise header.fail(f"joint '{joint.name[:40]}' has no OFFSET.", joint.line)
     if not any(joint.channels for joint in header.joints):
-        raise header.fail("no joint has CHANNELS.", index + 1)
+        raise header.fail("no joint has CHANNELS.", line)
     return header.joints
 
 
-def _read_motion_header(path: Path, lines: list[str], motion_line: int) -> tuple[float, int, int]:
-    """Rate [Hz], number of frames and the index of the first row."""
+def _read_motion_header(
+    path: Path, lines: Iterator[tuple[int, str]]
+) -> tuple[_MotionHeader, Iterator[tuple[int, str]]]:
+    """Declared frames and rate, and the lines that follow."""
     found: dict[str, tuple[str, int]] = {}
-    index = motion_line + 1
-    while index < len(lines) and len(found) < 2:
-        key, colon, value = lines[index].partition(":")
-        if lines[index].strip():
-            name = " ".join(key.split()).lower()
-            if not colon or name not in ("frames", "frame time") or name in found:
-                raise FileError(path, "MOTION is followed by 'Frames:' and 'Frame Time:'.", line=index + 1)
-            found[name] = (value.strip(), index + 1)
-        index += 1
-    if len(found) < 2:
-        raise FileError(path, "'Frames:' or 'Frame Time:' is missing.", line=len(lines))
+    expected, number, rest = "MOTION is followed by 'Frames:' and 'Frame Time:'.", 0, lines
+    for number, line in lines:
+        key, colon, value = line.partition(":")
+        name = " ".join(key.split()).lower()
+        if not name:
+            continue
+        if not colon and set(found) == {"frames"} and name[0] in "+-.0123456789n":
+            rest = chain([(number, line)], lines)
+            break
+        if not colon or name not in ("frames", "frame time") or name in found:
+            raise FileError(path, expected, line=number)
+        found[name] = (value.strip(), number)
+        if len(found) == 2:
+            break
+    if "frames" not in found or (len(found) < 2 and rest is lines):
+        raise FileError(path, "'Frames:' or 'Frame Time:' is missing.", line=max(number, 1))
     count = read_number(path, *found["frames"], "Frames")
     if count != int(count) or not 0 <= count <= MAX_FRAMES:
         raise FileError(path, f"Frames is {found['frames'][0]}, wanted 1 to {MAX_FRAMES}.", line=found["frames"][1])
-    if count == 0:
-        raise FileError(path, "the file has no frames.", line=found["frames"][1])
-    frame_time_s = read_number(path, *found["frame time"], "Frame Time")
-    if not 1e-4 <= frame_time_s <= 1.0:
-        problem = f"Frame Time is {found['frame time'][0]} s, wanted 0.0001 to 1."
-        raise FileError(path, problem, "Correct it, or state `fps:` for the file.", found["frame time"][1])
-    return 1.0 / frame_time_s, int(count), index
+    do = "Correct it, or state `fps:` for the file."
+    if "frame time" not in found:
+        fault = FileError(path, f"there is no Frame Time. {expected}", do, number)
+        return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
+    printed, line = found["frame time"]
+    try:
+        frame_time_s = read_number(path, printed, line, "Frame Time")
+        if not 1e-4 <= frame_time_s <= 1.0:
+            raise FileError(path, f"Frame Time is {printed} s, wanted 0.0001 to 1.", do, line)
+    except FileError as fault:
+        return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
+    fps, notes = printed_rate(printed)
+    return _MotionHeader(frames=int(count), fps=fps, rate_fault=None, notes=notes), rest
 
 
-def _local_transforms(
-    joints: list[_Joint], values: Float[np.ndarray, "t c"]
-) -> tuple[Float[np.ndarray, "t j 3"], Float[np.ndarray, "t j 4"]]:
-    """Place and orientation of each joint in its parent's frame; joints of the same channels are done together."""
-    pos = np.broadcast_to(np.array([joint.offset for joint in joints]), (len(values), len(joints), 3)).copy()
-    quat = np.broadcast_to(rotation.IDENTITY, (len(values), len(joints), 4)).copy()
-    starts = np.cumsum([0] + [len(joint.channels) for joint in joints])
-    for channels in sorted({joint.channels for joint in joints}):
-        group = [index for index, joint in enumerate(joints) if joint.channels == channels]
-        turns = []
-        for place, channel in enumerate(channels):
-            column, axis = values[:, starts[group] + place], CHANNELS.index(channel) % 3
-            if channel.endswith("position"):
-                pos[:, group, axis] = column
-            else:
-                turns.append((axis, np.deg2rad(column)))
-        if turns:
-            quat[:, group] = rotation.from_euler(turns)
-    return pos, quat
+def _most_rows(path: Path, lines: int, columns: int) -> int:
+    """Rows that a file of so many lines can hold at most: a number takes two bytes."""
+    by_size = path.stat().st_size // (2 * columns) + 1
+    return min(lines, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1)
+
+
+def _check_numbers(path: Path, frames: int, columns: int) -> None:
+    """Raises FileError for more frames or numbers than a file may hold."""
+    if frames * columns > MAX_NUMBERS or frames > MAX_FRAMES:
+        problem = f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed."
+        raise FileError(path, problem, "Split it.")
+
+
+def _read_values(path: Path, lines: Iterator[tuple[int, str]], room: Rows) -> int:
+    """Read all rows below the header into `room`; how many there are. Raises FileError with the line."""
+    columns, count = room.columns, 0
+    values = room.array(len(room.memory) // (8 * columns))
+    number, peeked = next(lines, (0, ""))
+    for block, last in blocks(chain([peeked], (line for _, line in lines)), ROWS_AT_ONCE):
+        part = read_rows(path, block, number, columns, last)
+        _check_numbers(path, count + len(part), columns)
+        values[count : count + len(part)] = part
+        count, number = count + len(part), number + len(block)
+    return count
+
+
+def _frame_count(path: Path, declared: int, rows: int) -> tuple[Reason, ...]:
+    """A note where more rows than declared were read. Raises FileError for fewer, and for none."""
+    if rows < declared:
+        problem = f"the header declares {declared} frames, the file holds {rows}."
+        raise FileError(path, problem, "It was cut off or edited; export it again.", 1)
+    if rows == 0:
+        raise FileError(path, "the file has no frames.", line=1)
+    if rows == declared:
+        return ()
+    text = f"the header declares {declared} frames, the file holds {rows} whole rows; all of them are read"
+    reason = Reason(code="frame_count", text=text, effect="noted", value=float(rows), limit=float(declared))
+    return (reason,)

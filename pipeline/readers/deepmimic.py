@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import FileError
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion, forward_kinematics
 from pipeline.readers.text_file import MAX_FRAMES, read_lines
@@ -68,8 +69,7 @@ def read_deepmimic(path: Path) -> RawMotion:
         joint_names=names,
         parents=parents,
         rest_offset=np.array([offset for _, offset in SKELETON.values()]),
-        joint_pos_w=pos,
-        joint_quat_w=quat,
+        poses=StoredPoses(pos_w=pos, quat_w=quat),
         fps=_rate(path, rows[:, 0]),
         files=(path,),
         unit="m",

@@ -6,17 +6,21 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.human_clip import BODIES, HumanClip, body
 from pipeline.errors import FileError
 from pipeline.readers.frame_rate import frame_rate
-from pipeline.readers.local_axes import with_axes_of_map
+from pipeline.readers.match_skeleton import match_skeleton
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
-from pipeline.readers.skeleton_map import SkeletonMap, find_map
+from pipeline.readers.skeleton_map import SkeletonMap
 from pipeline.readers.statement import Statement
 from pipeline.readers.unit import find_unit
 from pipeline.readers.up_axis import TO_Z_UP, find_up_axis
+
+FRAMES_AT_ONCE = 4096
+"""Frames that are worked on together: what is in between takes little memory, however long the file is."""
 
 MAX_BODY_TILT_DEG = 60.0
 """How far the left axes of pelvis and chest may lie, on average, from the hip and the shoulder line."""
@@ -33,36 +37,66 @@ class Canonical:
     up_axis: str
 
 
-def to_human(motion: RawMotion, name: str, statement: Statement) -> Canonical:
+def to_human(motion: RawMotion, name: str, statement: Statement, *, consume: bool = False) -> Canonical:
     """The canonical clip of a motion.
 
-    Raises FileError (unknown skeleton, mirrored, axes that are not the map's) and AmbiguousFileError (unit, up axis
-    or rate that the file does not tell).
+    Args:
+        consume: free the memory of the motion's frames on the way; it can't be used again
+
+    Raises FileError (unknown skeleton, mirrored, axes that are not the map's) and AmbiguousFileError (skeleton, unit,
+    up axis or rate that the file does not tell).
     """
     path = motion.files[0]
-    if len(motion.joint_pos_w) < MIN_FRAMES:
-        raise FileError(path, f"the file has {counted(len(motion.joint_pos_w))}, which is no motion.")
-    skeleton = find_map(motion, statement.skeleton)
-    motion = with_axes_of_map(motion, skeleton)
+    if motion.frame_count < MIN_FRAMES:
+        raise FileError(path, f"the file has {counted(motion.frame_count)}, which is no motion.")
+    matched = match_skeleton(motion, statement.skeleton)
+    motion, skeleton = matched.motion, matched.skeleton
     unit, metres = find_unit(path, _leg_length(motion, skeleton), statement.unit or motion.unit)
-    joint = {body: motion.joint_names.index(skeleton.bodies[body].joint) for body in BODIES}
-    ankles = 0.5 * (motion.joint_pos_w[:, joint["left_ankle"]] + motion.joint_pos_w[:, joint["right_ankle"]])
-    up_axis = find_up_axis(path, motion.joint_pos_w[:, joint["head"]] - ankles, statement.up)
-    axes = TO_Z_UP[up_axis]
-    axes_quat = rotation.from_matrix(axes)
-    order = [joint[body] for body in BODIES]
-    rest = skeleton.rest_frames(motion)
-    quat = rotation.multiply(axes_quat, rotation.multiply(motion.joint_quat_w[:, order], rest))
-    offset = np.array([skeleton.bodies[body].offset for body in BODIES])
-    pos = motion.joint_pos_w[:, order] @ axes.T * metres + rotation.rotate(quat, offset)
-    clip = HumanClip(
-        name=name,
-        fps=frame_rate(path, motion.fps or motion.assumed_fps, statement),
-        body_pos_w=pos,
-        body_quat_w=_continuous(rotation.normalize(quat)),
-    )
+    pos, quat = _bodies_in_file(motion, skeleton, consume)
+    ankles = 0.5 * (pos[:, body("left_ankle")] + pos[:, body("right_ankle")])
+    up_axis = find_up_axis(path, pos[:, body("head")] - ankles, statement.up)
+    _to_world(pos, quat, TO_Z_UP[up_axis], metres, skeleton)
+    fps = frame_rate(path, motion.fps or motion.assumed_fps, statement, motion.rate_fault)
+    _make_continuous(quat)
+    clip = HumanClip(name=name, fps=fps, body_pos_w=pos, body_quat_w=quat)
     _check_sides(motion, clip, skeleton)
     return Canonical(clip=clip, skeleton=skeleton.name, unit=unit, metres_per_unit=metres, up_axis=up_axis)
+
+
+def _bodies_in_file(
+    motion: RawMotion, skeleton: SkeletonMap, consume: bool
+) -> tuple[Float[np.ndarray, "t 19 3"], Float[np.ndarray, "t 19 4"]]:
+    """Positions of the bodies' joints and orientations of the bodies, in the file's world and unit."""
+    joints = [skeleton.bodies[name].joint for name in BODIES]
+    rest = skeleton.rest_frames(motion)
+    pos, quat = np.empty((motion.frame_count, len(BODIES), 3)), np.empty((motion.frame_count, len(BODIES), 4))
+    for start, stop in _chunks(motion.frame_count):
+        pos[start:stop], turned = motion.world(joints, start, stop)
+        quat[start:stop] = rotation.multiply(turned, rest)
+        if consume:
+            motion.poses.forget(stop)
+    return pos, quat
+
+
+def _to_world(
+    pos: Float[np.ndarray, "t 19 3"],
+    quat: Float[np.ndarray, "t 19 4"],
+    axes: Float[np.ndarray, "3 3"],
+    metres: float,
+    skeleton: SkeletonMap,
+) -> None:
+    """Change bodies in a file's world and unit to ours, in place; bodies that the skeleton lacks get their place."""
+    axes_quat = rotation.from_matrix(axes)
+    offset = np.array([skeleton.bodies[name].offset for name in BODIES])
+    for start, stop in _chunks(len(pos)):
+        turned = rotation.multiply(axes_quat, quat[start:stop])
+        pos[start:stop] = pos[start:stop] @ axes.T * metres + rotation.rotate(turned, offset)
+        quat[start:stop] = rotation.normalize(turned)
+
+
+def _chunks(frames: int) -> list[tuple[int, int]]:
+    """Stretches [start, stop) of a motion that are worked on together."""
+    return [(start, min(start + FRAMES_AT_ONCE, frames)) for start in range(0, frames, FRAMES_AT_ONCE)]
 
 
 def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
@@ -79,16 +113,21 @@ def _leg_length(motion: RawMotion, skeleton: SkeletonMap) -> float:
     return sum(lengths) / 2.0
 
 
-def _continuous(quat: np.ndarray) -> np.ndarray:
-    """Sign-continuous quaternions (t, n, 4), the first with w >= 0; a missing frame does not spread."""
-    valid = np.isfinite(quat).all(axis=(1, 2))
-    if valid.all():
-        result = rotation.make_continuous(quat)
-    else:
-        result = quat.copy()
-        result[valid] = rotation.make_continuous(quat[valid])
-    first = result[np.argmax(valid)][None, :, :1] if valid.any() else result[:0]
-    return np.where(first < 0.0, -result, result) if len(first) else result
+def _make_continuous(quat: Float[np.ndarray, "t 19 4"]) -> None:
+    """Make quaternions sign-continuous in place, the first with w >= 0; a missing frame does not spread."""
+    valid = np.concatenate([np.isfinite(quat[start:stop]).all(axis=(1, 2)) for start, stop in _chunks(len(quat))])
+    known = np.flatnonzero(valid)
+    if not len(known):
+        return
+    before = quat[known[0]]
+    sign = np.where(before[:, :1] < 0.0, -1.0, 1.0)
+    before = before * sign
+    quat[~valid] *= sign
+    for first, last in _chunks(len(known)):
+        frames = known[first:last]
+        chunk = rotation.make_continuous(np.concatenate([before[None], quat[frames]]))
+        quat[frames] = chunk[1:]
+        before = chunk[-1]
 
 
 def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> None:
@@ -104,12 +143,12 @@ def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> N
     if float(np.mean(np.sum(left * hips, axis=1))) < 0.0:
         problem = "left and right are swapped: seen along its toes and knees, the person's left hip is on the right."
         raise FileError(motion.files[0], problem, "The file is mirrored, or its up axis points down (state `up:`).")
-    for body, line in (("pelvis", hips), ("chest", shoulders)):
-        axis = rotation.rotate(clip.quat(body), np.array([0.0, 1.0, 0.0]))[valid]
+    for name, line in (("pelvis", hips), ("chest", shoulders)):
+        axis = rotation.rotate(clip.quat(name), np.array([0.0, 1.0, 0.0]))[valid]
         tilt_deg = float(np.rad2deg(np.arccos(np.clip(np.mean(np.sum(axis * line, axis=1)), -1.0, 1.0))))
         if tilt_deg > MAX_BODY_TILT_DEG:
             problem = (
-                f"the joints are named as in the skeleton '{skeleton.name}', but their axes differ: the {body}'s left "
+                f"the joints are named as in the skeleton '{skeleton.name}', but their axes differ: the {name}'s left "
                 f"axis is {tilt_deg:.0f} degrees off the line from right to left."
             )
             raise FileError(motion.files[0], problem, "Write a map of its own (docs/sources.md) and state it.")

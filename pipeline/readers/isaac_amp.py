@@ -13,9 +13,11 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.readers.npz_file import NpzHeader, open_npz
+from pipeline.files.array_file import ArrayFile
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.velocity_rate import rate_of_velocities
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -39,14 +41,14 @@ MAX_BONE_CHANGE = 0.01
 """How far a body may move in its parent's frame [m] (95th percentile) and still be a bone."""
 
 
-def is_isaac_amp(header: NpzHeader) -> bool:
+def is_isaac_amp(header: ArrayFile) -> bool:
     """An archive of Isaac Lab's AMP motions."""
     return header.has("body_positions", "body_rotations", "body_names")
 
 
-def read_isaac_amp(path: Path) -> RawMotion:
+def read_isaac_amp(header: ArrayFile) -> RawMotion:
     """An AMP motion of Isaac Lab. Raises FileError."""
-    header = open_npz(path)
+    path = header.path
     stored = header.texts("body_names")
     missing = [name for name in PARENTS if name not in stored]
     if missing:
@@ -65,12 +67,21 @@ def read_isaac_amp(path: Path) -> RawMotion:
         joint_names=names,
         parents=parents,
         rest_offset=_bones(path, names, parents, pos, rotation.normalize(quat)),
-        joint_pos_w=pos,
-        joint_quat_w=rotation.normalize(quat),
+        poses=StoredPoses(pos_w=pos, quat_w=rotation.normalize(quat)),
         fps=header.number("fps") if header.has("fps") else None,
+        fps_by_velocity=_rate_of_bodies(header, len(stored)),
         files=(path,),
         unit="m",
     )
+
+
+def _rate_of_bodies(header: ArrayFile, bodies: int) -> float | None:
+    """The rate that `body_linear_velocities` tells [Hz]."""
+    if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
+        return None
+    position = header.numbers("body_positions", None, bodies, 3)
+    velocity = header.numbers("body_linear_velocities", len(position), bodies, 3)
+    return rate_of_velocities(position.reshape(len(position), -1), velocity.reshape(len(position), -1))
 
 
 def _bones(

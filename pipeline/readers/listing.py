@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import FileError
 from pipeline.readers.outside_link import can_be_followed
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.readers.source import Source
+from pipeline.readers.unread import CONVERT
 
 MAX_FILES = 200_000
 
@@ -19,20 +24,64 @@ _NO_MOTIONS = ("readme", "license", "licence", "index", "segments", "credits", "
 """Names, without suffix, of links out of the folder that are not taken for motions; what they hold is not looked at."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Listing:
+    """What is below a source's folder."""
+
+    motions: tuple[Path, ...]
+    """Motion files, sorted by their path below the folder."""
+    unread: Mapping[str, int]
+    """Files that may hold motion in a format that is not read, by suffix and how many."""
+
+    def unread_text(self) -> str:
+        """`8 files of other formats were not read: .fbx 7, .trc 1`, and how to convert them; may be empty."""
+        if not self.unread:
+            return ""
+        count = sum(self.unread.values())
+        found = ", ".join(f"{suffix} {number}" for suffix, number in self.unread.items())
+        what = "1 file of another format was" if count == 1 else f"{count} files of other formats were"
+        ways = "; ".join(f"{suffix}: {CONVERT[suffix]}" for suffix in self.unread)
+        return f"{what} not read: {found}. {ways}"
+
+
 def list_motion_files(source: Source) -> list[Path]:
-    """Motion files of a source, sorted by their path below its folder.
+    """Motion files of a source, sorted by their path below its folder; see `list_files`."""
+    return list(list_files(source).motions)
+
+
+def list_files(source: Source) -> Listing:
+    """Motion files of a source, and files of formats that hold motion and are not read.
 
     By suffix; text and tables that are no motions (README.txt, index.csv), hidden files and folders are left out. A
     symbolic link that leaves the folder is listed by its name and not followed; `refuse_outside_link` has the reason.
     Raises FileError for more files than a source may have.
     """
     found: list[Path] = []
+    unread: Counter[str] = Counter()
     for parent, folders, names in os.walk(source.folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         found += [Path(parent) / name for name in names if _is_motion(Path(parent) / name, source.folder)]
+        unread.update(
+            suffix for name in names if (suffix := Path(name).suffix.lower()) in CONVERT and not name.startswith(".")
+        )
         if len(found) > MAX_FILES:
             raise FileError(source.folder, f"it holds more than {MAX_FILES} motion files.", "Split it into sources.")
-    return sorted(found, key=lambda path: path.relative_to(source.folder).as_posix())
+    motions = tuple(sorted(found, key=lambda path: path.relative_to(source.folder).as_posix()))
+    return Listing(motions=motions, unread=dict(sorted(unread.items())))
+
+
+def source_warnings(source: Source, listing: Listing) -> list[str]:
+    """What a person should know of a source: files that are not read, nothing to read, statements of no file."""
+    warnings = []
+    if not listing.motions:
+        warnings.append(f"source '{source.name}': there is no motion file in {source.folder}")
+    if listing.unread:
+        warnings.append(f"source '{source.name}': {listing.unread_text()}")
+    within = [path.relative_to(source.folder).as_posix() for path in listing.motions]
+    for stated in source.files:
+        if not fnmatch.filter(within, stated.files):
+            warnings.append(f"source '{source.name}': the pattern '{stated.files}' in data/sources.yaml fits no file")
+    return warnings
 
 
 def _is_motion(path: Path, folder: Path) -> bool:

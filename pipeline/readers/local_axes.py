@@ -26,10 +26,9 @@ def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:
     turn = _quarter_turns(motion, skeleton)
     if np.array_equal(turn, np.eye(3)):
         return motion
+    tips = {joint: tuple(float(value) for value in np.array(place) @ turn) for joint, place in motion.tips.items()}
     return dataclasses.replace(
-        motion,
-        rest_offset=motion.rest_offset @ turn,
-        joint_quat_w=rotation.multiply(motion.joint_quat_w, rotation.from_matrix(turn)),
+        motion, rest_offset=motion.rest_offset @ turn, frame_turn=rotation.from_matrix(turn), tips=tips
     )
 
 

@@ -15,7 +15,11 @@ MAX_RATIO = 1_000
 """Caps on an archive: members, bytes of one and of those that are read, and how far a member may inflate."""
 
 
+def caps() -> NpzCaps:
+    """The caps as they are now."""
+    return NpzCaps(members=MAX_MEMBERS, member_bytes=MAX_MEMBER_BYTES, total_bytes=MAX_TOTAL_BYTES, ratio=MAX_RATIO)
+
+
 def open_npz(path: Path) -> NpzHeader:
     """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
-    caps = NpzCaps(members=MAX_MEMBERS, member_bytes=MAX_MEMBER_BYTES, total_bytes=MAX_TOTAL_BYTES, ratio=MAX_RATIO)
-    return read_npz_header(path, caps)
+    return read_npz_header(path, caps())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,19 +11,26 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
+from pipeline.files.array_file import ArrayFile
 from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.deepmimic import read_deepmimic
-from pipeline.readers.frame_rate import declared_rate, frame_rate
+from pipeline.readers.frame_rate import declared_rate
+from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
+from pipeline.readers.loaded_arrays import open_pickle, open_torch
 from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.robot_amp import is_robot_amp, read_robot_amp
 from pipeline.readers.robot_csv import read_robot_csv
+from pipeline.readers.robot_gmr import is_gmr, read_gmr
 from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
 from pipeline.readers.robot_npz import is_robot, read_robot_npz
 from pipeline.readers.smpl import is_smpl, read_smpl
 from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.unread import how_to_convert, refuse_pointer
+from pipeline.readers.velocity_rate import checked_rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +39,7 @@ class ReadMotion:
 
     clip: HumanClip | RobotClip
     format: str
-    """`bvh`, `amc`, `smpl`, `deepmimic`, `isaac_amp`, `robot_csv`, `robot_npz` or `robot_qpos`."""
+    """`bvh`, `amc`, `smpl`, `deepmimic`, `isaac_amp`, `robot_csv`, `robot_npz`, `robot_qpos`, `robot_amp`, …"""
     skeleton: str
     """Name of the skeleton map, or of the robot."""
     declared_fps: float | None
@@ -55,12 +63,15 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        raise FileError(path, f"'{path.suffix}' is not a motion file; known are: {', '.join(sorted(_READERS))}.")
+        problem = f"'{path.suffix}' is not a motion file; known are: {', '.join(sorted(_READERS))}."
+        raise FileError(path, problem, how_to_convert(path.suffix))
+    refuse_pointer(path)
     return reader(path, name, statement)
 
 
 def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
-    canonical = to_human(motion, name, statement)
+    fps, rate_notes = checked_rate(motion.files[0], motion.fps, motion.fps_by_velocity, statement)
+    canonical = to_human(dataclasses.replace(motion, fps=fps), name, statement, consume=True)
     return ReadMotion(
         clip=canonical.clip,
         format=motion.format,
@@ -70,7 +81,7 @@ def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
         metres_per_unit=canonical.metres_per_unit,
         up_axis=canonical.up_axis,
         files=motion.files,
-        notes=motion.notes + _assumed(motion, statement),
+        notes=(*motion.notes, *rate_notes, *_assumed(motion, statement)),
     )
 
 
@@ -83,22 +94,27 @@ def _assumed(motion: RawMotion, statement: Statement) -> tuple[Reason, ...]:
 
 
 def _robot(motion: RobotMotion, name: str, statement: Statement) -> ReadMotion:
-    clip = to_robot_clip(motion, name, frame_rate(motion.path, motion.fps, statement))
+    fps, rate_notes = checked_rate(motion.path, motion.fps, motion.fps_by_velocity, statement)
+    clip, order_notes = to_robot_clip(motion, name, fps, statement)
     return ReadMotion(
         clip=clip,
         format=motion.format,
         skeleton=clip.robot,
-        declared_fps=declared_rate(motion.fps),
+        declared_fps=declared_rate(motion.fps if motion.fps is not None else fps),
         unit="m",
         metres_per_unit=1.0,
         up_axis="z",
         files=(motion.path,),
-        notes=motion.notes,
+        notes=(*motion.notes, *rate_notes, *order_notes),
     )
 
 
 def _read_bvh(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _human(read_bvh(path), name, statement)
+
+
+def _read_gltf(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _human(read_gltf(path), name, statement)
 
 
 def _read_amc(path: Path, name: str, statement: Statement) -> ReadMotion:
@@ -114,24 +130,49 @@ def _read_csv(path: Path, name: str, statement: Statement) -> ReadMotion:
 
 
 def _read_npz(path: Path, name: str, statement: Statement) -> ReadMotion:
-    header = open_npz(path)
-    if is_smpl(header):
+    return _arrays(open_npz(path), name, statement)
+
+
+def _read_pickle(path: Path, name: str, statement: Statement) -> ReadMotion:
+    arrays = open_pickle(path)
+    return _arrays(arrays, name, statement, arrays.assumed_fps)
+
+
+def _read_torch(path: Path, name: str, statement: Statement) -> ReadMotion:
+    arrays = open_torch(path)
+    return _arrays(arrays, name, statement, arrays.assumed_fps)
+
+
+def _arrays(arrays: ArrayFile, name: str, statement: Statement, assumed_fps: float | None = None) -> ReadMotion:
+    """Named arrays, whatever the file they are in."""
+    if is_gmr(arrays):
+        return _robot(read_gmr(arrays), name, statement)
+    if is_smpl(arrays):
         model = None if statement.body_model is None else Path(statement.body_model)
-        return _human(read_smpl(path, model), name, statement)
-    if is_isaac_amp(header):
-        return _human(read_isaac_amp(path), name, statement)
-    if is_robot(header):
-        return _robot(read_robot_npz(path), name, statement)
-    found = ", ".join(sorted(header.shapes)[:12]) or "nothing"
-    wanted = "poses and trans (SMPL), body_positions (Isaac Lab AMP), joint_pos or qpos (a robot)"
-    raise FileError(path, f"no known motion: it holds {found}; known are {wanted}.")
+        return _human(read_smpl(arrays, model, assumed_fps), name, statement)
+    if is_robot_amp(arrays):
+        return _robot(read_robot_amp(arrays), name, statement)
+    if is_isaac_amp(arrays):
+        return _human(read_isaac_amp(arrays), name, statement)
+    if is_robot(arrays):
+        return _robot(read_robot_npz(arrays), name, statement)
+    found = ", ".join(name[:40] for name in sorted(arrays.shapes)[:12]) or "nothing"
+    wanted = (
+        "poses (or root_orient and pose_body) and trans (SMPL), body_positions (Isaac Lab AMP), joint_pos, qpos or "
+        "root_pos, root_rot and dof_pos (a robot)"
+    )
+    raise FileError(arrays.path, f"no known motion: it holds {found}; known are {wanted}.")
 
 
 _READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
     ".amc": _read_amc,
     ".bvh": _read_bvh,
     ".csv": _read_csv,
+    ".glb": _read_gltf,
+    ".gltf": _read_gltf,
     ".npz": _read_npz,
+    ".pkl": _read_pickle,
+    ".pt": _read_torch,
     ".txt": _read_text,
 }
 

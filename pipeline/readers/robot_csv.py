@@ -1,6 +1,7 @@
-"""Robot trajectories as CSV: root xyz, root quaternion xyzw, then the joints [rad].
+"""Robot trajectories as CSV: root xyz, root quaternion, then the joints [rad].
 
-With a header (as `booster-lab retarget` writes) or without (as booster_assets publishes). The rate is
+With a header (as `booster-lab retarget` writes) or without (as booster_assets and the retargeted LAFAN1 set publish,
+quaternion xyzw; wxyz is told by the kinematics). The rate is
 stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
 """
 
@@ -38,12 +39,14 @@ def read_robot_csv(path: Path) -> RobotMotion:
         fps = fps or _rate(path, time_s)
         values = np.delete(values, header.index("time_s"), axis=1)
         header = [name for name in header if name != "time_s"]
-    order = _quaternion_columns(path, header)
+    columns = [3, 4, 5, 6] if header is None else _quaternion_columns(path, header)
     return RobotMotion(
         format="robot_csv",
         path=path,
         root_pos_w=values[:, :3],
-        root_quat_w=values[:, order],
+        root_quat=values[:, columns],
+        quat_order="xyzw" if header is None else "wxyz",
+        order_is_certain=header is not None,
         joint_pos=values[:, ROOT:],
         joint_names=tuple(header[ROOT:]) if header is not None else None,
         fps=fps,
@@ -88,10 +91,8 @@ def _rate(path: Path, time_s: np.ndarray) -> float:
     return float(1.0 / np.mean(step_s))
 
 
-def _quaternion_columns(path: Path, header: list[str] | None) -> list[int]:
-    """Columns of the root's quaternion in the order wxyz: by name, xyzw without names."""
-    if header is None:
-        return [6, 3, 4, 5]
+def _quaternion_columns(path: Path, header: list[str]) -> list[int]:
+    """Columns of the root's quaternion in the order wxyz, by name."""
     letters = [name[-1:].lower() for name in header[:ROOT]]
     if letters[:3] != ["x", "y", "z"] or sorted(letters[3:]) != ["w", "x", "y", "z"]:
         got = ", ".join(header[:ROOT])[:120]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,19 +14,24 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
+from pipeline.readers.frame_rate import frame_rate
+from pipeline.readers.joint_order import (
+    MAX_LINK_ERROR,
+    beyond_limits,
+    breadth_first,
+    link_errors,
+    taken_joint_order,
+    taken_quaternion_order,
+)
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
-from pipeline.robot import Kinematics, Robot, load_robot
+from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.told_order import MAX_TILT_DEG, ORDERS, in_order, told_order, trunk_tilt_deg
+from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import ROBOTS
-
-MAX_TILT_DEG = 60.0
-"""A quaternion column in the wrong order shows as a trunk that lies: the median tilt has to be below this."""
 
 MAX_ANGLE = 2.0 * np.pi
 """No joint of a humanoid turns further [rad]; more means degrees."""
-
-MAX_LINK_ERROR = 0.05
-"""How far the links of our model may lie from the file's bodies [m], median over frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +42,12 @@ class RobotMotion:
     path: Path
     root_pos_w: Float[np.ndarray, "t 3"]
     """[m]"""
-    root_quat_w: Float[np.ndarray, "t 4"]
-    """wxyz"""
+    root_quat: Float[np.ndarray, "t 4"]
+    """In the order `quat_order`."""
+    quat_order: str = "wxyz"
+    """`wxyz` or `xyzw`; where it is not certain the one that is usual for the format."""
+    order_is_certain: bool = True
+    """The file names the quaternion's columns, or the format leaves no choice."""
     joint_pos: Float[np.ndarray, "t j"]
     """[rad]"""
     joint_names: tuple[str, ...] | None
@@ -46,6 +56,8 @@ class RobotMotion:
     """As the file declares [Hz]."""
     body_pos_w: Float[np.ndarray, "t b 3"] | None = None
     """World positions of bodies in any order [m], to check the joints' order with."""
+    fps_by_velocity: float | None = None
+    """The rate that the file's own velocities tell [Hz]."""
     notes: tuple[Reason, ...] = ()
 
 
@@ -55,78 +67,141 @@ def robots() -> tuple[Robot, ...]:
     return tuple(load_robot(folder.name) for folder in sorted(ROBOTS.iterdir()) if (folder / "robot.toml").is_file())
 
 
-def to_robot_clip(motion: RobotMotion, name: str, fps: float) -> RobotClip:
-    """The clip, joints in the robot's order. Raises FileError, AmbiguousFileError for joints without names."""
+def to_robot_clip(
+    motion: RobotMotion, name: str, fps: float | None, statement: Statement = NOTHING_STATED
+) -> tuple[RobotClip, tuple[Reason, ...]]:
+    """The clip, joints in the robot's order, and what was found out about the file's orders.
+
+    `fps` may be wrong by a factor where the file's is; None raises AmbiguousFileError once the robot is known. Raises
+    FileError, AmbiguousFileError for joints and quaternions whose order can't be told.
+    """
     path = motion.path
+    robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
     if len(motion.joint_pos) < MIN_FRAMES:
         raise FileError(path, f"the file has {counted(len(motion.joint_pos))}, which is no motion.")
-    robot, columns = _robot_of(motion)
-    check_unit(path, motion.root_quat_w, "the root's quaternion")
-    _check_upright(path, motion.root_quat_w)
+    rate = frame_rate(path, fps, statement)
+    check_unit(path, motion.root_quat, "the root's quaternion")
     if float(np.nanmax(np.abs(motion.joint_pos), initial=0.0)) > MAX_ANGLE:
         joint = robot.joint_names[int(np.nanargmax(np.nanmax(np.abs(motion.joint_pos[:, columns]), axis=0)))]
         worst = float(np.nanmax(np.abs(motion.joint_pos)))
         problem = f"joint '{joint}' reaches {worst:.1f} rad, a joint turns {MAX_ANGLE:.2f} at most."
         raise FileError(path, problem, "Convert degrees to radians.")
-    quat = rotation.normalize(motion.root_quat_w)
+    if motion.body_pos_w is None:
+        _check_limits(motion, robot, columns)
+        order, notes = _quaternion_order(motion, robot, columns, rate, statement)
+        _check_upright(path, in_order(motion.root_quat, order))
+    else:
+        order, columns, notes = _proved_orders(motion, robot, columns, statement)
+    quat = rotation.normalize(in_order(motion.root_quat, order))
     valid = np.isfinite(quat).all(axis=1)
     quat[valid] = rotation.make_continuous(quat[valid])
     clip = RobotClip(
         name=name,
-        fps=fps,
+        fps=rate,
         robot=robot.name,
         joint_names=robot.joint_names,
         root_pos_w=motion.root_pos_w,
         root_quat_w=quat,
         joint_pos=motion.joint_pos[:, columns],
     )
-    if motion.body_pos_w is not None or motion.joint_names is None:
-        _check_links(motion, robot, clip)
-    return clip
+    return clip, notes
 
 
-def _robot_of(motion: RobotMotion) -> tuple[Robot, list[int]]:
-    """The robot with these joints, and where in the file each of its joints is."""
-    count, names = motion.joint_pos.shape[1], motion.joint_names
+def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Robot, list[int]]:
+    """The robot with so many joints, or with joints of these names, and where in the file each of its joints is.
+
+    Raises FileError for another robot's file, AmbiguousFileError where joints without names fit several robots.
+    """
+    known = ", ".join(f"{robot.name} ({len(robot.joint_names)})" for robot in robots())
     if names is None:
         fitting = [robot for robot in robots() if len(robot.joint_names) == count]
-        if len(fitting) != 1:
-            found = ", ".join(robot.name for robot in fitting) or "no robot"
-            raise AmbiguousFileError(
-                motion.path, f"{count} joints without names fit {found}.", "Add the joints' names to the file."
-            )
+        if not fitting:
+            problem = f"it is of another robot: a frame has {count} joints without names; the robots here are {known}."
+            raise FileError(path, problem, "A new robot is a folder in robots/ (docs/robot.md).")
+        if len(fitting) > 1:
+            found = ", ".join(robot.name for robot in fitting)
+            problem = f"{count} joints without names fit several robots: {found}."
+            raise AmbiguousFileError(path, problem, "Add the joints' names to the file.")
         return fitting[0], list(range(count))
     for robot in robots():
         if set(robot.joint_names) == set(names) and len(names) == count:
             return robot, [names.index(joint) for joint in robot.joint_names]
-    known = robots()[0]
-    missing = ", ".join(sorted(set(known.joint_names) - set(names))) or "none"
-    extra = ", ".join(sorted(set(names) - set(known.joint_names))[:12]) or "none"
-    raise FileError(motion.path, f"its joints are no robot's; for '{known.name}' missing: {missing}; extra: {extra}.")
+    nearest = max(robots(), key=lambda robot: len(set(robot.joint_names) & set(names)))
+    missing = ", ".join(sorted(set(nearest.joint_names) - set(names))) or "none"
+    extra = ", ".join(sorted(set(names) - set(nearest.joint_names))[:12]) or "none"
+    problem = (
+        f"it is of another robot: its joints are no robot's; the robots here are {known}. For '{nearest.name}' "
+        f"missing: {missing}; extra: {extra}."
+    )
+    raise FileError(path, problem)
+
+
+def _quaternion_order(
+    motion: RobotMotion, robot: Robot, columns: list[int], fps: float, statement: Statement
+) -> tuple[str, tuple[Reason, ...]]:
+    """The order of the root's quaternion: stated, certain, or told by the kinematics with a note if it is unusual."""
+    stated = _stated_order(motion.path, statement)
+    if stated is not None:
+        return stated, ()
+    if motion.order_is_certain:
+        return motion.quat_order, ()
+    joint_pos, root = motion.joint_pos[:, columns], motion.root_pos_w
+    order = told_order(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
+    if order == motion.quat_order:
+        return order, ()
+    text = (
+        f"the file does not name the order of its quaternion; as {motion.quat_order}, which is usual, the robot would "
+        f"lie or its standing soles slide, as {order} they do not, which is taken"
+    )
+    return order, (Reason(code="quaternion_order", text=text, effect="noted"),)
 
 
 def _check_upright(path: Path, quat: Float[np.ndarray, "t 4"]) -> None:
-    up = rotation.rotate(rotation.normalize(quat), np.array([0.0, 0.0, 1.0]))[:, 2]
-    tilt_deg = float(np.rad2deg(np.arccos(np.clip(np.nanmedian(up), -1.0, 1.0)))) if np.isfinite(up).any() else 180.0
+    tilt_deg = trunk_tilt_deg(quat)
     if tilt_deg > MAX_TILT_DEG:
         problem = f"the trunk is tilted by {tilt_deg:.0f} degrees in the middle of its frames."
         raise FileError(path, problem, "The quaternion's order (wxyz or xyzw) or the up axis is not this format's.")
 
 
-def _check_links(motion: RobotMotion, robot: Robot, clip: RobotClip) -> None:
-    """Every link of our model has a body of the file where our kinematics put it; proves order and signs."""
-    if motion.body_pos_w is None:
-        return
-    whole = [each.reshape(clip.frame_count, -1) for each in (clip.root_pos_w, clip.root_quat_w, clip.joint_pos)]
-    whole.append(motion.body_pos_w.reshape(clip.frame_count, -1))
-    complete = np.flatnonzero(np.isfinite(np.concatenate(whole, axis=1)).all(axis=1))
-    if not len(complete):
-        raise FileError(motion.path, "no frame is complete: every row holds values that are not numbers.")
-    frames = np.unique(complete[np.linspace(0, len(complete) - 1, 20).astype(int)])
-    poses = Kinematics(robot).forward(clip.root_pos_w[frames], clip.root_quat_w[frames], clip.joint_pos[frames])
-    gaps = np.linalg.norm(poses.pos_w[:, :, None] - motion.body_pos_w[frames][:, None], axis=-1).min(axis=2)
-    error = np.median(gaps, axis=0)
-    if not error.max() < MAX_LINK_ERROR:
-        link = robot.link_names[int(np.nanargmax(error))]
-        problem = f"link '{link}' of {robot.name} would be {error.max():.2f} m from any body of the file."
-        raise FileError(motion.path, problem, "The joints' order, their signs or the quaternion's order differ.")
+def _stated_order(path: Path, statement: Statement) -> str | None:
+    if statement.quaternion is not None and statement.quaternion not in ORDERS:
+        problem = f"the stated order of the quaternion is '{statement.quaternion}', wanted {' or '.join(ORDERS)}."
+        raise FileError(path, problem, "Correct `quaternion:` in data/sources.yaml.")
+    return statement.quaternion
+
+
+def _check_limits(motion: RobotMotion, robot: Robot, columns: list[int]) -> None:
+    """Raises AmbiguousFileError for joints without names that are not the robot's in its order."""
+    beyond = None if motion.joint_names is not None else beyond_limits(robot, motion.joint_pos[:, columns])
+    if beyond is not None:
+        problem = (
+            f"its joints have no names, and in {robot.name}'s order '{beyond[0]}' is beyond its limits in "
+            f"{beyond[1]:.0%} of the frames: they are in another order, or it is another robot's file."
+        )
+        raise AmbiguousFileError(motion.path, problem, "Add the joints' names to the file.")
+
+
+def _proved_orders(
+    motion: RobotMotion, robot: Robot, columns: list[int], statement: Statement
+) -> tuple[str, list[int], tuple[Reason, ...]]:
+    """The orders of quaternion and joints with which every link is where the file has a body. Raises FileError."""
+    named, bodies, path = motion.joint_names is not None, motion.body_pos_w, motion.path
+    assert bodies is not None
+    stated = _stated_order(path, statement)
+    usual = motion.quat_order
+    orders = [stated] if stated is not None else [usual, *(order for order in ORDERS if order != usual)]
+    worst = np.zeros(0)
+    for order, joints in itertools.product(orders, [columns] if named else [columns, breadth_first(robot)]):
+        quat = rotation.normalize(in_order(motion.root_quat, order))
+        error = link_errors(robot, motion.root_pos_w, quat, motion.joint_pos[:, joints], bodies)
+        if error is None:
+            raise FileError(path, "no frame is complete: every row holds values that are not numbers.")
+        worst = error if not len(worst) else worst
+        if error.max() < MAX_LINK_ERROR:
+            _check_upright(path, quat)
+            notes = () if joints == columns else (taken_joint_order(robot),)
+            return order, joints, notes if order in (usual, stated) else (*notes, taken_quaternion_order(order))
+    _check_upright(path, in_order(motion.root_quat, orders[0]))
+    problem = f"link '{robot.link_names[int(np.nanargmax(worst))]}' of {robot.name} would be {worst.max():.2f} m "
+    do = "The joints' order, their signs or the quaternion's order differ."
+    raise FileError(path, f"{problem}from any body of the file.", do if named else f"{do} Add joint_names to it.")

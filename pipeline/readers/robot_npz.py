@@ -6,34 +6,26 @@ root in seven columns before the joints. `qpos` (t, 7 + j): position, quaternion
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers.npz_file import NpzHeader, open_npz
-from pipeline.readers.robot_motion import RobotMotion, robots
-
-RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500, 600, 1000, 2000)
-"""Rates that a derived one is taken for when it is within 2 %."""
-
-MIN_CORRELATION = 0.98
-"""Of differences of position with the stored velocity; below it a rate is not derived."""
+from pipeline.files.array_file import ArrayFile
+from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
+from pipeline.readers.velocity_rate import rate_of_velocities
 
 
-def is_robot(header: NpzHeader) -> bool:
+def is_robot(header: ArrayFile) -> bool:
     """An archive with a robot's joints."""
     return header.has("qpos") or header.has("joint_pos")
 
 
-def read_robot_npz(path: Path) -> RobotMotion:
+def read_robot_npz(header: ArrayFile) -> RobotMotion:
     """A robot's motion. Raises FileError."""
-    header = open_npz(path)
     return _read_qpos(header) if header.has("qpos") else _read_joint_pos(header)
 
 
-def _read_qpos(header: NpzHeader) -> RobotMotion:
+def _read_qpos(header: ArrayFile) -> RobotMotion:
     qpos = header.numbers("qpos", None, None)
     names = _names(header)
     if names is not None and len(names) == qpos.shape[1] - 6:
@@ -42,16 +34,19 @@ def _read_qpos(header: NpzHeader) -> RobotMotion:
         format="robot_qpos",
         path=header.path,
         root_pos_w=qpos[:, :3],
-        root_quat_w=qpos[:, 3:7],
+        root_quat=qpos[:, 3:7],
         joint_pos=qpos[:, 7:],
         joint_names=names,
-        fps=_declared_fps(header) or _derived_fps(header, qpos),
+        fps=_declared_fps(header),
+        fps_by_velocity=_velocity_of_qpos(header, qpos),
         body_pos_w=_bodies(header, "xpos", len(qpos)),
     )
 
 
-def _read_joint_pos(header: NpzHeader) -> RobotMotion:
+def _read_joint_pos(header: ArrayFile) -> RobotMotion:
     joint_pos, names = header.numbers("joint_pos", None, None), _names(header)
+    if names is not None:
+        robot_of(header.path, len(names), names)
     counts = {len(robot.joint_names) for robot in robots()} if names is None else {len(names)}
     bodies = _bodies(header, "body_pos_w", len(joint_pos))
     if joint_pos.shape[1] - 7 in counts:
@@ -69,19 +64,20 @@ def _read_joint_pos(header: NpzHeader) -> RobotMotion:
         format="robot_npz",
         path=header.path,
         root_pos_w=root_pos,
-        root_quat_w=root_quat,
+        root_quat=root_quat,
         joint_pos=joint_pos,
         joint_names=names,
         fps=_declared_fps(header),
+        fps_by_velocity=_velocity_of_joints(header, joint_pos, bodies),
         body_pos_w=bodies,
     )
 
 
-def _names(header: NpzHeader) -> tuple[str, ...] | None:
+def _names(header: ArrayFile) -> tuple[str, ...] | None:
     return header.texts("joint_names") if header.has("joint_names") else None
 
 
-def _root_index(header: NpzHeader) -> int:
+def _root_index(header: ArrayFile) -> int:
     """Index of the root link among the bodies; the first where they have no names."""
     if not header.has("body_names"):
         return 0
@@ -92,33 +88,38 @@ def _root_index(header: NpzHeader) -> int:
     raise FileError(header.path, f"no body is a robot's root link; there are: {', '.join(names[:12])}.")
 
 
-def _bodies(header: NpzHeader, key: str, frames: int) -> Float[np.ndarray, "t b 3"] | None:
+def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 3"] | None:
     """World positions of all bodies, where the archive has them."""
     if len(header.shapes.get(key, ())) != 3:
         return None
     return header.numbers(key, frames, None, 3)
 
 
-def _declared_fps(header: NpzHeader) -> float | None:
+def _declared_fps(header: ArrayFile) -> float | None:
     for name in ("fps", "frequency"):
         if header.has(name):
             return header.number(name)
     return None
 
 
-def _derived_fps(header: NpzHeader, qpos: np.ndarray) -> float | None:
-    """Rate [Hz] at which differences of the root's position are its stored velocity; None when they do not agree.
+def _velocity_of_qpos(header: ArrayFile, qpos: Float[np.ndarray, "t q"]) -> float | None:
+    """The rate that `qvel` tells [Hz]: of the root's way, or of the joints where it does not move."""
+    if header.shapes.get("qvel") != (len(qpos), qpos.shape[1] - 1):
+        return None
+    qvel = header.numbers("qvel", len(qpos), qpos.shape[1] - 1)
+    return rate_of_velocities(qpos[:, :3], qvel[:, :3]) or rate_of_velocities(qpos[:, 7:], qvel[:, 6:])
 
-    Least squares of `qvel` on central differences of `qpos`, taken for the usual rate within 2 %.
-    """
-    if not header.has("qvel") or len(qpos) < 10:
-        return None
-    velocity = header.numbers("qvel", len(qpos), qpos.shape[1] - 1)[1:-1, :3]
-    step = 0.5 * (qpos[2:, :3] - qpos[:-2, :3])
-    power = float(np.sum(step * step))
-    if not power > 0.0 or not np.isfinite(velocity).all():
-        return None
-    correlation = float(np.sum(step * velocity) / np.sqrt(power * np.sum(velocity * velocity)))
-    fps = float(np.sum(step * velocity)) / power
-    usual = min(RATES_HZ, key=lambda rate: abs(rate - fps))
-    return float(usual) if correlation > MIN_CORRELATION and abs(usual - fps) < 0.02 * usual else None
+
+def _velocity_of_joints(
+    header: ArrayFile, joint_pos: Float[np.ndarray, "t j"], bodies: np.ndarray | None
+) -> float | None:
+    """The rate that `body_lin_vel_w` or `joint_vel` tells [Hz]."""
+    if bodies is not None and header.shapes.get("body_lin_vel_w") == bodies.shape:
+        velocity = header.numbers("body_lin_vel_w", *bodies.shape)
+        flat = (len(bodies), -1)
+        found = rate_of_velocities(bodies.reshape(flat), velocity.reshape(flat))
+        if found is not None:
+            return found
+    if header.shapes.get("joint_vel") == joint_pos.shape:
+        return rate_of_velocities(joint_pos, header.numbers("joint_vel", *joint_pos.shape))
+    return None

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES
-from pipeline.errors import AmbiguousFileError, FileError, SettingsError
+from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
 from pipeline.readers.raw_motion import RawMotion
 
@@ -27,6 +27,8 @@ AXES = {
     for sign, unit in (("", 1.0), ("-", -1.0))
     for axis, row in zip("xyz", np.eye(3), strict=True)
 }
+PARALLEL = np.cos(np.deg2rad(3.0))
+"""Two directions of a body this close to one line leave its turn about that line open."""
 CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXES["-z"]}
 
 
@@ -94,13 +96,24 @@ class SkeletonMap:
         """`rest_frame` of several bodies."""
         canonical, local = np.empty((2, len(names), 2, 3))
         for index, body in enumerate(self.bodies[name] for name in names):
-            said = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
-            for place, (direction, value) in enumerate(said):
+            stated = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)
+            for place, (direction, value) in enumerate(stated):
                 canonical[index, place] = CANONICAL[direction]
                 local[index, place] = self._direction(motion, body.joint, value)
+            if abs(float(local[index, 0] @ local[index, 1])) > PARALLEL:
+                raise FileError(motion.files[0], *self._parallel(names[index], stated))
         turns = rotation.from_matrix(_frames(local) @ np.swapaxes(_frames(canonical), 1, 2))
         pitch = np.deg2rad([self.bodies[name].pitch_deg for name in names])
         return rotation.multiply(turns, rotation.from_axis_angle(AXES["y"], pitch))
+
+    def _parallel(self, body: str, stated: list[tuple[str, str]]) -> tuple[str, str]:
+        """Problem and remedy for a body whose two directions are along one line in a file's rest pose."""
+        texts = [f"'{way}' ({'to ' if _axis(value) is None else ''}{value})" for way, value in stated]
+        problem = (
+            f"the map '{self.name}' gives {body} {' and '.join(texts)}, which lie along one line in this file's "
+            "rest pose."
+        )
+        return problem, "The map was written for another rest pose (do the arms hang here?): name another axis."
 
     def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, " 3"]:
         axis = _axis(value)
@@ -157,51 +170,10 @@ def shipped_maps() -> dict[str, SkeletonMap]:
     return {path.stem: read_map(path) for path in sorted(FOLDER.glob("*.yaml"))}
 
 
-def find_map(motion: RawMotion, stated: str | None = None) -> SkeletonMap:
-    """The map of a motion, by its joint names, or the one that is stated (a name or a `.yaml` file).
-
-    Raises FileError for an unknown skeleton, AmbiguousFileError when several maps fit.
-    """
-    path, names = motion.files[0], set(motion.joint_names)
-    if stated is not None:
-        skeleton = _stated(path, stated)
-        if not skeleton.joints <= names:
-            missing = ", ".join(sorted(skeleton.joints - names))
-            raise FileError(path, f"the stated skeleton '{stated}' needs joints that the file lacks: {missing}.")
-        return skeleton
-    fitting = [skeleton for skeleton in shipped_maps().values() if skeleton.fits(motion)]
-    best = [one for one in fitting if not any(_less_specific(one, other) for other in fitting)]
-    if not best:
-        raise FileError(path, *_unknown(motion.joint_names))
-    if len(best) > 1:
-        found = ", ".join(skeleton.name for skeleton in best)
-        raise AmbiguousFileError(path, f"several skeletons fit: {found}.", "State `skeleton:` in data/sources.yaml.")
-    return best[0]
-
-
-def _less_specific(one: SkeletonMap, other: SkeletonMap) -> bool:
-    """`other` asks for all that `one` asks for, and more."""
-    return (one.joints, len(one.rest)) != (other.joints, len(other.rest)) and (
-        one.joints <= other.joints and len(one.rest) <= len(other.rest)
-    )
-
-
-def _stated(path: Path, stated: str) -> SkeletonMap:
+def stated_map(path: Path, stated: str) -> SkeletonMap:
+    """The map of that name, or of that `.yaml` file. Raises FileError."""
     if stated.endswith((".yaml", ".yml")):
         return read_map(Path(stated))
     if stated not in shipped_maps():
         raise FileError(path, f"unknown stated skeleton '{stated}'; there are: {', '.join(shipped_maps())}.")
     return shipped_maps()[stated]
-
-
-def _unknown(names: tuple[str, ...]) -> tuple[str, str]:
-    """Problem and remedy for a skeleton that no map fits: the closest map, missing and extra joints."""
-    closest = max(shipped_maps().values(), key=lambda one: (len(one.joints & set(names)) / len(one.joints), one.name))
-    missing = sorted(closest.joints - set(names))
-    extra = [name[:40] for name in names if name not in closest.joints]
-    more = f" and {len(extra) - 12} more" if len(extra) > 12 else ""
-    problem = (
-        f"unknown skeleton of {len(names)} joints. Closest is '{closest.name}'; missing: {', '.join(missing)}; "
-        f"not in it: {', '.join(extra[:12]) or 'none'}{more}."
-    )
-    return problem, "Write a map (docs/sources.md has a template) and state it as `skeleton:` in data/sources.yaml."

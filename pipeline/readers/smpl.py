@@ -1,7 +1,8 @@
-"""AMASS-style SMPL: pose as rotation vectors, on a mean human skeleton or on the user's own body model.
+"""SMPL bodies: pose as rotation vectors, on a mean human skeleton or on the user's own body model.
 
-`poses` (t, 72 | 156 | 165): the root and 21 body joints come first in SMPL, SMPL-H and SMPL-X alike;
-hands, jaw and eyes are not read. `trans` (t, 3) [m] moves the root.
+SMPL, SMPL-H and SMPL-X, with or without DMPL: the root and 21 body joints come first in all of them; hands, jaw, eyes
+and soft tissue are not read. The pose is one array (`poses`, `pose_aa`: t x 66, 72, 156, 165 or t x joints x 3) or two
+(`root_orient` and `pose_body`, `global_orient` and `body_pose`); `trans` or `transl` (t, 3) [m] moves the root.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.readers.npz_file import NpzHeader, open_npz
+from pipeline.files.array_file import ArrayFile
+from pipeline.readers.npz_file import open_npz
+from pipeline.readers.poses import StoredPoses
 from pipeline.readers.raw_motion import RawMotion, forward_kinematics
 
 PARENTS: dict[str, str | None] = {
@@ -77,19 +80,33 @@ def mean_skeleton() -> Float[np.ndarray, "22 3"]:
     return MEAN_STATURE * np.array([{**offsets, **mirrored}[name] for name in JOINTS])
 
 
-def is_smpl(header: NpzHeader) -> bool:
-    """An archive that holds an AMASS-style motion."""
-    return header.has("poses", "trans")
+WHOLE = ("poses", "pose_aa", "smpl_poses")
+"""Names of the array that holds root and body."""
+ROOTS = ("root_orient", "global_orient")
+BODIES = ("pose_body", "body_pose")
+TRANSLATIONS = ("trans", "transl", "trans_orig", "root_trans_offset")
+RATES = ("mocap_framerate", "mocap_frame_rate", "mocap_fps", "fps", "framerate")
+SHAPES = ("betas", "beta", "shape")
+
+COLUMNS = (66, 72, 156, 165)
+"""Three for each joint of the root and the body (66), with SMPL's hands, SMPL-H's and SMPL-X's fingers and face."""
+BODY_COLUMNS = (63, 69, 153, 162)
+"""The same without the root."""
 
 
-def read_smpl(path: Path, body_model: Path | None = None) -> RawMotion:
-    """An AMASS-style motion. Raises FileError."""
-    header = open_npz(path)
-    poses, trans = header.numbers("poses", None, None), header.numbers("trans", None, 3)
-    if poses.shape[1] not in (72, 156, 165) or len(poses) != len(trans) or not len(poses):
-        problem = f"poses are {poses.shape[0]}×{poses.shape[1]} and trans {trans.shape[0]}×3, wanted the same frames"
-        raise FileError(path, f"{problem} and 72, 156 or 165 columns.")
-    betas = header.array("betas").reshape(-1) if header.has("betas") else np.zeros(0)
+def is_smpl(arrays: ArrayFile) -> bool:
+    """Arrays of an SMPL motion."""
+    posed = arrays.first(*WHOLE) or (arrays.first(*ROOTS) and arrays.first(*BODIES))
+    return bool(posed) and arrays.first(*TRANSLATIONS) is not None
+
+
+def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: float | None = None) -> RawMotion:
+    """An SMPL motion. `assumed_fps`: what is known of the program that wrote it [Hz]. Raises FileError."""
+    translation, rate, shape = arrays.first(*TRANSLATIONS), arrays.first(*RATES), arrays.first(*SHAPES)
+    assert translation is not None
+    trans = arrays.numbers(translation, None, 3)
+    poses = _poses(arrays, len(trans), translation)
+    betas = arrays.array(shape).reshape(-1) if shape is not None else np.zeros(0)
     notes: tuple[Reason, ...] = ()
     if body_model is None:
         offsets = mean_skeleton()
@@ -100,27 +117,50 @@ def read_smpl(path: Path, body_model: Path | None = None) -> RawMotion:
     parents = tuple(-1 if parent is None else JOINTS.index(parent) for parent in PARENTS.values())
     local_pos = np.broadcast_to(offsets, (len(poses), len(JOINTS), 3)).copy()
     local_pos[:, 0] = trans + offsets[0]
-    local_quat = rotation.from_rotvec(poses[:, : 3 * len(JOINTS)].reshape(len(poses), len(JOINTS), 3))
+    local_quat = rotation.from_rotvec(poses.reshape(len(poses), len(JOINTS), 3))
     pos, quat = forward_kinematics(parents, local_pos, local_quat)
     return RawMotion(
         format="smpl",
         joint_names=JOINTS,
         parents=parents,
         rest_offset=np.where(np.array(parents)[:, None] < 0, 0.0, offsets),
-        joint_pos_w=pos,
-        joint_quat_w=quat,
-        fps=_declared_fps(header),
-        files=(path,) if body_model is None else (path, body_model),
+        poses=StoredPoses(pos_w=pos, quat_w=quat),
+        fps=arrays.number(rate) if rate is not None else None,
+        assumed_fps=assumed_fps,
+        files=(arrays.path,) if body_model is None else (arrays.path, body_model),
         unit="m",
         notes=notes,
     )
 
 
-def _declared_fps(header: NpzHeader) -> float | None:
-    for name in ("mocap_framerate", "mocap_frame_rate", "fps"):
-        if header.has(name):
-            return header.number(name)
-    return None
+def _poses(arrays: ArrayFile, frames: int, translation: str) -> Float[np.ndarray, "t 66"]:
+    """Rotation vectors of the root and the body's joints [rad]. Raises FileError."""
+    whole, root, body = arrays.first(*WHOLE), arrays.first(*ROOTS), arrays.first(*BODIES)
+    if whole is not None:
+        poses = _flat(arrays, whole)
+        if poses.shape[1] not in COLUMNS or len(poses) != frames or not frames:
+            problem = (
+                f"{whole} are {poses.shape[0]}×{poses.shape[1]} and {translation} {frames}×3, wanted the same frames"
+            )
+            raise FileError(arrays.path, f"{problem} and 66, 72, 156 or 165 columns.")
+        return poses[:, : 3 * len(JOINTS)]
+    assert root is not None and body is not None
+    turn, rest = _flat(arrays, root), _flat(arrays, body)
+    if turn.shape[1] != 3 or rest.shape[1] not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
+        problem = (
+            f"{root} is {turn.shape[0]}×{turn.shape[1]}, {body} {rest.shape[0]}×{rest.shape[1]} and {translation} "
+            f"{frames}×3, wanted the same frames, 3 columns and 63 or 69."
+        )
+        raise FileError(arrays.path, problem)
+    return np.concatenate([turn, rest[:, : 3 * len(JOINTS) - 3]], axis=1)
+
+
+def _flat(arrays: ArrayFile, name: str) -> Float[np.ndarray, "t c"]:
+    """An array of rotation vectors as rows, whether the file keeps its joints apart or not."""
+    if len(arrays.shapes[name]) != 3:
+        return arrays.numbers(name, None, None)
+    value = arrays.numbers(name, None, None, 3)
+    return value.reshape(len(value), value.shape[1] * 3)
 
 
 def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndarray, "22 3"]:

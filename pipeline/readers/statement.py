@@ -23,6 +23,8 @@ class Statement:
     """Path of an SMPL body model of your own (`.npz`); a mean human skeleton is used without it."""
     tracks: str | None = None
     """The robot motion that a robot's recording tracked: its path, from the recording's folder."""
+    quaternion: str | None = None
+    """Order of the root's quaternion in a robot's file that does not name its columns: `wxyz` or `xyzw`."""
 
 
 NOTHING_STATED = Statement()

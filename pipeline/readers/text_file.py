@@ -20,13 +20,7 @@ MAX_NUMBERS = 100_000_000
 
 def read_lines(path: Path) -> list[str]:
     """Lines of a text file without their ends. Raises FileError: missing, empty, too large, not text."""
-    if not path.is_file():
-        raise FileError(path, "the file does not exist.")
-    size = path.stat().st_size
-    if size == 0:
-        raise FileError(path, "the file is empty.")
-    if size > MAX_BYTES:
-        raise FileError(path, f"the file has {size} bytes, more than the {MAX_BYTES} allowed.", "Split it.")
+    check_size(path)
     data = path.read_bytes()
     if b"\0" in data:
         raise FileError(path, "the file is not text: it contains zero bytes.")
@@ -35,6 +29,17 @@ def read_lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def check_size(path: Path) -> None:
+    """Raises FileError for a file that is missing, empty or too large."""
+    if not path.is_file():
+        raise FileError(path, "the file does not exist.")
+    size = path.stat().st_size
+    if size == 0:
+        raise FileError(path, "the file is empty.")
+    if size > MAX_BYTES:
+        raise FileError(path, f"the file has {size} bytes, more than the {MAX_BYTES} allowed.", "Split it.")
 
 
 def to_float(token: str) -> float:
@@ -55,11 +60,13 @@ def read_number(path: Path, token: str, line: int, what: str) -> float:
     return number
 
 
-def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Float[np.ndarray, "t columns"]:
+def read_rows(
+    path: Path, lines: list[str], first_line: int, columns: int, last: bool = True
+) -> Float[np.ndarray, "t columns"]:
     """Rows of `columns` numbers each; blank lines are skipped, `nan` and `inf` become NaN.
 
-    `first_line` is the number of `lines[0]` in the file, counted from 1. Raises FileError with the line
-    for a row that is too short or too long and for what is not a number.
+    `first_line` is the number of `lines[0]` in the file, counted from 1; `last`: no row follows these lines. Raises
+    FileError with the line for a row that is too short or too long and for what is not a number.
     """
     plain = read_decimals(lines, columns)
     if plain is not None:
@@ -76,19 +83,19 @@ def read_rows(path: Path, lines: list[str], first_line: int, columns: int) -> Fl
     try:
         values = np.fromiter(map(float, itertools.chain.from_iterable(rows())), dtype=float).reshape(-1, columns)
     except ValueError:
-        _refuse_bad_row(path, lines, first_line, columns)
+        _refuse_bad_row(path, lines, first_line, columns, last)
         raise
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int) -> None:
+def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int, last: bool) -> None:
     """Raises FileError for the first row that is too short, too long or not of numbers."""
     for number, line in enumerate(lines, start=first_line):
         tokens = line.split()
         if len(tokens) not in (0, columns):
-            cut = not any(rest.strip() for rest in lines[number - first_line + 1 :])
-            last = " It is the last row: the file was cut off." if cut else ""
-            raise FileError(path, f"the row has {len(tokens)} numbers, wanted {columns}.{last}", line=number)
+            cut = last and not any(rest.strip() for rest in lines[number - first_line + 1 :])
+            hint = " It is the last row: the file was cut off." if cut else ""
+            raise FileError(path, f"the row has {len(tokens)} numbers, wanted {columns}.{hint}", line=number)
         try:
             for token in tokens:
                 to_float(token)

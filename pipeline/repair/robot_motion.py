@@ -14,6 +14,7 @@ from pipeline.errors import ClipError
 from pipeline.repair import reasons
 from pipeline.repair.placement import mean_heading
 from pipeline.repair.robot_contacts import label_robot_contacts
+from pipeline.repair.robot_spikes import without_spikes
 from pipeline.repair.settings import RepairSettings, RobotSettings
 from pipeline.robot import Robot
 
@@ -25,13 +26,15 @@ def process_robot(
 ) -> Outcome:
     """The window of a robot's trajectory without frames that no robot can show.
 
-    Frames that are not finite, or whose joints move faster than a jump, are cut. Joint limits passed by a
-    little are clamped where the robot is given; more than that is the feasibility stage's matter.
+    Spikes of a frame or two are filled. Frames that are not finite, or whose joints move faster than a jump, are cut.
+    Joint limits passed by a little are clamped where the robot is given; more than that is the feasibility stage's
+    matter.
     """
     speed_limit = _speed_limit(clip, robot, settings.robot)
+    clip, spikes = without_spikes(clip)
     bad, told = _bad_frames(clip, speed_limit, settings.robot)
     clamped, clamps = _clamped(clip, robot, settings.robot)
-    told += clamps
+    told += [*spikes, *clamps]
     pieces = []
     whole = [(low + start, high + start) for low, high in time_series.runs(~bad[start:stop])]
     kept = [(low, high) for low, high in whole if (high - low) / clip.fps >= settings.min_seconds]
@@ -41,8 +44,9 @@ def process_robot(
     for number, (low, high) in enumerate(kept, start=1):
         name = f"{clip.name}+{number}" if len(kept) > 1 else clip.name
         pieces.append(_placed(_labelled(clamped.cut(low, high, name), robot), low, settings))
+    filled = sum(round(((each.stop_s or 0.0) - (each.start_s or 0.0)) * clip.fps) for each in spikes)
     cut = stop - start - sum(piece.clip.frame_count for piece in pieces)
-    return Outcome(pieces=tuple(pieces), reasons=tuple(told), numbers={"filled_frames": 0, "cut_frames": cut})
+    return Outcome(pieces=tuple(pieces), reasons=tuple(told), numbers={"filled_frames": filled, "cut_frames": cut})
 
 
 def _labelled(clip: RobotClip, robot: Robot | None) -> RobotClip:

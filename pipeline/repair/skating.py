@@ -75,7 +75,10 @@ def find_skating(
     reach, rest = round(REACH_S * fps), round(REST_S * fps)
     for start, stop in time_series.runs(core):
         inside = speed[start:stop]
-        sliding = float(np.median(inside[inside < FAST]))
+        grounded = inside[inside < FAST]
+        if not len(grounded):
+            continue  # in the air: nothing slides; whether that may be is judged by the flight's length
+        sliding = float(np.median(grounded))
         sliding = min(sliding, SWINGING * float(usual[start:stop].max()))
         glide = _glide(velocity, slice(start, stop), sliding)
         told = _told(speed, sliding) if glide is None else _told_by_way(velocity, glide)

@@ -7,7 +7,7 @@
 more seconds of a skill bring.
 """
 
-from pipeline.selection.choose import choose
+from pipeline.selection.choose import choose, idle_patterns
 from pipeline.selection.curation import Curation, WindowSettings
 from pipeline.selection.process import process
 from pipeline.selection.raised_bounds import RaisedBound, raised_bounds
@@ -25,6 +25,7 @@ __all__ = [
     "WindowSettings",
     "choose",
     "find_windows",
+    "idle_patterns",
     "process",
     "raised_bounds",
 ]

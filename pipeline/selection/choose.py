@@ -57,14 +57,24 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
     licence = row["licence"] if isinstance(row["licence"], str) else ""
     if not any(fnmatchcase(licence.lower(), pattern.lower()) for pattern in curation.licences):
         yield f"licence '{licence}' is not among those allowed ({', '.join(curation.licences) or 'none'})"
-    source_clip = row["clip"].rpartition("@")[0] or row["clip"]
     for pattern in curation.excluded_clips:
-        if fnmatchcase(row["clip"], pattern) or fnmatchcase(source_clip, pattern):
+        if _fits(row["clip"], pattern):
             yield f"the clip is excluded by '{pattern}'"
     notes = row.get("notes")
     codes = notes.split(",") if isinstance(notes, str) else []
     for code in sorted(set(codes) & set(curation.excluded_notes)):
         yield f"the file has the note '{code}'"
+
+
+def idle_patterns(rows: pd.DataFrame, curation: Curation) -> tuple[str, ...]:
+    """Patterns of `excluded_clips` that fit no window of `rows` and no clip that it is of."""
+    clips = [] if rows.empty else list(rows["clip"])
+    return tuple(each for each in curation.excluded_clips if not any(_fits(clip, each) for clip in clips))
+
+
+def _fits(window: str, pattern: str) -> bool:
+    """A pattern fits a window's name, or that of the clip that it is of."""
+    return fnmatchcase(window, pattern) or fnmatchcase(window.rpartition("@")[0] or window, pattern)
 
 
 def _in_turns(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -25,15 +25,15 @@ def tracking_errors(rollouts: pd.DataFrame) -> bytes:
     """
     figure = Figure(figsize=(10.0, 3.2), dpi=80, layout="constrained")
     body, joint, noise = figure.subplots(1, 3)
-    nominal = rollouts["rollout"] == 0
-    columns = ((body, 100.0 * rollouts["body_error_m"], "body error [cm]"),)
-    columns += ((joint, np.degrees(rollouts["joint_error_rad"]), "joint error [deg]"),)
-    for axes, values, label in columns:
+    nominal = rollouts["rollout"].to_numpy() == 0
+    body_cm = 100.0 * rollouts["body_error_m"].to_numpy(dtype=float)
+    joint_deg = np.degrees(rollouts["joint_error_rad"].to_numpy(dtype=float))
+    for axes, values, label in ((body, body_cm, "body error [cm]"), (joint, joint_deg, "joint error [deg]")):
         bins = np.linspace(0.0, max(float(values.max()), 1e-6), 31)
         axes.hist([values[nominal], values[~nominal]], bins=bins, stacked=True, label=["nominal", "disturbed"])
         axes.set(xlabel=label, ylabel="rollouts")
         axes.legend()
-    noise.scatter(rollouts["action_noise"], 100.0 * rollouts["body_error_m"], s=6.0, alpha=0.5)
+    noise.scatter(rollouts["action_noise"], body_cm, s=6.0, alpha=0.5)
     noise.set(xlabel="action noise", ylabel="body error [cm]")
     return png(figure)
 

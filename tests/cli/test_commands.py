@@ -211,3 +211,8 @@ def test_wrong_usage_is_exit_code_2(capsys, arguments):
 def test_help_is_exit_code_0(capsys, command):
     assert main([*command, "--help"]) == 0
     assert "usage: booster-lab" in capsys.readouterr().out
+
+
+def test_inspect_writes_a_skeleton_map(root, capsys):
+    assert main(["inspect", str(root / "data/motions/walk.bvh"), "--write-map"]) == 0
+    assert "  left_hip: {joint: LeftUpLeg, left: x, down: LeftLeg}" in capsys.readouterr().out

@@ -78,7 +78,7 @@ def _cut_off() -> list[Mutant]:
 
 
 def _numbers_of_the_header() -> list[Mutant]:
-    counts = ("1000000000", "-5", "0", "nan", "inf", "90.5", "89", "91", "ninety", "", "1e300", "9" * 400)
+    counts = ("1000000000", "-5", "nan", "inf", "90.5", "91", "ninety", "", "1e300", "9" * 400)
     times = ("0", "nan", "-0.0166", "inf", "10", "1e-9", "abc", "", "0,0166667", "1e400", "0.01_6")
     texts = {f"Frames: {count[:12]}": CLEAN.replace(f"Frames: {FRAMES}", f"Frames: {count}") for count in counts}
     texts |= {f"Frame Time: {time}": with_rows(ROWS, time=time) for time in times}
@@ -205,5 +205,7 @@ def _flagged() -> list[Mutant]:
         "each frame twice": with_rows([row for row in ROWS for _ in range(2)], time="0.00833333"),
         "each frame three times": with_rows([row for row in ROWS for _ in range(3)], time="0.00555556"),
         "a metre over the floor": with_values(_changed(every, 1, add=100.0)),
+        "declares no frames": with_rows(ROWS, 0),
+        "declares a frame less": with_rows(ROWS, FRAMES - 1),
     }
     return flagged("walk.bvh", texts)

@@ -116,7 +116,6 @@ def _values() -> list[Mutant]:
         "poses of dates": with_array("poses", np.zeros((FRAMES, 72), dtype="datetime64[s]")),
         "poses with fields": with_array("poses", np.zeros((FRAMES, 72), dtype=[("a", "f8")])),
         "poses of one dimension": with_array("poses", poses.ravel()),
-        "poses of three dimensions": with_array("poses", poses.reshape(FRAMES, 24, 3)),
         "70 columns": with_array("poses", poses[:, :70]),
         "fewer poses than places": with_array("poses", poses[:-1]),
         "places of two numbers": with_array("trans", trans[:, :2]),
@@ -139,6 +138,8 @@ def _same() -> list[Mutant]:
         "a rate in whole numbers": with_array("mocap_framerate", np.array(30)),
         "an array that nobody asked for": packed({**clean, "dmpls": np.zeros((FRAMES, 8))}),
         "an object array beside": with_array("notes", np.array([{"a": 1}], dtype=object)),
+        "a dimension for the joints": with_array("poses", clean["poses"].reshape(FRAMES, 24, 3)),
+        "66 columns": with_array("poses", clean["poses"][:, :66]),
         "156 columns": packed({**clean, "poses": np.pad(clean["poses"], ((0, 0), (0, 84)))}),
     }
     return understood("walk.npz", contents)

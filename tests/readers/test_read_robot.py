@@ -159,7 +159,11 @@ def test_joints_in_another_order_than_their_bodies_show_are_refused(tmp_path):
         ({"body_pos_w": None}, FileError, "there is no root"),
         ({"body_names": np.array(["thing"] * 24)}, FileError, "no body is a robot's root link"),
         ({"joint_names": np.arange(23)}, FileError, "'joint_names' is not a list of names"),
-        ({"joint_names": None, "joint_pos": np.zeros((FRAMES, 12))}, FileError, "12 joints without names fit no robot"),
+        (
+            {"joint_names": None, "joint_pos": np.zeros((FRAMES, 12))},
+            FileError,
+            "another robot: a frame has 12 joints without names",
+        ),
     ],
 )
 def test_an_archive_that_is_no_t1_is_refused(tmp_path, change, error, match):
@@ -193,3 +197,149 @@ def test_a_rate_that_the_velocities_do_not_tell_is_ambiguous(tmp_path):
     path = qpos_npz(tmp_path / "clip.npz", 77.0)
     with pytest.raises(AmbiguousFileError, match="does not say its frame rate"):
         read_motion(path, "clip")
+
+
+def walking(heading, frames=120, speed=0.8):
+    """A robot that steps in place of its own accord while its root travels ahead: the lower foot stands still."""
+    kinematics, time = Kinematics(ROBOT), np.arange(frames) / 50.0
+    joints = np.tile(ROBOT.default_joint_pos, (frames, 1))
+    swing = 0.4 * np.sin(2 * np.pi * 0.9 * time)
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        joints[:, ROBOT.joint(f"{side}_Hip_Pitch")] += sign * swing
+        lift = np.clip(-sign * np.cos(2 * np.pi * 0.9 * time), 0.0, None)
+        joints[:, ROBOT.joint(f"{side}_Knee_Pitch")] += 0.5 * lift
+        joints[:, ROBOT.joint(f"{side}_Ankle_Pitch")] -= sign * swing + 0.5 * lift
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1))
+    poses = kinematics.forward(np.zeros((frames, 3)), upright, joints)
+    soles = kinematics.site_pos_w(poses, ROBOT.feet)
+    root = np.zeros((frames, 3))
+    root[:, 2] = -soles[..., 2].min(axis=1)
+    for frame in range(1, frames):
+        lower = int(soles[frame, :, 2].argmin())
+        root[frame, :2] = root[frame - 1, :2] - (soles[frame, lower, :2] - soles[frame - 1, lower, :2])
+    turn = np.array([np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2)])
+    rotate = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    root[:, :2] = root[:, :2] @ rotate.T
+    return root, np.tile(turn, (frames, 1)), joints
+
+
+@pytest.mark.parametrize("heading_deg", range(-180, 181, 30))
+@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+def test_the_order_of_a_quaternion_without_names_is_told_at_every_heading(tmp_path, order, heading_deg):
+    root, quat, joints = walking(np.deg2rad(heading_deg))
+    columns = quat[:, ["wxyz".index(letter) for letter in order]]
+    path = write_csv(tmp_path / "clip.csv", np.concatenate([root, columns, joints], axis=1), comment="# fps: 50")
+    read = read_motion(path, "clip")
+    np.testing.assert_allclose(np.abs(np.sum(read.clip.root_quat_w * quat, axis=1)), 1.0, atol=1e-9)
+    assert [note.code for note in read.notes] == ([] if order == "xyzw" else ["quaternion_order"])
+
+
+def test_a_robot_that_stands_is_the_same_motion_under_both_orders_and_needs_no_statement(tmp_path):
+    rows = np.tile(np.concatenate([[0, 0, 0.66], [0, 0, 0, 1.0], ROBOT.default_joint_pos]), (20, 1))
+    path = write_csv(tmp_path / "clip.csv", rows, comment="# fps: 50")
+    np.testing.assert_array_equal(read_motion(path, "clip").clip.root_quat_w[0], [1.0, 0, 0, 0])
+    stated = read_motion(path, "clip", Statement(quaternion="wxyz")).clip
+    np.testing.assert_array_equal(np.abs(stated.root_quat_w[0]), [0, 0, 0, 1.0])
+    with pytest.raises(FileError, match="the stated order of the quaternion is 'zyx', wanted wxyz or xyzw"):
+        read_motion(path, "clip", Statement(quaternion="zyx"))
+
+
+def test_soles_that_slide_with_both_orders_make_the_file_ambiguous(tmp_path):
+    root, quat, joints = walking(0.0)
+    root[:, 1] += 1.5 * np.arange(len(root)) / 50.0
+    rows = np.concatenate([root, np.roll(quat, -1, axis=1), joints], axis=1)
+    path = write_csv(tmp_path / "clip.csv", rows, comment="# fps: 50")
+    with pytest.raises(AmbiguousFileError, match=r"order of the root's quaternion can't be told.*State `quaternion:"):
+        read_motion(path, "clip")
+    assert read_motion(path, "clip", Statement(quaternion="xyzw")).clip.frame_count == len(root)
+
+
+@pytest.mark.parametrize(("joints", "named"), [(29, False), (22, False), (29, True), (12, True)])
+def test_a_file_of_another_robot_says_so_first(tmp_path, joints, named):
+    names = [f"joint_{number}" for number in range(joints)]
+    header = [*HEADER[:7], *names] if named else None
+    path = write_csv(tmp_path / "clip.csv", np.full((9, 7 + joints), 0.1), header)
+    with pytest.raises(FileError, match=r"clip.csv: it is of another robot: .*the robots here are t1 \(23\)"):
+        read_motion(path, "clip")
+    arrays = {"joint_pos": np.zeros((9, joints)), "joint_names": np.array(names), "body_pos_w": np.zeros((9, 3, 3))}
+    np.savez(tmp_path / "clip.npz", **arrays, body_names=np.array(["pelvis", "a", "b"]))
+    with pytest.raises(FileError, match="it is of another robot"):
+        read_motion(tmp_path / "clip.npz", "clip")
+
+
+BREADTH_FIRST = [
+    *("AAHead_yaw", "Left_Shoulder_Pitch", "Right_Shoulder_Pitch", "Waist", "Head_pitch", "Left_Shoulder_Roll"),
+    *("Right_Shoulder_Roll", "Left_Hip_Pitch", "Right_Hip_Pitch", "Left_Elbow_Pitch", "Right_Elbow_Pitch"),
+    *("Left_Hip_Roll", "Right_Hip_Roll", "Left_Elbow_Yaw", "Right_Elbow_Yaw", "Left_Hip_Yaw", "Right_Hip_Yaw"),
+    *("Left_Knee_Pitch", "Right_Knee_Pitch", "Left_Ankle_Pitch", "Right_Ankle_Pitch", "Left_Ankle_Roll"),
+    "Right_Ankle_Roll",
+]
+"""As Isaac Lab wrote an archive of the T1."""
+
+
+@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+def test_joints_without_names_that_are_breadth_first_are_told_by_the_bodies(tmp_path, order):
+    joints = truth()[2][:, [ROBOT.joint(name) for name in BREADTH_FIRST]]
+    quat = Kinematics(ROBOT).forward(*truth()).quat_w[..., ["wxyz".index(letter) for letter in order]]
+    path = npz(tmp_path / "clip.npz", joint_names=None, body_names=None, joint_pos=joints, body_quat_w=quat)
+    read = read_motion(path, "clip")
+    assert_truth(read.clip)
+    expected = ["joint_order"] if order == "wxyz" else ["joint_order", "quaternion_order"]
+    assert [(note.code, note.effect) for note in read.notes] == [(code, "noted") for code in expected]
+
+
+def amp_robot(path, **change):
+    poses = Kinematics(ROBOT).forward(*truth())
+    arrays = {
+        "fps": np.array(50),
+        "dof_names": np.array(ROBOT.joint_names)[::-1],
+        "dof_positions": truth()[2][:, ::-1],
+        "dof_velocities": np.gradient(truth()[2][:, ::-1], 0.02, axis=0),
+        "body_names": np.array(ROBOT.link_names),
+        "body_positions": poses.pos_w,
+        "body_rotations": poses.quat_w,
+        "body_linear_velocities": np.gradient(poses.pos_w, 0.02, axis=0),
+        "body_angular_velocities": np.zeros_like(poses.pos_w),
+    }
+    np.savez(path, **{**arrays, **change})
+    return path
+
+
+def test_an_amp_archive_of_the_robot_is_read_by_its_names(tmp_path):
+    read = read_motion(amp_robot(tmp_path / "clip.npz"), "clip")
+    assert (read.format, read.clip.fps, read.notes) == ("robot_amp", 50.0, ())
+    assert_truth(read.clip)
+
+
+def test_an_amp_archive_of_another_robot_says_so(tmp_path):
+    names = np.array([f"left_{number}" for number in range(23)])
+    with pytest.raises(FileError, match="it is of another robot"):
+        read_motion(amp_robot(tmp_path / "clip.npz", dof_names=names), "clip")
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0, 0.6])
+@pytest.mark.parametrize("kind", ["amp", "qpos", "whole body"])
+def test_a_rate_that_the_files_own_velocities_contradict_is_corrected_and_named(tmp_path, kind, factor):
+    said = 50.0 * factor
+    if kind == "amp":
+        path = amp_robot(tmp_path / "clip.npz", fps=np.array(said))
+    elif kind == "qpos":
+        path = qpos_npz(tmp_path / "clip.npz", 50.0, frequency=np.array(said))
+    else:
+        velocity = np.gradient(truth()[2], 0.02, axis=0)
+        path = npz(tmp_path / "clip.npz", fps=np.array([said]), joint_vel=velocity)
+    read = read_motion(path, "clip")
+    assert (read.clip.fps, read.declared_fps) == (50.0, said)
+    (note,) = read.notes
+    assert (note.code, note.effect) == ("time_base", "repaired")
+    assert f"says {said:g} Hz" in note.text and "50 Hz is taken" in note.text
+    stated = read_motion(path, "clip", Statement(fps=said))
+    assert (stated.clip.fps, stated.notes[0].effect) == (said, "noted")
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_rate_that_the_velocities_agree_with_is_kept_silently(tmp_path, noise):
+    velocity = np.gradient(truth()[2], 0.02, axis=0)
+    velocity += noise * np.random.default_rng(1).normal(size=velocity.shape)
+    read = read_motion(npz(tmp_path / "clip.npz", joint_vel=velocity), "clip")
+    assert (read.clip.fps, read.notes) == (50.0, ())

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.clips.human_clip import BODIES
 from pipeline.errors import AmbiguousFileError, FileError, SettingsError
-from pipeline.readers import Statement, read_motion, skeleton_map
+from pipeline.readers import Statement, match_skeleton, read_motion
 from pipeline.readers.skeleton_map import read_map, shipped_maps
 from tests.factories import motion_files as files
 
@@ -85,7 +85,7 @@ def test_faults_of_a_map_are_named(root: Path, tmp_path, old, new, match):
 
 def test_two_maps_that_fit_alike_are_ambiguous(tmp_path, monkeypatch):
     maps = shipped_maps()
-    monkeypatch.setattr(skeleton_map, "shipped_maps", lambda: {**maps, "twin": maps["booster_lab"]})
+    monkeypatch.setattr(match_skeleton, "shipped_maps", lambda: {**maps, "twin": maps["booster_lab"]})
     (tmp_path / "clip.bvh").write_text(files.bvh(files.upright(5)))
     with pytest.raises(AmbiguousFileError, match=r"several skeletons fit: booster_lab, booster_lab. State `skeleton:`"):
         read_motion(tmp_path / "clip.bvh", "clip")

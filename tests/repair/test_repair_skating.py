@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import warnings
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ import pytest
 from pipeline.clips.human_clip import HumanClip
 from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
-from pipeline.repair import RepairSettings
+from pipeline.readers import read_motion
+from pipeline.repair import RepairSettings, process
 from pipeline.repair.contacts import both_feet
 from pipeline.repair.skating import Skating, find_skating
 from tests.factories.human_clips import walker
@@ -112,3 +114,29 @@ def test_two_glides_with_a_second_between_stay_two(settings):
 @pytest.mark.parametrize("name", ["walk", "run_easy", "side_left", "turn_left", "stand"])
 def test_feet_that_stand_do_not_glide(name, settings):
     assert found(generate(RECIPES[name]).clip, settings) == []
+
+
+@pytest.mark.shared
+def test_a_clip_that_begins_in_the_air_is_not_cut_as_skating(cases, settings):
+    clip = read_motion(cases / "skate_speed_nan" / "leap.bvh", "clip").clip
+    _check_in_the_air(clip, settings)
+
+
+@pytest.mark.parametrize(("first", "stop"), [(0, 24), (100, 130)])
+def test_a_leap_is_no_skating_and_no_reason_holds_nan(root, settings, first, stop):
+    clip = read_motion(root / "data/motions/run_fast.bvh", "clip").clip
+    time = np.linspace(-1.0, 1.0, stop - first)
+    pos = clip.body_pos_w.copy()
+    pos[first:stop, :, 2] += (0.35 * (1.0 - (time**2 if first else np.linspace(0.0, 1.0, stop - first) ** 2)))[:, None]
+    _check_in_the_air(dataclasses.replace(clip, body_pos_w=pos), settings)
+
+
+def _check_in_the_air(clip, settings):
+    window = {"skill": "transition", "start_frame": 0, "stop_frame": clip.frame_count}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        outcome = process(clip, window, settings=settings)
+    assert outcome.reasons or outcome.pieces
+    assert all(reason.code != "foot_skate" for reason in outcome.reasons)
+    assert all(reason.value is None or np.isfinite(reason.value) for reason in outcome.reasons)
+    assert all("nan" not in reason.text for reason in outcome.reasons)

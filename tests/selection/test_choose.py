@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.files import settings as settings_file
 from pipeline.files.ranges import RangeError
-from pipeline.selection import LABELS, Curation, choose
+from pipeline.selection import LABELS, Curation, choose, idle_patterns
 from tests.conftest import ROOT
 
 CURATION = settings_file.read(ROOT / "data" / "curation.yaml", Curation)
@@ -142,3 +142,10 @@ def test_no_windows_give_an_empty_choice():
 def test_unknown_skills_in_the_curation_are_named():
     with pytest.raises(RangeError, match=r"'skills\[1\]' is 'moonwalk', there are: stand"):
         dataclasses.replace(CURATION, skills=("walk", "moonwalk"))
+
+
+def test_patterns_that_exclude_nothing_are_told():
+    rows = pd.DataFrame({"clip": ["a/walk@0-9", "b/run"]})
+    curation = dataclasses.replace(CURATION, excluded_clips=("a/*", "b/run", "c/*", "a/walk", "*x*"))
+    assert idle_patterns(rows, curation) == ("c/*", "*x*")
+    assert idle_patterns(rows.iloc[:0], curation) == curation.excluded_clips

@@ -1,0 +1,59 @@
+"""Named arrays of a file, checked when they are taken, whatever the file's format."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import FileError
+
+
+class ArrayFile(ABC):
+    """What a file of named arrays holds."""
+
+    path: Path
+    shapes: Mapping[str, tuple[int, ...]]
+    """Shape of each array that can be read: numbers and text, no objects."""
+
+    @abstractmethod
+    def array(self, name: str) -> np.ndarray:
+        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+
+    def has(self, *names: str) -> bool:
+        """All of the names are there."""
+        return all(name in self.shapes for name in names)
+
+    def first(self, *names: str) -> str | None:
+        """The first of the names that is there."""
+        return next((name for name in names if name in self.shapes), None)
+
+    def numbers(self, name: str, *shape: int | None) -> np.ndarray:
+        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
+        value = self.array(name)
+        fits = len(shape) == value.ndim and all(
+            wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
+        )
+        if value.dtype.kind != "f" or not fits:
+            wanted = "×".join("n" if length is None else str(length) for length in shape)
+            problem = (
+                f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
+            )
+            raise FileError(self.path, problem)
+        return np.where(np.isfinite(value), value, np.nan)
+
+    def number(self, name: str) -> float:
+        """An array of one finite number."""
+        value = self.array(name)
+        if value.size != 1 or value.dtype.kind != "f" or not np.isfinite(value).all():
+            raise FileError(self.path, f"'{name}' is not one finite number.")
+        return float(value.reshape(-1)[0])
+
+    def texts(self, name: str) -> tuple[str, ...]:
+        """A list of names."""
+        value = self.array(name)
+        if value.dtype.kind != "U" or value.ndim != 1:
+            raise FileError(self.path, f"'{name}' is not a list of names.")
+        return tuple(str(entry) for entry in value)

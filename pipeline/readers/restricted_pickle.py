@@ -1,0 +1,281 @@
+"""Pickles from strangers: NumPy arrays, tensors and plain containers, and nothing else is ever made.
+
+A pickle is a program that names functions to call. Here every name is looked up in a short list of stand-ins that hold
+data and call nothing; any other name ends the reading. Files of `pickle.dump`, of joblib (arrays in the stream, zlib or
+not) and of `torch.save` are read without joblib and without torch.
+"""
+
+from __future__ import annotations
+
+import pickle
+import re
+import struct
+import zipfile
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pipeline.errors import FileError
+from pipeline.files.npz import check_sizes
+from pipeline.readers.npz_file import caps
+from pipeline.readers.text_file import MAX_BYTES, check_size
+
+MAX_RATIO = 20
+"""How far a compressed pickle may inflate."""
+
+DAMAGED_PICKLE = (
+    pickle.UnpicklingError,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    struct.error,
+    zipfile.BadZipFile,
+    zlib.error,
+    NotImplementedError,
+)
+"""What a damaged pickle may raise while it is read."""
+
+_DTYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,4})")
+_TORCH_TYPES = {
+    "DoubleStorage": "<f8",
+    "FloatStorage": "<f4",
+    "HalfStorage": "<f2",
+    "LongStorage": "<i8",
+    "IntStorage": "<i4",
+    "ShortStorage": "<i2",
+    "CharStorage": "i1",
+    "ByteStorage": "u1",
+    "BoolStorage": "?",
+}
+
+
+class NotAllowedError(Exception):
+    """A pickle names something that is not plain data."""
+
+
+@dataclass
+class PickledType:
+    """Stands for a `numpy.dtype`."""
+
+    code: str
+    order: str = "<"
+
+    def __setstate__(self, state: tuple) -> None:
+        self.order = state[1] if state[1] in ("<", ">", "|", "=") else "<"
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type. Raises NotAllowedError for types of objects and structures."""
+        if not _DTYPE.fullmatch(self.code):
+            raise NotAllowedError(f"arrays of type '{self.code[:20]}'")
+        return np.dtype(self.code if self.code[0] in "<>|=" else f"{self.order}{self.code}")
+
+
+class PickledArray:
+    """Stands for a NumPy array; `value` once it was filled."""
+
+    value: np.ndarray | None = None
+
+    def __setstate__(self, state: Any) -> None:
+        _, shape, kind, fortran, raw = state
+        if isinstance(raw, list):
+            return  # an array of objects, which stays empty
+        data = raw.encode("latin-1") if isinstance(raw, str) else bytes(raw)
+        self.value = _filled(data, kind, shape, "F" if fortran else "C")
+
+
+class JoblibArray:
+    """Stands for joblib's `NumpyArrayWrapper`: the array's bytes come next in the stream."""
+
+    shape: tuple = ()
+    order: str = "C"
+    dtype: Any = None
+    numpy_array_alignment_bytes: int | None = None
+
+    def __setstate__(self, state: dict) -> None:
+        for name in ("shape", "order", "dtype", "numpy_array_alignment_bytes"):
+            setattr(self, name, state.get(name, getattr(self, name)))
+
+    def read(self, stream: BytesIO) -> np.ndarray:
+        """The array."""
+        if self.numpy_array_alignment_bytes is not None:
+            stream.read(stream.read(1)[0])
+        count = int(np.prod([int(length) for length in self.shape], dtype=object)) * self.dtype.dtype.itemsize
+        return _filled(_take(stream, count), self.dtype, self.shape, self.order)
+
+
+def _filled(data: bytes, kind: PickledType, shape: tuple, order: str) -> np.ndarray:
+    array = np.frombuffer(data, dtype=kind.dtype)
+    return array.reshape(tuple(int(length) for length in shape), order="F" if order == "F" else "C")
+
+
+def _take(stream: BytesIO, count: int) -> bytes:
+    """So many bytes. Raises EOFError before memory is taken where the stream has fewer."""
+    if count < 0 or count > stream.getbuffer().nbytes - stream.tell():
+        raise EOFError("it was cut off")
+    return stream.read(count)
+
+
+def _scalar(kind: PickledType, raw: bytes | bytearray | str) -> Any:
+    data = raw.encode("latin-1") if isinstance(raw, str) else raw
+    return np.frombuffer(data, dtype=kind.dtype)[0].item()
+
+
+def _from_buffer(raw: bytes | bytearray, kind: PickledType, shape: tuple, order: str) -> PickledArray:
+    array = PickledArray()
+    array.value = _filled(bytes(raw), kind, shape, order)
+    return array
+
+
+def _encoded(text: str, encoding: str) -> bytes:
+    return text.encode("latin-1" if encoding in ("latin1", "latin-1") else "ascii")
+
+
+def _dtype(code: str, *_: Any) -> PickledType:
+    return PickledType(str(code))
+
+
+def _array(*_: Any) -> PickledArray:
+    return PickledArray()
+
+
+def _tensor(storage: np.ndarray, offset: int, size: tuple, stride: tuple, *_: Any) -> PickledArray:
+    """A tensor over a storage; every element that its strides reach has to be in it."""
+    if len(size) != len(stride) or min((*size, *stride, offset), default=0) < 0:
+        raise ValueError("a tensor with negative sizes")
+    last = offset + sum((length - 1) * step for length, step in zip(size, stride, strict=True))
+    array = PickledArray()
+    if 0 in size:
+        array.value = np.zeros(size, dtype=storage.dtype)
+    elif last >= len(storage) or int(np.prod(size, dtype=object)) > len(storage):
+        raise ValueError("a tensor beyond its storage")
+    else:
+        strides = tuple(step * storage.itemsize for step in stride)
+        array.value = np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
+    return array
+
+
+_ALLOWED: dict[tuple[str, str], Callable[..., Any]] = {
+    ("collections", "OrderedDict"): OrderedDict,
+    ("_codecs", "encode"): _encoded,
+    ("numpy", "dtype"): _dtype,
+    ("numpy", "ndarray"): PickledArray,
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): JoblibArray,
+    ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    **{
+        (f"numpy.{core}.{module}", name): function
+        for core in ("core", "_core")
+        for module, name, function in (
+            ("multiarray", "_reconstruct", _array),
+            ("multiarray", "scalar", _scalar),
+            ("numeric", "_frombuffer", _from_buffer),
+        )
+    },
+}
+
+
+class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in Python, whose opcodes can be replaced
+    """Reads plain data from a stream in memory."""
+
+    dispatch: ClassVar[dict[int, Any]] = dict(pickle._Unpickler.dispatch)  # type: ignore[attr-defined]
+
+    def __init__(self, stream: BytesIO, storage: Callable[[str, str], np.ndarray] | None = None):
+        super().__init__(stream)
+        self._stream, self._storage = stream, storage
+
+    def find_class(self, module: str, name: str) -> Any:
+        """A stand-in. Raises NotAllowedError for all else."""
+        found = _ALLOWED.get((module, name))
+        if found is not None:
+            return found
+        if module == "torch" and name in _TORCH_TYPES:
+            return _TORCH_TYPES[name]
+        raise NotAllowedError(f"'{module[:60]}.{name[:60]}'")
+
+    def persistent_load(self, pid: Any) -> np.ndarray:
+        """A tensor's storage."""
+        if self._storage is None or len(pid) != 5 or pid[0] != "storage":
+            raise NotAllowedError("a reference to something outside of it")
+        return self._storage(str(pid[2]), str(pid[1]))
+
+    def load_build(self) -> None:
+        """Fill a stand-in; joblib's is replaced by the array that follows it."""
+        if not isinstance(self.stack[-2], (PickledArray, PickledType, JoblibArray)):
+            raise NotAllowedError("the state of an object")
+        pickle._Unpickler.load_build(self)  # type: ignore[attr-defined]
+        if isinstance(self.stack[-1], JoblibArray):
+            self.stack[-1] = self.stack[-1].read(self._stream)
+
+    dispatch[pickle.BUILD[0]] = load_build
+
+
+class _Bytes(BytesIO):
+    """A stream whose reads are no longer than it is, whatever the pickle claims."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        if size is not None and size > self.getbuffer().nbytes - self.tell():
+            raise EOFError("it was cut off")
+        return super().read(size)
+
+
+def load_pickle(path: Path) -> Any:
+    """The plain data in a pickle. Raises FileError for a file that names anything else, or is damaged."""
+    check_size(path)
+    data = path.read_bytes()
+    try:
+        if data[:1] == b"\x78":
+            inflater = zlib.decompressobj()
+            data = inflater.decompress(data, min(MAX_RATIO * len(data), MAX_BYTES))
+            if inflater.unconsumed_tail:
+                raise FileError(path, f"it inflates to more than {MAX_RATIO} times its size, not allowed.")
+        return _Unpickler(_Bytes(data)).load()
+    except NotAllowedError as error:
+        raise FileError(path, f"it holds {error}, which is never loaded.", converter(path)) from error
+    except DAMAGED_PICKLE as error:
+        raise FileError(path, f"it is not a pickle that can be read: {_short(error)}.") from error
+
+
+def load_torch(path: Path) -> Any:
+    """The tensors and plain containers in a file of `torch.save`. Raises FileError."""
+    check_size(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_sizes(path, archive.infolist(), caps())
+            (head,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
+            folder = head.removesuffix("data.pkl")
+
+            def storage(key: str, kind: str) -> np.ndarray:
+                return np.frombuffer(archive.read(f"{folder}data/{key}"), dtype=kind)
+
+            return _Unpickler(_Bytes(archive.read(head)), storage).load()
+    except NotAllowedError as error:
+        do = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
+        raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
+    except DAMAGED_PICKLE as error:
+        do = "Files of torch before 1.6 are not read; save it again."
+        raise FileError(path, f"it is not a file of torch.save that can be read: {_short(error)}.", do) from error
+
+
+def converter(path: Path) -> str:
+    """How a person who trusts a pickle makes an archive of it."""
+    return (
+        'If you trust it, write its arrays into an archive: python -c "import pickle, numpy; '
+        f"numpy.savez('{path.stem}.npz', **pickle.load(open('{path.name}', 'rb')))\""
+    )
+
+
+def _short(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__} {str(error)[:100]}".encode("ascii", "replace").decode().split())

@@ -1,0 +1,136 @@
+"""Spikes in a robot's trajectory: one or two frames that leave the motion and come back, at any amplitude.
+
+A frame is compared with what its neighbours on both sides say (the cubic through two frames before and two after). A
+spike is off by many times what frames nearby are off; where a motion is rough everywhere nothing stands out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import median_filter
+
+from pipeline import rotation
+from pipeline.clips.outcome import Reason
+from pipeline.clips.robot_clip import RobotClip
+
+LEAST_JOINT, LEAST_TURN, LEAST_PLACE = 0.08, 0.05, 0.015
+"""Smallest spike of a joint [rad], of the root's rotation [rad] and of its position [m]: ankles that land leave
+their neighbours by 0.06 rad at 50 Hz."""
+TIMES_USUAL = 8.0
+"""A spike is off by more than this many times the median of what frames nearby are off."""
+NEAR_S = 0.5
+"""Nearby [s]."""
+LONGEST = 2
+"""Frames of a spike at most."""
+
+
+def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
+    """The clip with its spikes filled from the frames around, and a reason for each. Missing frames are left alone."""
+    joints, joint_reasons = _joints_filled(clip)
+    root_pos, root_quat, root_reasons = _root_filled(clip)
+    if not joint_reasons and not root_reasons:
+        return clip, []
+    filled = dataclasses.replace(clip, joint_pos=joints, root_pos_w=root_pos, root_quat_w=root_quat)
+    return filled, joint_reasons + root_reasons
+
+
+def _joints_filled(clip: RobotClip) -> tuple[Float[np.ndarray, "t j"], list[Reason]]:
+    values, told = clip.joint_pos.copy(), []
+    for joint, name in enumerate(clip.joint_names):
+        for start, stop in _spikes(np.abs, clip.joint_pos[:, joint, None], clip.fps, LEAST_JOINT):
+            before = values[start:stop, joint].copy()
+            values[start:stop, joint] = _bridge(clip.joint_pos[:, joint, None], start, stop)[:, 0]
+            size = float(np.abs(before - values[start:stop, joint]).max())
+            told.append(_reason(f"joint '{name}'", start, stop, clip.fps, size, "rad", LEAST_JOINT))
+    return values, told
+
+
+def _root_filled(
+    clip: RobotClip,
+) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"], list[Reason]]:
+    pos, quat, told = clip.root_pos_w.copy(), clip.root_quat_w.copy(), []
+    for start, stop in _spikes(rotation.length, clip.root_pos_w, clip.fps, LEAST_PLACE):
+        pos[start:stop] = _bridge(clip.root_pos_w, start, stop)
+        size = float(rotation.length(pos[start:stop] - clip.root_pos_w[start:stop]).max())
+        told.append(_reason("the root", start, stop, clip.fps, size, "m", LEAST_PLACE))
+    # half the angle of a small turn is the length of its quaternion's change
+    for start, stop in _spikes(_quat_angle, clip.root_quat_w, clip.fps, LEAST_TURN):
+        quat[start:stop] = rotation.normalize(_bridge(clip.root_quat_w, start, stop))
+        size = float(rotation.angle_between(quat[start:stop], clip.root_quat_w[start:stop]).max())
+        told.append(_reason("the root's rotation", start, stop, clip.fps, size, "rad", LEAST_TURN))
+    return pos, quat, told
+
+
+def _quat_angle(change: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, " t"]:
+    return 2.0 * np.linalg.norm(change, axis=-1)
+
+
+def _spikes(size, values: Float[np.ndarray, "t d"], fps: float, least: float) -> list[tuple[int, int]]:
+    """Stretches [start, stop) of one or two frames that are spikes of a quantity, whose change `size` measures."""
+    count = len(values)
+    found: list[tuple[int, int]] = []
+    taken = np.zeros(count, dtype=bool)
+    for length in range(1, LONGEST + 1):
+        if count < length + 6:
+            break
+        off = np.zeros(count)
+        starts = np.arange(2, count - length - 1)
+        gaps = [size(values[starts + place] - _cubic(values, starts, length, place)) for place in range(length)]
+        off[starts] = np.nan_to_num(np.min([np.asarray(gap).reshape(len(starts)) for gap in gaps], axis=0))
+        usual = median_filter(off, size=2 * max(3, round(NEAR_S * fps)) + 1, mode="nearest")
+        peak = _peaks(off) & (off > np.maximum(least, TIMES_USUAL * usual)) & (off > 0.0)
+        for start in np.flatnonzero(peak).tolist():
+            around = slice(max(start - 2, 0), start + length + 2)
+            if not taken[around].any() and _comes_back(size, values, start, length, float(off[start])):
+                found.append((start, start + length))
+                taken[around] = True
+    return sorted(found)
+
+
+def _peaks(off: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+    """Frames at which a quantity is largest of three on each side."""
+    padded = np.pad(off, 3)
+    return off >= np.max([padded[shift : shift + len(off)] for shift in range(7)], axis=0)
+
+
+def _comes_back(size, values: Float[np.ndarray, "t d"], start: int, length: int, off: float) -> bool:
+    """A jump out and one back, each larger than the steps around, and the way over the spike is short against it."""
+    stop = start + length
+    out, back = values[start] - values[start - 1], values[stop] - values[stop - 1]
+    over, before = values[stop] - values[start - 1], values[start - 1] - values[start - 2]
+    steps = np.stack([out, back, over, before, values[stop + 1] - values[stop]])
+    out_size, back_size, way, step_before, step_after = (float(each) for each in np.asarray(size(steps)).reshape(5))
+    around = max(step_before, step_after)
+    if float(out @ back) >= 0.0 or min(out_size, back_size) <= 2.0 * around:
+        return False
+    return way <= 0.5 * off + (length + 1) * around
+
+
+def _cubic(values: Float[np.ndarray, "t d"], starts: np.ndarray, length: int, place: int) -> Float[np.ndarray, "n d"]:
+    """What the two frames before and the two after stretches of `length` frames say of their frame `place`."""
+    times = np.array([-2.0, -1.0, length, length + 1.0])
+    weights = [np.prod([(place - other) / (time - other) for other in times if other != time]) for time in times]
+    frames = (starts - 2, starts - 1, starts + length, starts + length + 1)
+    return np.sum([weight * values[each] for weight, each in zip(weights, frames, strict=True)], axis=0)
+
+
+def _bridge(values: Float[np.ndarray, "t d"], start: int, stop: int) -> Float[np.ndarray, "n d"]:
+    """The frames [start, stop) as those around them say."""
+    return np.concatenate([_cubic(values, np.array([start]), stop - start, place) for place in range(stop - start)])
+
+
+def _reason(what: str, start: int, stop: int, fps: float, size: float, unit: str, least: float) -> Reason:
+    frames = f"frame {start}" if stop - start == 1 else f"frames {start}-{stop - 1}"
+    return Reason(
+        code="spike",
+        text=f"{frames}: {what} is {size:.3f} {unit} off what the frames around say; filled",
+        effect="repaired",
+        start_s=start / fps,
+        stop_s=stop / fps,
+        value=size,
+        limit=least,
+        unit=unit,
+    )
