@@ -143,11 +143,11 @@ def test_code_changed_recomputes_from_its_stage_on(materialized):
     path = materialized.root / "pipeline/augment/__init__.py"
     path.write_text(path.read_text() + "\nCHANGED = True\n")
     printed = materialized.materialize()
-    assert "'augmented_motions' is brought up to date first: its code, settings or robot changed" in printed
+    assert "'motion_variants' is brought up to date first: its code, settings or robot changed" in printed
     counts = materialized.counts()
-    assert counts["augmented_motions"] == before["augmented_motions"] + 1
+    assert counts["motion_variants"] == before["motion_variants"] + 1
     assert counts["retargeted_motions"] == before["retargeted_motions"]
-    assert materialized.recomputed()["augmented_motions"] > 0
+    assert materialized.recomputed()["motion_variants"] > 0
 
 
 def test_a_folder_of_the_environment_stays_until_it_is_forgotten(materialized, tmp_path):
