@@ -19,10 +19,12 @@ CLIP_STAGES = (
     "selected_motions",
     "repaired_motions",
     "retargeted_motions",
+    "motion_variants",
+    "reference_motions",
     "augmented_motions",
     "feasible_motions",
 )
-STAGES = (*CLIP_STAGES, "robot_model", "expert_db", "expert_db_checks")
+STAGES = (*CLIP_STAGES, "robot_model", "tracking_policy", "expert_db", "expert_db_checks")
 BETWEEN = "start and between"
 """Interpreter, imports, what is stale, Dagster's own bookkeeping: what is not within a step."""
 

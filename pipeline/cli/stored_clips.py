@@ -19,7 +19,10 @@ from pipeline.viewing.human_figure import mirrored
 from pipeline.viewing.playlist import Playlist, Shown
 
 HUMAN_ASSETS = ("motion_catalog", "selected_motions", "repaired_motions")
-ROBOT_ASSETS = ("retargeted_motions", "augmented_motions", "feasible_motions")
+ROBOT_ASSETS = (
+    *("retargeted_motions", "motion_variants", "reference_motions"),
+    *("augmented_motions", "feasible_motions"),
+)
 """Assets in the order of the graph; a clip is shown as the last one that has it left it."""
 
 BARE_ROBOT = "t1"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipeline.feasibility.cut_settings import CutSettings
 from pipeline.feasibility.judgement import NUMBER, Judgement, judge, length, to_text
 from pipeline.feasibility.likeness_criteria import likeness
 from pipeline.feasibility.motion import Motion, at_database_rate, motion_of
-from pipeline.feasibility.reference import References, no_references, reference_of
+from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.feasibility.tracking_criteria import followed
 from pipeline.feasibility.verdict import Verdict
@@ -73,7 +74,11 @@ def process(
         reasons[:0] = [verdict.reason(motion.clip.fps, 0.0, motion.clip.duration_s) for verdict in unlike]
     pieces = tuple(_piece(stretch, index, motion, numbers) for index, stretch in enumerate(stretches))
     kept_s = sum(piece.clip.duration_s for piece in pieces)
-    judgements = to_text([_with_piece(each, pieces) for each in said.judgements])
+    fps = motion.clip.fps
+    names = {
+        (each.start / fps, each.stop / fps): piece.clip.name for each, piece in zip(stretches, pieces, strict=True)
+    }
+    judgements = to_text([_with_piece(each, names) for each in said.judgements])
     found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s, NUMBER: judgements}
     return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=found)
 
@@ -107,12 +112,9 @@ def _judge(
     return kept
 
 
-def _with_piece(judgement: Judgement, pieces: tuple[Piece, ...]) -> Judgement:
-    """The judgement with the name of the clip that went on from its stretch."""
-    for piece in pieces:
-        if (piece.numbers["stretch_start_s"], piece.numbers["stretch_stop_s"]) == (judgement.start_s, judgement.stop_s):
-            return dataclasses.replace(judgement, piece=piece.clip.name)
-    return judgement
+def _with_piece(judgement: Judgement, names: Mapping[tuple[float, float], str]) -> Judgement:
+    """The judgement with the name of the clip that went on from its stretch, of those by start and end [s]."""
+    return dataclasses.replace(judgement, piece=names.get((judgement.start_s, judgement.stop_s), ""))
 
 
 def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple[int, int]]:
@@ -124,13 +126,22 @@ def _remaining(bad: np.ndarray, fps: float, settings: CutSettings) -> list[tuple
 
 
 def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> Piece:
-    """A stretch as a clip, with its place in the input [s]: frame k of it is at `stretch_start_s` + k / 50 there."""
+    """A stretch as a clip, with its place in the variant [s]: frame k of it is at `stretch_start_s` + k / 50 there.
+
+    The input may be a stretch of it already, and a rollout of KP4 has its place in its reference, too.
+    """
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"
     clip = motion.clip.cut(stretch.start, stretch.stop, name)
     found = stretch.assessment.numbers()
     fps = motion.clip.fps
-    place = {"stretch_start_s": stretch.start / fps, "stretch_stop_s": stretch.stop / fps}
+    before_s = float(numbers.get("stretch_start_s") or 0.0)
+    place: dict[str, float | int] = {
+        "stretch_start_s": before_s + stretch.start / fps,
+        "stretch_stop_s": before_s + stretch.stop / fps,
+    }
+    if numbers.get(CLIP):
+        place[FRAME] = int(numbers.get(FRAME) or 0) + stretch.start
     return Piece(clip=clip, numbers={**numbers, **found, **place, "seconds": clip.duration_s})
 
 

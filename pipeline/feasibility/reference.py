@@ -24,6 +24,9 @@ from pipeline.robot import Robot
 CLIP = "reference"
 """Number of a rollout of KP4 that names the clip it tracked."""
 
+FRAME = "reference_frame"
+"""Number of a rollout of KP4, or of a piece of one: the frame of that clip at which it begins."""
+
 CONTENT = "tracks_content"
 """Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
 
@@ -99,8 +102,7 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
 
 def _of_rollout(clip: RobotClip, numbers: Numbers, references: References) -> RobotClip:
     """The frames that a rollout of KP4, or a piece of one, tracked."""
-    stretch_s = float(numbers.get("stretch_start_s") or 0.0)
-    start = int(numbers.get("reference_frame") or 0) + round(stretch_s * clip.fps)
+    start = int(numbers.get(FRAME) or 0)
     return references(str(numbers[CLIP])).cut(start, start + clip.frame_count, clip.name)
 
 

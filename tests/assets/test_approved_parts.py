@@ -35,7 +35,7 @@ def _manifest(*variants: str, clip: str = "walk") -> Manifest:
     row = Judged(
         clip=clip, pieces=tuple(each.clip for each in entries), reasons=(), numbers={"seconds_out": 2.0 * len(entries)}
     )
-    return Manifest(stage="augmented_motions", entries=entries, judged=(row,), settings={"a": {"stage": "x"}})
+    return Manifest(stage="motion_variants", entries=entries, judged=(row,), settings={"a": {"stage": "x"}})
 
 
 def test_without_approvals_a_manifest_is_the_same_bytes():

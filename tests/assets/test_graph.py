@@ -31,8 +31,11 @@ LINEAGE = {
     "actuator_calibration": {"actuator_measurements"},
     "adapted_robot": {"actuator_calibration", "robot_model", "approved_limits"},
     "retargeted_motions": {"repaired_motions", "robot_model"},
-    "augmented_motions": {"retargeted_motions", "robot_model", "approved_variants"},
-    "feasible_motions": {"augmented_motions", "adapted_robot", "approved_weights"},
+    "motion_variants": {"retargeted_motions", "robot_model", "approved_variants"},
+    "reference_motions": {"motion_variants", "adapted_robot"},
+    "tracking_policy": {"reference_motions", "adapted_robot"},
+    "augmented_motions": {"reference_motions", "tracking_policy", "adapted_robot"},
+    "feasible_motions": {"augmented_motions", "reference_motions", "adapted_robot", "approved_weights"},
     "expert_db": {"feasible_motions", "robot_model"},
     "amp_policy": {"expert_db", "adapted_robot", "approved_randomization"},
     "augmentation_ablation": {"expert_db", "adapted_robot"},
@@ -53,6 +56,9 @@ POLICY = (
     *("mujoco_validation", "cross_engine_validation", "webots_validation"),
 )
 """What is made of the database and asked of the policy."""
+
+TRACKING = ("motion_variants", "tracking_policy")
+"""What KP4 is made with beside clips that are named after motions."""
 
 MODEL = ("robot_model", "actuator_measurements", "actuator_calibration", "adapted_robot")
 """What is about the robot and no stage of motions."""
@@ -92,7 +98,7 @@ def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
     assert found["k9/retargeted_motions"] == {"repaired_motions", "k9/robot_model"}
     assert found["k9/expert_db"] == {"k9/feasible_motions", "k9/robot_model"}
     assert {key for key in found if key.startswith("k9/")} == {
-        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, "expert_db", *APPROVED[1:])
+        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, *TRACKING, "expert_db", *APPROVED[1:])
     } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
 
 
@@ -112,7 +118,7 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking
     }
-    others = ("raw_motions", *MODEL, *APPROVED, *FIELD, *POLICY, "expert_db")
+    others = ("raw_motions", *MODEL, *APPROVED, *FIELD, *POLICY, "tracking_policy", "expert_db")
     stages = [name for name in LINEAGE if name not in others]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
@@ -158,7 +164,7 @@ def _numbers(values: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
 @pytest.mark.parametrize(
     ("file", "least", "stale"),
     [
-        ("feasibility.yaml", 60, {"feasible_motions"}),
+        ("feasibility.yaml", 60, {"reference_motions", "feasible_motions"}),
         ("commands.yaml", 5, {"feasible_motions", "curation_feedback"}),
     ],
 )

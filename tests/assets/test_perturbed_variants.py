@@ -43,7 +43,7 @@ class Kp4:
 
     def make(self, wanted: AugmentSettings, entries: Sequence[Entry]) -> Manifest:
         function = partial(process, settings=wanted, robot=self.robot)
-        stage = Stage(name="augmented_motions", version="1", function=function, settings=settings.plain(wanted))
+        stage = Stage(name="motion_variants", version="1", function=function, settings=settings.plain(wanted))
         pool, log = ClipPool(backend="sequential"), logging.getLogger("test")
         return run_stage(stage, self.retargeted, self.store, pool, log, entries)
 

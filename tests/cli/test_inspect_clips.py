@@ -30,7 +30,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.Monkey
     entries = tuple(Entry(clip=name, blob=store.put_clip(each), numbers={}) for name, each in clips.items())
     limits = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings)
     stage = Stage(name="feasible_motions", version="1", function=partial(process, settings=limits, robot=robot))
-    previous = Manifest(stage="augmented_motions", entries=entries, judged=())
+    previous = Manifest(stage="motion_variants", entries=entries, judged=())
     made = run_stage(stage, previous, store, ClipPool(backend="sequential"), logging.getLogger("test"))
     manifest, table = criteria_table.split(made, origins(settings.read_yaml(root / "data" / "feasibility.yaml")))
     store.save("feasible_motions", manifest)

@@ -13,7 +13,7 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.change import proposal_digest
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
-HEEDING = ("selected_motions", "augmented_motions", "feasible_motions", "adapted_robot")
+HEEDING = ("selected_motions", "motion_variants", "feasible_motions", "adapted_robot")
 """Assets that heed a section of what is approved."""
 
 

@@ -191,7 +191,7 @@ def test_a_window_is_held_against_the_same_times_of_the_reference(robot, referen
     [
         ({}, (0, 200)),
         ({"reference_frame": 60}, (60, 300)),
-        ({"reference_frame": 50, "stretch_start_s": 1.0}, (100, 300)),
+        ({"reference_frame": 50, "stretch_start_s": 1.0}, (50, 300)),  # the reference is a stretch of its variant
     ],
 )
 def test_a_rollout_of_kp4_is_held_against_the_frames_that_it_names(robot, reference, place, of_reference):
@@ -201,6 +201,22 @@ def test_a_rollout_of_kp4_is_held_against_the_frames_that_it_names(robot, refere
     assert found.name == "walk+rollout"
     np.testing.assert_array_equal(found.joint_pos, rollout.joint_pos)
     np.testing.assert_array_equal(found.root_pos_w, rollout.root_pos_w)
+
+
+def test_a_piece_of_a_rollout_has_its_place_in_the_reference_and_holds_when_it_is_judged_again(
+    robot, limits, reference
+):
+    bent = np.interp(np.arange(240), [40, 50, 60, 70], [0.0, 1.0, 1.0, 0.0])
+    rollout = _off(reference.cut(60, 300, "walk+1~rollout"), robot, "AAHead_yaw", 2.0 * bent)
+    numbers = {"reference": "walk+1", "reference_frame": 60, "stretch_start_s": 1.0}
+    references = {"walk+1": reference}.__getitem__
+    *_, last = process(rollout, numbers, settings=limits, robot=robot, references=references).pieces
+    start = 240 - last.clip.frame_count
+    assert start > 60
+    assert last.numbers["reference_frame"] == 60 + start
+    assert last.numbers["stretch_start_s"] == pytest.approx(1.0 + start / 50.0)
+    again = recheck(last.clip, last.numbers, settings=limits, robot=robot, references=references)
+    assert again.numbers["holds"]
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
