@@ -60,9 +60,12 @@ def process(
         rng = np.random.default_rng(_seed(clip, settings.seed, number))
         disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
         stretches = rollout(clip, plant, policy, settings.failure, disturbance, rng if number else None)
-        kept = _pieces(clip, stretches, number, disturbance, robot, settings)
+        kept = [
+            dataclasses.replace(piece, numbers={**numbers, **piece.numbers, **_place(piece.numbers, numbers)})
+            for piece in _pieces(clip, stretches, number, disturbance, robot, settings)
+        ]
         disturbed += len(kept) if number else 0
-        pieces += [dataclasses.replace(piece, numbers={**numbers, **piece.numbers}) for piece in kept]
+        pieces += kept
         if number == 0:
             reasons = [_reason(stretch) for stretch in stretches if stretch.failed]
             found = _figures(clip, stretches, robot)
@@ -113,6 +116,12 @@ def _pieces(
         }
         pieces.append(Piece(clip=motion, numbers=numbers))
     return pieces
+
+
+def _place(piece: Numbers, reference: Numbers) -> dict[str, Number]:
+    """Where a piece begins and ends in the clip that its reference is a piece of [s]."""
+    start_s = float(reference.get("stretch_start_s") or 0.0) + float(piece["reference_frame"] or 0) / CONTROL_HZ
+    return {"stretch_start_s": start_s, "stretch_stop_s": start_s + float(piece["seconds"] or 0.0)}
 
 
 def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:

@@ -40,6 +40,19 @@ def _save(project, asset, clips):
     project.store.save(asset, Manifest(stage=asset, entries=entries, judged=()))
 
 
+@pytest.mark.parametrize("asset", ["motion_variants", "reference_motions"])
+def test_variants_and_references_are_found_and_shown_as_the_last_asset_has_them(project, robot, asset):
+    machine = standing_robot(robot)
+    moved = dataclasses.replace(machine, root_pos_w=machine.root_pos_w + np.array([1.0, 0.0, 0.0]))
+    _save(project, asset, {"made/glide@10-39": (moved, {}), "made/glide@10-39~x0.9": (moved, {})})
+    (project.store.manifest_path("augmented_motions")).unlink()
+    found = clips_to_view(project, "made/glide@10-39~x0.9", robot, NOTHING_STATED)
+    assert found.names == ("made/glide@10-39~x0.9",)
+    shown = clips_to_view(project, "made/glide@10-39", robot, NOTHING_STATED).load("made/glide@10-39")
+    assert shown.robot_clip is not None
+    assert np.array_equal(shown.robot_clip.root_pos_w, moved.root_pos_w)
+
+
 @pytest.mark.parametrize("text", ["made/glide", "made/glide@", "made"])
 def test_a_recording_is_shown_as_the_robot_clips_made_from_it_and_the_rest_beside_them(project, robot, text):
     found = clips_to_view(project, text, robot, NOTHING_STATED)

@@ -33,6 +33,8 @@ CELL = "0.0 m/s, 0.4 m/s, 0.0 rad/s"
 LOG = "side_left_fall"
 PATIENCE_S = 600.0
 """Of a test on a busy machine. What must hold on any is in ticks of the sensor and in processor time."""
+ROLLED_OUT = ("motion_variants", "reference_motions", "augmented_motions")
+"""Stages in which each variant is worked on before KP5 judges its rollouts."""
 EVERY_S = 30.0
 """Between ticks of the sensors."""
 INGEST_S = 25.0
