@@ -123,7 +123,7 @@ class Checkout:
     def clips_from(self, motion: str) -> dict[str, int]:
         """How many clips of a motion file each clip stage was given."""
         store = Store(root=self.root / "data/store")
-        stages = [name for name in ASSETS if name.endswith(("_motions", "_catalog"))]
+        stages = [name for name in ASSETS if name.endswith(("_motions", "_catalog", "_variants"))]
         own = re.compile(rf"booster_lab/{re.escape(motion)}(@|$)")
         return {name: sum(bool(own.match(row.clip)) for row in store.load(name).judged) for name in stages}
 
