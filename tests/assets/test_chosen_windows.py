@@ -1,6 +1,7 @@
 """Approved seconds of a skill in KP1's result: more windows where the bound kept some out, else a sentence why not."""
 
 import dataclasses
+import html
 import logging
 import shutil
 from functools import partial
@@ -99,7 +100,7 @@ def test_where_the_bound_kept_windows_out_more_are_taken_exactly_up_to_the_new_o
         "walk: wanted 12 s by feedback, 16.0 s are there: "
         "1 more window, from 10.0 s (bound 10 s) to 12.0 s, 4.0 s left out"
     )
-    assert page["what feedback brought"].value == f"- {said}"
+    assert html.unescape(page["what feedback brought"].value) == f"- {said}"
     assert page["windows not taken"] == 2
     bound = brought(after)
     assert bound["reached"] and bound["said"] == said and not short_of_wanted(after.settings)
@@ -115,7 +116,7 @@ def test_where_the_bound_kept_none_out_the_same_windows_are_taken_and_that_is_sa
         "walk: wanted 2880 s by feedback, 16.0 s are there: "
         "no more windows to take, the bound of 2400 s cut none off; record more of it"
     )
-    assert page["what feedback brought"].value == f"- {said}"
+    assert html.unescape(page["what feedback brought"].value) == f"- {said}"
     assert not brought(after)["reached"] and short_of_wanted(after.settings) == (said,)
 
 
