@@ -18,8 +18,10 @@ LIBRARIES = ("numpy", "scipy", "mujoco", "pin", "placo", "pyarrow", "pandas")
 """Of every stage."""
 OWN_LIBRARIES = {
     "dart": ("dartpy",),
+    "expert": ("torch",),
     "export": ("onnx", "onnxruntime", "torch"),
     "learning": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
+    "tracking": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
     "training": ("mjlab", "mujoco-warp", "rsl-rl-lib", "torch", "warp-lang"),
 }
 """By package: those of the stages alone that name it. Another version of them leaves all other answers as they are."""

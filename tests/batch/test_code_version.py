@@ -15,6 +15,9 @@ NAMES |= {"rsl_rl": "rsl-rl-lib", "mujoco_warp": "mujoco-warp", "warp": "warp-la
 NAMES |= {"scipy": "scipy", "placo": "placo", "pinocchio": "pin", "pyarrow": "pyarrow", "pandas": "pandas"}
 """Libraries that compute answers: how they are imported -> how they are installed."""
 
+TRACKED = ("tracking_policy", "augmented_motions", "expert_db")
+"""Assets of the tracking package."""
+
 
 def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """The code version of every asset of the T1 where a library is another."""
@@ -31,9 +34,9 @@ def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[
     ("library", "stale"),
     [
         ("dartpy", {"cross_engine_validation", "limit_cycles"}),
-        ("torch", {"amp_policy", "augmentation_ablation", "exported_policy"}),
+        ("torch", {"amp_policy", "augmentation_ablation", "exported_policy", *TRACKED}),
         ("onnx", {"exported_policy"}),
-        ("mjlab", {"amp_policy", "augmentation_ablation"}),
+        ("mjlab", {"amp_policy", "augmentation_ablation", *TRACKED}),
         ("a library of nobody", set()),
     ],
 )
