@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import pickle
 import re
+import shlex
 import struct
 import zipfile
 import zlib
@@ -270,11 +271,10 @@ def load_torch(path: Path) -> Any:
 
 
 def converter(path: Path) -> str:
-    """How a person who trusts a pickle makes an archive of it."""
-    return (
-        'If you trust it, write its arrays into an archive: python -c "import pickle, numpy; '
-        f"numpy.savez('{path.stem}.npz', **pickle.load(open('{path.name}', 'rb')))\""
-    )
+    """How a person who trusts a pickle makes an archive of it. Names are quoted: a file's name is a stranger's text."""
+    names = f"{shlex.quote(path.name)} {shlex.quote(path.stem + '.npz')}"
+    code = "import pickle, sys, numpy; numpy.savez(sys.argv[2], **pickle.load(open(sys.argv[1], 'rb')))"
+    return f'If you trust it, write its arrays into an archive: python -c "{code}" {names}'
 
 
 def _short(error: Exception) -> str:

@@ -4,8 +4,10 @@ import io
 import os
 import pickle
 import resource
+import shlex
 import warnings
 import zlib
+from pathlib import Path
 
 import joblib
 import numpy as np
@@ -14,7 +16,7 @@ import torch
 
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers import Statement, read_motion
-from pipeline.readers.restricted_pickle import PickledArray, load_pickle, load_torch
+from pipeline.readers.restricted_pickle import PickledArray, converter, load_pickle, load_torch
 from tests.factories import motion_files as files
 from tests.readers import test_read_robot as robots
 
@@ -216,3 +218,10 @@ def test_a_robot_of_as_many_joints_in_another_order_is_not_taken_for_ours(tmp_pa
 
 def test_the_factory_of_motions_writes_what_was_meant(tmp_path):
     assert read_motion(files.smpl_npz(tmp_path / "clip.npz"), "clip").clip.frame_count == 20
+
+
+def test_a_files_name_stays_one_word_of_the_command_that_a_person_copies():
+    path = Path("/tmp/walk'); import os; os.system('echo run #.pkl")
+    words = shlex.split(converter(path).split("archive: ", 1)[1])
+    assert words[:2] == ["python", "-c"] and words[3:] == [path.name, f"{path.stem}.npz"]
+    assert "os.system" not in words[2]
