@@ -85,7 +85,8 @@ def test_what_failed_in_a_dropped_log_weighs_more_in_the_next_database(checkout,
         assert proposed["changes pending"] > 0
         approved.unlink()
         (checkout.root / "data/die_here").touch()
-        _approve(page, proposed["proposal"], "weights")
+        token = Project(checkout.root).approval_token.read_text()
+        _approve(page, proposed["proposal"], token, "weights")
         told = _wait_for(lambda: _told_of_approval(checkout))
         assert told["changes pending"] == proposed["changes pending"] - 1, "the page says so without another log"
         first, *again = _wait_for(lambda: _ended_well(checkout, "recurate"))
@@ -165,8 +166,8 @@ def _ended_well(checkout: Checkout, job: str) -> list[str]:
     return found if "SUCCESS" in found else []
 
 
-def _approve(page: WebUi, proposal: str, *sections: str) -> None:
-    approval = {"proposal": proposal, "by": "a person", "sections": list(sections)}
+def _approve(page: WebUi, proposal: str, token: str, *sections: str) -> None:
+    approval = {"proposal": proposal, "by": "a person", "token": token, "sections": list(sections)}
     assert page.launch("approve_feedback", {"ops": {"approve": {"config": approval}}}) == "SUCCESS"
 
 

@@ -120,20 +120,22 @@ def test_a_command_cell_changed_weighs_the_clips_anew_and_judges_none(materializ
     assert materialized.database() == database
 
 
-def test_a_limits_sentence_changed_or_the_table_of_verdicts_lost_makes_the_table_alone(materialized):
+def test_a_changed_explanation_of_a_limit_or_a_lost_table_of_verdicts_rewrites_the_table_and_judges_nothing(materialized):
     before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/feasibility.yaml"
     table = materialized.root / "data/store/manifests/feasible_motions.criteria.parquet"
     text, written = path.read_text(), table.read_bytes()
     path.write_text(text.replace("A fall is 60 degrees.", "A fall is more."))
     materialized.materialize()
-    assert materialized.recomputed()["feasible_motions"] == 0
+    assert set(materialized.recomputed().values()) == {0}
     assert table.read_bytes() != written
     path.write_text(text)
     table.unlink()
     materialized.materialize()
     made = {name: count - before[name] for name, count in materialized.counts().items() if count > before[name]}
-    assert made == {"feasible_motions": 2}
+    judging = ("reference_motions", "tracking_policy", "augmented_motions", "feasible_motions")
+    assert made == dict.fromkeys(judging, 2)
+    assert set(materialized.recomputed().values()) == {0}
     assert table.read_bytes() == written
     assert materialized.database() == database
 
