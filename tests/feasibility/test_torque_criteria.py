@@ -144,7 +144,9 @@ def test_of_a_rollout_no_contact_is_inferred(robot, limits, clip):
 
 def test_the_moments_in_which_a_motor_is_saturated_are_cut_out_and_the_forces_of_the_rest_go_on(robot, limits):
     clip = simulated_standing(robot, 4.0)
-    outcome = process(_saturated(clip, robot, "Right_Knee_Pitch", slice(90, 110)), {}, settings=limits, robot=robot)
+    too_long = round(limits.torque.saturation_run_s * clip.fps) + 1
+    middle = slice(80, 80 + too_long)
+    outcome = process(_saturated(clip, robot, "Right_Knee_Pitch", middle), {}, settings=limits, robot=robot)
     assert {reason.code for reason in outcome.reasons} == {"torque_saturation_run_s"}
     first, second = (piece.clip for piece in outcome.pieces)
     assert isinstance(first, RobotClip) and isinstance(second, RobotClip)
