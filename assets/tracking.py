@@ -28,6 +28,12 @@ from pipeline.files import digest, settings
 
 TRAINED, SHIPPED = "trained here", "ships with the project"
 
+BEFORE_AND_AFTER = (
+    *("slip_before_m_s", "slip_after_m_s", "penetration_before_m", "penetration_after_m"),
+    *("jerk_before_rad_s3", "jerk_after_rad_s3", "saturated_after", "contact_changed", "touchdown_shift_s"),
+)
+"""Columns of the table of what simulation changed (pipeline/tracking/before_after.py)."""
+
 TRACKED_SHARE = 0.8
 """A skill is one that the tracker follows where it survives so many of the skill's other references."""
 
@@ -223,7 +229,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         from pipeline.robot import load_robot
         from pipeline.tracking.process import process
         from pipeline.tracking.settings import TrackingSettings
-        from pipeline.viewing.tracking_plots import tracking_errors, worst_tracked
+        from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
 
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
         robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
@@ -239,6 +245,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         metadata |= tracking_metadata(manifest)
         if manifest.entries:
             metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
+            metadata["before and after simulation"] = picture(before_and_after(tracked_references(manifest)))
             metadata["worst tracked, when they fail"] = picture(
                 worst_tracked(manifest, reference_motions, PROJECT.store, robot)
             )
@@ -249,13 +256,13 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
 
 def tracking_metadata(manifest: Manifest) -> dict[str, Any]:
     """Figures of the nominal rollouts, and the share of disturbed ones that reached their end."""
-    rows = [{"clip": row.clip, **row.numbers} for row in manifest.judged if "survived" in row.numbers]
-    if not rows:
+    worst = tracked_references(manifest)
+    if worst.empty:
         return {"references tracked": 0}
+    rows = worst.to_dict("records")
     disturbed = [entry.numbers for entry in manifest.entries if entry.numbers["rollout"] > 0]
     asked = sum(int(row["rollouts"]) - 1 for row in rows)
     complete = sum(bool(numbers["survived"]) for numbers in disturbed)
-    worst = pd.DataFrame(sorted(rows, key=lambda row: -row["worst_body_error_m"]))
     columns = ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
     return {
         "references tracked": f"{sum(bool(row['survived']) for row in rows)} of {len(rows)} to the last frame",
@@ -263,7 +270,14 @@ def tracking_metadata(manifest: Manifest) -> dict[str, Any]:
         "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
         "disturbed rollouts": f"{complete} of {asked} to the last frame",
         "references, the worst first": table_of(worst, columns),
+        "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
     }
+
+
+def tracked_references(manifest: Manifest) -> pd.DataFrame:
+    """One row a reference that was rolled out, the worst followed first."""
+    rows = [{"clip": row.clip, **row.numbers} for row in manifest.judged if "survived" in row.numbers]
+    return pd.DataFrame(sorted(rows, key=lambda row: (-row["worst_body_error_m"], row["clip"])))
 
 
 def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manifest:

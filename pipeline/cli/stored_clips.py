@@ -19,9 +19,12 @@ from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.human_figure import mirrored
 from pipeline.viewing.playlist import Playlist, Shown
 
+REFERENCES = "reference_motions"
+"""The asset whose clips are tracked."""
+
 HUMAN_ASSETS = ("motion_catalog", "selected_motions", "repaired_motions")
 ROBOT_ASSETS = (
-    *("retargeted_motions", "motion_variants", "reference_motions"),
+    *("retargeted_motions", "motion_variants", REFERENCES),
     *("augmented_motions", "feasible_motions"),
 )
 """Assets in the order of the graph; a clip is shown as the last one that has it left it."""
@@ -43,6 +46,8 @@ class _Shelf:
     store: Store
     human: dict[str, Entry]
     robot: dict[str, Entry]
+    references: dict[str, Entry]
+    """What rollouts tracked."""
     said: dict[str, list[dict[str, Any]]]
     """Clip -> reasons of the stages that took it in."""
 
@@ -54,10 +59,22 @@ class _Shelf:
         return Shown(
             name=name,
             human=human,
+            reference=self._reference(entry, result),
             robot_clip=result if isinstance(result, RobotClip) else None,
             robot=robot,
             text=_text(shown.numbers, self.said.get(name, [])),
         )
+
+    def _reference(self, entry: Entry | None, rollout: Any) -> RobotClip | None:
+        """The frames of its reference that a rollout tracked; None of a clip that is no rollout."""
+        if entry is None or not isinstance(rollout, RobotClip) or not entry.numbers.get("reference"):
+            return None
+        tracked = self.references.get(str(entry.numbers["reference"]))
+        clip = self.store.get_clip(tracked.blob, tracked.clip) if tracked is not None else None
+        if not isinstance(clip, RobotClip):
+            return None
+        start = int(entry.numbers.get("reference_frame") or 0)
+        return clip.cut(start, start + rollout.frame_count, clip.name)
 
     def _human(self, name: str, result: Any) -> HumanClip | None:
         """The human that a robot clip came from, in the same mirror and at the same playing speed."""
@@ -106,7 +123,8 @@ def _shelf(store: Store, robot: str) -> _Shelf:
         shelf.update({entry.clip: entry for entry in manifest.entries})
         for row in manifest.judged:
             said.setdefault(row.clip, []).extend(row.reasons)
-    return _Shelf(store=store, human=human, robot=machine, said=said)
+    references = {entry.clip: entry for entry in _manifest(store, f"{prefix}{REFERENCES}").entries}
+    return _Shelf(store=store, human=human, robot=machine, references=references, said=said)
 
 
 def _manifest(store: Store, asset: str) -> Manifest:

@@ -1,4 +1,4 @@
-"""`booster-lab view CLIP`: the human and the robot side by side, playing in a browser or as a picture."""
+"""`booster-lab view CLIP`: human, reference and robot side by side, playing in a browser or as a picture."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         description="Play a clip in the browser, the human and the robot side by side. CLIP is a motion file (it is "
         "repaired and retargeted first), a clip of the database (data/expert_db/t1/….json), or the name of a clip that "
         "the graph has made, such as booster_lab/walk or booster_lab/walk@0-300~mirror; with the name of a whole "
-        "recording, all that was made from it can be chosen in the browser.",
+        "recording, all that was made from it can be chosen in the browser. A rollout (…~rollout) plays beside the "
+        "reference that it tracks.",
     )
     parser.add_argument("clip", metavar="CLIP", help="motion file, clip of the database, or name of a clip")
     parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
@@ -66,8 +67,11 @@ def picture(clips: Playlist, robot: Robot, count: int) -> bytes:
     """A contact sheet of the clip, or of the first clips where the name means several."""
     shown = [clips.load(name) for name in clips.names[:MOST_STRIPS]]
     if len(shown) == 1:
-        return contact_sheet(shown[0].human, shown[0].robot_clip, robot, count)
-    strips = [Strip(title=each.name, human=each.human, robot_clip=each.robot_clip) for each in shown]
+        (only,) = shown
+        return contact_sheet(only.human, only.robot_clip, robot, count, only.reference)
+    strips = [
+        Strip(title=each.name, human=each.human, reference=each.reference, robot_clip=each.robot_clip) for each in shown
+    ]
     return worst_clips_sheet(strips, robot, count)
 
 

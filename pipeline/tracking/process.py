@@ -14,6 +14,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.tracking.before_after import before_after
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
 from pipeline.tracking.errors import tracking_error
 from pipeline.tracking.rollout import Plant, TrackedStretch, rollout
@@ -125,13 +126,14 @@ def _place(piece: Numbers, reference: Numbers) -> dict[str, Number]:
 
 
 def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot) -> dict[str, Number]:
-    """How well the nominal rollout follows, failing stretches included."""
-    parts = [
-        tracking_error(stretch.clip, clip.cut(stretch.start, stretch.stop, clip.name), robot) for stretch in stretches
-    ]
+    """How well the nominal rollout follows, failing stretches included; what the longest stretch changed."""
+    references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
+    parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
     body, joint = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint"))
     first = stretches[0]
+    longest = max(range(len(stretches)), key=lambda index: references[index].frame_count)
     return {
+        **before_after(references[longest], stretches[longest].clip, robot),
         "survived": len(stretches) == 1 and not first.failed,
         "followed_s": (first.stop - first.start) / CONTROL_HZ,
         "body_error_m": float(body.mean()),

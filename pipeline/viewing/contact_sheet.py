@@ -1,4 +1,5 @@
-"""Poses along a clip in one picture: the human above, the robot below, at the same times and the same scale.
+"""Poses along a clip in one picture: human, a rollout's reference, robot, one below the other, at the same times and
+scale.
 
 Seen from the front right, turned so that the clip starts facing to the right; every pose is moved to its own place, so
 only height, posture and turning are shown, not the path. The ground is the grey sheet at z = 0; a shoe is green while
@@ -51,20 +52,30 @@ class Strip:
 
     title: str
     human: HumanClip | None = None
+    reference: RobotClip | None = None
+    """What a rollout tracked."""
     robot_clip: RobotClip | None = None
     note: str = ""
     """Why it is shown, cut after two lines."""
 
 
-def contact_sheet(human: HumanClip | None, robot_clip: RobotClip | None, robot: Robot | None, poses: int = 8) -> bytes:
-    """PNG of `poses` poses from the first frame to the last of a human clip, of a robot clip or of both.
+def contact_sheet(
+    human: HumanClip | None,
+    robot_clip: RobotClip | None,
+    robot: Robot | None,
+    poses: int = 8,
+    reference: RobotClip | None = None,
+) -> bytes:
+    """PNG of `poses` poses from the first frame to the last of a human clip, of a robot clip or of both, and of what
+    a rollout tracked.
 
     `robot` is the one that `robot_clip` is for. Raises ValueError when there is nothing to draw.
     """
     clip = robot_clip or human
     if clip is None:
         raise ValueError("a contact sheet needs a human clip or a robot clip")
-    return worst_clips_sheet([Strip(title=clip.name, human=human, robot_clip=robot_clip)], robot, poses, dots_per_m=105)
+    strip = Strip(title=clip.name, human=human, reference=reference, robot_clip=robot_clip)
+    return worst_clips_sheet([strip], robot, poses, dots_per_m=105)
 
 
 def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int = 8, dots_per_m: float = 70) -> bytes:
@@ -72,8 +83,9 @@ def worst_clips_sheet(strips: Sequence[Strip], robot: Robot | None, poses: int =
     drawn = _Drawing(poses * POSE_WIDTH, dots_per_m)
     for strip in strips:
         rows = [human_figure(strip.human)] if strip.human is not None else []
-        if strip.robot_clip is not None and robot is not None:
-            rows.append(robot_figure(strip.robot_clip, robot))
+        for clip, name in ((strip.reference, "reference"), (strip.robot_clip, "")):
+            if clip is not None and robot is not None:
+                rows.append(robot_figure(clip, robot, name))
         drawn.add_strip(strip, rows, robot, poses)
     return drawn.png()
 

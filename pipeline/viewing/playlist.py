@@ -15,10 +15,15 @@ from pipeline.viewing.robot_figure import robot_figure
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """The human and robot motion of one clip, with a common start time."""
+    """The human and robot motion of one clip, with a common start time.
+
+    A rollout is shown beside the reference that it tracked.
+    """
 
     name: str
     human: HumanClip | None = None
+    reference: RobotClip | None = None
+    """What a rollout tracked, frame for frame."""
     robot_clip: RobotClip | None = None
     robot: Robot | None = None
     """The robot that `robot_clip` is for."""
@@ -26,9 +31,13 @@ class Shown:
     """Its facts, in Markdown."""
 
     def figures(self) -> list[Figure]:
+        """Figures from left to right: human, reference, robot."""
         figures = [human_figure(self.human)] if self.human is not None else []
-        if self.robot_clip is not None and self.robot is not None:
-            figures.append(robot_figure(self.robot_clip, self.robot))
+        if self.robot is not None:
+            if self.reference is not None:
+                figures.append(robot_figure(self.reference, self.robot, name="reference"))
+            if self.robot_clip is not None:
+                figures.append(robot_figure(self.robot_clip, self.robot))
         return figures
 
 

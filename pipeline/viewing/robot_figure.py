@@ -22,8 +22,8 @@ _KIND = {
 }
 
 
-def robot_figure(clip: RobotClip, robot: Robot) -> Figure:
-    """The figure of a robot clip, placed by the robot's kinematics.
+def robot_figure(clip: RobotClip, robot: Robot, name: str = "") -> Figure:
+    """The figure of a robot clip, placed by the robot's kinematics; its name is the robot's unless one is given.
 
     Raises ClipError for a clip whose joints are not the robot's.
     """
@@ -33,7 +33,7 @@ def robot_figure(clip: RobotClip, robot: Robot) -> Figure:
     link = [robot.link(part.name) for part in parts]
     poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     return Figure(
-        name=robot.name,
+        name=name or robot.name,
         fps=clip.fps,
         parts=parts,
         pos_w=poses.pos_w[:, link],

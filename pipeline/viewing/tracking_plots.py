@@ -1,4 +1,4 @@
-"""Pictures of tracking: errors of all rollouts, and the worst-tracked references at the moment they fail."""
+"""Pictures of tracking: errors of all rollouts, what simulation changed, and the worst-tracked references."""
 
 from __future__ import annotations
 
@@ -9,12 +9,20 @@ from matplotlib.figure import Figure
 from pipeline.batch import Judged, Manifest, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
+from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
 from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.plots import png
 
 SHOWN_S = 1.0
 """A failing reference is shown from this long before the failure to this long after [s]."""
+
+PAIRS = (
+    ("slip_before_m_s", "slip_after_m_s", 100.0, "foot slip, 95th percentile [cm/s]"),
+    ("penetration_before_m", "penetration_after_m", 100.0, "penetration, largest [cm]"),
+    ("jerk_before_rad_s3", "jerk_after_rad_s3", 1.0, "jerk, mean [rad/s³]"),
+)
+"""Figures that a reference and its rollout both have: their columns, scale and label."""
 
 
 def tracking_errors(rollouts: pd.DataFrame) -> bytes:
@@ -38,6 +46,29 @@ def tracking_errors(rollouts: pd.DataFrame) -> bytes:
     return png(figure)
 
 
+def before_and_after(references: pd.DataFrame) -> bytes:
+    """PNG: slip, penetration and jerk of each reference against its nominal rollout's; saturation and contacts.
+
+    Args:
+        references: one row a reference with the figures of `pipeline.tracking.before_after`
+    """
+    columns = [name for before, after, _, _ in PAIRS for name in (before, after)]
+    figures = references[[*columns, "saturated_after", "touchdown_shift_s"]].astype(float)
+    figure = Figure(figsize=(15.0, 3.2), dpi=80, layout="constrained")
+    *pairs, saturation, timing = figure.subplots(1, 5)
+    for axes, (before, after, scale, label) in zip(pairs, PAIRS, strict=True):
+        values = scale * figures[[before, after]].to_numpy()
+        most = float(np.nanmax(values, initial=1e-6))
+        axes.plot([0.0, most], [0.0, most], color="#aaaaaa", linewidth=1.0)
+        axes.scatter(values[:, 0], values[:, 1], s=8.0, alpha=0.5)
+        axes.set(xlabel=f"reference: {label}", ylabel="rollout")
+    saturation.hist(100.0 * figures["saturated_after"].dropna().to_numpy(), bins=20)
+    saturation.set(xlabel="rollout: saturation, worst joint [% of frames]", ylabel="references")
+    timing.hist(1000.0 * figures["touchdown_shift_s"].dropna().to_numpy(), bins=20)
+    timing.set(xlabel="touchdown later than the reference's [ms]", ylabel="references")
+    return png(figure)
+
+
 def worst_tracked(rollouts: Manifest, references: Manifest, store: Store, robot: Robot, most: int = 5) -> bytes:
     """PNG of the references that are tracked worst, around the moment they fail or are furthest off.
 
@@ -52,7 +83,7 @@ def worst_tracked(rollouts: Manifest, references: Manifest, store: Store, robot:
     for row in list(families.values())[:most]:
         clip = entry_clip(store, entries[row.clip])
         assert isinstance(clip, RobotClip)
-        failing = next((reason for reason in row.reasons if reason["code"] == "not_tracked"), None)
+        failing = next((reason for reason in row.reasons if reason["code"] == NOT_TRACKED), None)
         at_s = float(failing["stop_s"]) if failing else float(row.numbers.get("worst_at_s") or 0.0)
         start = max(int((at_s - SHOWN_S) * clip.fps), 0)
         stop = min(int((at_s + SHOWN_S) * clip.fps) + 1, clip.frame_count)

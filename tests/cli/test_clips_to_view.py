@@ -86,6 +86,21 @@ def test_a_variant_shows_the_human_in_the_same_mirror_and_speed_and_why_it_was_r
     assert "rejected: the knee needs 61 N m" in shown.text
 
 
+def test_a_rollout_is_shown_beside_the_frames_of_the_reference_that_it_tracked(project, robot):
+    reference = standing_robot(robot)
+    moving = reference.root_pos_w + np.arange(reference.frame_count)[:, None] * [0.01, 0.0, 0.0]
+    reference = dataclasses.replace(reference, root_pos_w=moving)
+    rollout = reference.cut(3, 13, "rollout")
+    _save(project, "reference_motions", {"made/glide@10-39": (reference, {})})
+    place = {"reference": "made/glide@10-39", "reference_frame": 3}
+    _save(project, "augmented_motions", {"made/glide@10-39~rollout+0": (rollout, place)})
+    clips = clips_to_view(project, "made/glide@10-39~rollout+0", robot, NOTHING_STATED)
+    shown = clips.load("made/glide@10-39~rollout+0")
+    np.testing.assert_allclose(shown.reference.root_pos_w, reference.root_pos_w[3:13])
+    assert [figure.name for figure in shown.figures()] == ["human", "reference", "t1"]
+    assert clips_to_view(project, "made/glide@10-39", robot, NOTHING_STATED).load("made/glide@10-39").reference is None
+
+
 def test_a_name_that_is_not_there_tells_what_comes_near(project, robot):
     with pytest.raises(PipelineError, match="neither a file nor a clip of the store; near it are: made/glide"):
         clips_to_view(project, "made/glyde", robot, NOTHING_STATED)

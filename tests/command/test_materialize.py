@@ -120,7 +120,9 @@ def test_a_command_cell_changed_weighs_the_clips_anew_and_judges_none(materializ
     assert materialized.database() == database
 
 
-def test_a_changed_explanation_of_a_limit_or_a_lost_table_of_verdicts_rewrites_the_table_and_judges_nothing(materialized):
+def test_a_changed_explanation_of_a_limit_or_a_lost_table_of_verdicts_rewrites_the_table_and_judges_nothing(
+    materialized,
+):
     before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/feasibility.yaml"
     table = materialized.root / "data/store/manifests/feasible_motions.criteria.parquet"

@@ -66,6 +66,19 @@ def test_the_scene_has_a_node_for_each_part_and_each_primitive(viewer):
     assert len(names) == len(set(names)) == sum(len(p.shapes) for f in viewer.figures for p in f.figure.parts)
 
 
+def test_human_reference_and_rollout_stand_side_by_side(robot):
+    clip = standing_robot(robot)
+    shown = Shown(name="rollout", human=gliding_human(), reference=clip, robot_clip=clip, robot=robot)
+    viewer = Viewer(Playlist(names=("rollout",), load=lambda name: shown), port=8080)
+    try:
+        viewer.step(0.0)
+        assert [figure.figure.name for figure in viewer.figures] == ["human", "reference", "t1"]
+        places = [figure._place[1] for figure in viewer.figures]
+        assert places == sorted(places, reverse=True) and len(set(places)) == 3
+    finally:
+        viewer.stop()
+
+
 def test_a_seek_moves_every_part_to_its_pose_at_that_time(viewer):
     viewer.clip.value = "both"
     viewer.step(0.0)

@@ -1,0 +1,75 @@
+"""What simulation changed: the same figures of a reference and of the rollout that tracks it, and how contacts moved.
+
+A reference has no torques, so saturation is the rollout's alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool
+
+from pipeline import time_series
+from pipeline.clips.outcome import Number
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.quality.foot_slip import lowest_corner_slip
+from pipeline.quality.retargeting import joint_jerk
+from pipeline.quality.sole import sole_motion
+from pipeline.robot import Robot
+
+AT_LIMIT = 0.99
+"""A motor is saturated above this share of its torque limit, as in data/feasibility.yaml."""
+
+MATCHED_S = 0.2
+"""A touchdown of a rollout belongs to one of its reference that is at most this far away [s]."""
+
+
+def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict[str, Number]:
+    """Figures of a rollout and of the same frames of its reference; None where there is nothing to measure.
+
+    `slip_*_m_s`: 95th percentile of the horizontal speed of the lowest sole corner of feet in contact
+    `penetration_*_m`: largest depth of a sole corner below the ground
+    `jerk_*_rad_s3`: mean over frames and controlled joints of the absolute third difference
+    `saturated_after`: share of frames at the torque limit, of the joint that has most
+    `contact_changed`: share of foot-frames whose contact differs from the reference's label
+    `touchdown_shift_s`: mean of how much later (or earlier, below 0) the rollout's feet touch down
+    """
+    found: dict[str, Number] = {}
+    for when, clip in (("before", reference), ("after", rollout)):
+        sole = sole_motion(clip, robot)
+        slip = None if clip.contacts is None else lowest_corner_slip(sole, clip.contacts).p95
+        found[f"slip_{when}_m_s"] = slip
+        found[f"penetration_{when}_m"] = max(0.0, -float(sole.height.min()))
+        found[f"jerk_{when}_rad_s3"] = joint_jerk(clip, robot.controlled)
+    found["saturated_after"] = _saturated(rollout, robot)
+    found["contact_changed"], found["touchdown_shift_s"] = None, None
+    if reference.contacts is not None and rollout.contacts is not None:
+        found["contact_changed"] = float(np.mean(reference.contacts != rollout.contacts))
+        shifts = touchdown_shifts(reference.contacts, rollout.contacts, rollout.fps)
+        found["touchdown_shift_s"] = float(np.mean(shifts)) if shifts else None
+    return found
+
+
+def touchdown_shifts(reference: Bool[np.ndarray, "t 2"], rollout: Bool[np.ndarray, "t 2"], fps: float) -> list[float]:
+    """How much later the rollout touches down than its reference [s], for each touchdown of the reference that one of
+    the rollout's is near to."""
+    shifts: list[float] = []
+    for side in range(2):
+        wanted, found = (_touchdowns(contacts[:, side]) for contacts in (reference, rollout))
+        for frame in wanted:
+            away = (found - frame) / fps
+            near = away[np.abs(away) <= MATCHED_S]
+            if len(near):
+                shifts.append(float(near[np.argmin(np.abs(near))]))
+    return shifts
+
+
+def _touchdowns(contact: Bool[np.ndarray, " t"]) -> np.ndarray:
+    """First frame of each contact that begins within the clip."""
+    return np.array([start for start, _ in time_series.runs(contact) if start > 0], dtype=int)
+
+
+def _saturated(rollout: RobotClip, robot: Robot) -> float | None:
+    if rollout.forces is None:
+        return None
+    at_limit = np.abs(rollout.forces.joint_torque) > AT_LIMIT * robot.torque_limit
+    return float(at_limit.mean(axis=0).max())
