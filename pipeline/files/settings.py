@@ -7,7 +7,9 @@ The safe loader alone is not enough: duplicate keys, anchors and aliases are ref
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import functools
 import re
 import types
 import typing
@@ -76,15 +78,22 @@ def read_yaml(path: Path) -> Any:
     if path.stat().st_size > MAX_BYTES:
         raise SettingsError(path, f"the file is larger than {MAX_BYTES} bytes.")
     try:
-        loader = _StrictLoader(path.read_text())
-        try:
-            return loader.get_single_data()
-        finally:
-            loader.dispose()
+        return copy.deepcopy(_parsed(path.read_text()))
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error)
         raise SettingsError(path, f"{' '.join(problem.split())}.", line=mark.line + 1 if mark else None) from error
+
+
+@functools.lru_cache(maxsize=64)
+def _parsed(text: str) -> Any:
+    """The value of a text. One text is parsed once in a process: the stages of the graph share their settings files,
+    and YAML is slow."""
+    loader = _StrictLoader(text)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
 
 
 def read(path: Path, kind: type[T]) -> T:

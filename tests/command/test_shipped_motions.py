@@ -14,10 +14,13 @@ pytestmark = pytest.mark.command
 
 @pytest.fixture(scope="module")
 def shipped(root, tmp_path_factory) -> Checkout:
-    """A checkout with all shipped motions, materialized by the README's command."""
+    """A checkout with all shipped motions, materialized by the README's command.
+
+    It need not repeat what `make expert_db` did here, as CI does before the tests.
+    """
     names = tuple(path.stem for path in (root / "data/motions").glob("*.bvh"))
-    checkout = Checkout.make(root, tmp_path_factory.mktemp("shipped"), names)
-    checkout.materialize()
+    checkout = Checkout.make(root, tmp_path_factory.mktemp("shipped"), names).with_answers_of(root)
+    checkout.materialize(timeout_s=1200.0)
     return checkout
 
 

@@ -53,7 +53,19 @@ class Checkout:
                 shutil.copy2(source, root / name)
         return Checkout(root)
 
-    def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    def with_answers_of(self, project: Path) -> "Checkout":
+        """This checkout with links to the blobs and answers in the store of `project`, where it has one.
+
+        Answers are found by the digests of code, settings and clip, so equal code finds them and other code works
+        afresh. Blobs are replaced, never written into, so a link is as good as a copy.
+        """
+        for folder in ("blobs", "memo"):
+            source = project / "data/store" / folder
+            if source.is_dir():
+                shutil.copytree(source, self.root / "data/store" / folder, copy_function=os.link)
+        return self
+
+    def run(self, *command: str, timeout_s: float = 300.0, **environment: str) -> subprocess.CompletedProcess[str]:
         """A command typed in the root with the project's environment active."""
         return subprocess.run(
             command,
@@ -62,7 +74,7 @@ class Checkout:
             capture_output=True,
             text=True,
             check=False,
-            timeout=300,
+            timeout=timeout_s,
         )
 
     def environment(self) -> dict[str, str]:
@@ -83,9 +95,10 @@ class Checkout:
             start_new_session=True,
         )
 
-    def materialize(self, **environment: str) -> str:
+    def materialize(self, timeout_s: float = 300.0, **environment: str) -> str:
         """The literal command of the README; what it printed. It must succeed."""
-        done = self.run("dagster", "asset", "materialize", "--select", "expert_db", **environment)
+        command = ("dagster", "asset", "materialize", "--select", "expert_db")
+        done = self.run(*command, timeout_s=timeout_s, **environment)
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
         return done.stdout + done.stderr
 
