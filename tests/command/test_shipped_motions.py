@@ -32,9 +32,9 @@ def sidecars(root) -> dict[str, dict]:
 
 @pytest.fixture(scope="module")
 def index(shipped) -> pd.DataFrame:
-    """The database's index, without variants."""
+    """The database's index, of each motion its undisturbed rollout alone, without variants."""
     table = pd.read_parquet(shipped.root / "data/expert_db/t1/index.parquet")
-    return table[table["variant"] == "original"]
+    return table[(table["variant"] == "original") & (table["rollout"] == 0)]
 
 
 def stages(checkout: Checkout) -> dict[str, Manifest]:
