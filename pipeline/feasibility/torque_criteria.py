@@ -18,10 +18,8 @@ from pipeline.feasibility.over_time import odd_width, share_and_run, windowed_me
 from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
+from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot
-
-GRAVITY = 9.81
-"""[m/s^2]"""
 
 NO_FORCES = "no simulation recorded its forces"
 
