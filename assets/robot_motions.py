@@ -103,7 +103,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
     ):
         """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
         from pipeline.retarget import RetargetSettings
-        from pipeline.retarget.recording import onto_robot
+        from pipeline.retarget.process import onto_robot
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))

@@ -21,7 +21,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility.clip_criteria import likeness
 from pipeline.feasibility.criterion import groups
-from pipeline.retarget.report import numbers_of
+from pipeline.retarget.process import numbers_of
 from pipeline.robot import Robot, load_robot
 
 SIDES = ("Left", "Right")

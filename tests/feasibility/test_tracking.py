@@ -24,7 +24,7 @@ from pipeline.readers import FileStatement, Source
 from pipeline.repair import RepairSettings
 from pipeline.repair import process as repair
 from pipeline.retarget import RetargetSettings
-from pipeline.retarget.recording import onto_robot
+from pipeline.retarget.process import onto_robot
 from pipeline.robot import Robot
 from pipeline.simulation.rollout import Rollout
 from tests.factories.robot_clips import standing
