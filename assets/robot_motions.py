@@ -206,8 +206,8 @@ def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
         index=False
     )
-    said = {"stage": COMMANDS, **settings.plain(commands)}
-    named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(said): said})
+    facts = {"stage": COMMANDS, **settings.plain(commands)}
+    named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})
     return named.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
 
 

@@ -82,7 +82,7 @@ class ExpertEntry:
     licence: str
     """Licence of the source, as it states it."""
     numbers: Mapping[str, Any] = field(default_factory=dict)
-    """What the stages said of the clip (flat, JSON types): quality and origin. Become columns of the index."""
+    """Numbers of the stages on the clip (flat, JSON types): quality and origin. Become columns of the index."""
     stages: Mapping[str, Any] = field(default_factory=dict)
     """Version, digest of the settings and settings of each stage it went through, as JSON types."""
 

@@ -77,7 +77,7 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
     """The manifest without its judgements, and the table of them, its texts as categories.
 
     Args:
-        manifest: what KP5 said of each clip, judgements among the numbers
+        manifest: KP5's findings on each clip, judgements among the numbers
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
     judged = tuple(
@@ -191,8 +191,8 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
 def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
     seconds = float(judged.numbers.get("seconds_in") or 0.0)
     plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
-    said = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
-    return {**plain, **said, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
+    facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
+    return {**plain, **facts, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
 
 
 def _stated(origin: Origin) -> float | None:
