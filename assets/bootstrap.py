@@ -1,7 +1,7 @@
-"""Bring what lies upstream of a run up to date, in a run of its own, before the run's first step.
+"""Bring the inputs of a run up to date, in a run of their own, before the run's first step.
 
-So `dagster asset materialize --select expert_db` means what it says, on a fresh clone and after any
-change: the history shows a second run with what was missing or stale.
+So `dagster asset materialize --select expert_db` is enough on a fresh clone and after any change: the history shows a
+second run with what was missing or stale.
 """
 
 import logging
@@ -17,9 +17,23 @@ from assets.sources import find_motions, remember_sources
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
 
+_GRAPH: list[dg.Definitions] = []
+
+
+def serve(graph: dg.Definitions) -> dg.Definitions:
+    """Remember the assembled graph, which `assets.definitions` hands over: nothing here imports what it is made of."""
+    _GRAPH[:] = [graph]
+    return graph
+
+
+def _graph() -> dg.Definitions:
+    if not _GRAPH:
+        raise RuntimeError("no graph was assembled in this process; import assets.definitions first")
+    return _GRAPH[0]
+
 
 def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """Every stale asset and why, upstream first; files from outside are looked at anew."""
+    """Every stale asset and why, upstream first; files from outside are read again."""
     return stale_reasons(instance, project, plans(project), _parents(), note_external(instance, project))
 
 
@@ -45,9 +59,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     if log:
         for key, why in stale.items():
             log.info(f"'{key.to_user_string()}' is brought up to date first: {why}")
-    from assets.definitions import defs
-
-    job = defs.resolve_implicit_global_asset_job_def()
+    job = _graph().resolve_implicit_global_asset_job_def()
     result = job.execute_in_process(
         instance=instance,
         asset_selection=list(stale),
@@ -65,11 +77,9 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
 
 def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
     """The assets that a run makes: those selected for it, or all of its job, as a sensor or a schedule asks for it."""
-    from assets.definitions import defs
-
     if run.asset_selection:
         return set(run.asset_selection)
-    return set(defs.resolve_job_def(run.job_name).asset_layer.executable_asset_keys)
+    return set(_graph().resolve_job_def(run.job_name).asset_layer.executable_asset_keys)
 
 
 def _cause(event: dg.DagsterEvent) -> str:
@@ -77,13 +87,11 @@ def _cause(event: dg.DagsterEvent) -> str:
     error = event.step_failure_data.error
     while error is not None and error.cause is not None:
         error = error.cause
-    return "no error was told" if error is None else error.message.split(": ", 1)[-1].strip()
+    return "no error was recorded" if error is None else error.message.split(": ", 1)[-1].strip()
 
 
 def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
-    from assets.definitions import defs
-
-    graph = defs.resolve_asset_graph()
+    graph = _graph().resolve_asset_graph()
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 

@@ -26,7 +26,7 @@ def chosen_windows(
     The manifest names the changes and what they brought; without changes it is as the curation alone makes it.
     """
     from pipeline.clips.outcome import Reason
-    from pipeline.feedback.wanted import wanted_seconds
+    from pipeline.feedback.approved import wanted_seconds
     from pipeline.selection import choose, raised_bounds
 
     rows, wanted = windows.entry_table(), wanted_seconds(curation, feedback)

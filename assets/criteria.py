@@ -21,7 +21,7 @@ def thresholds() -> dict[str, Origin]:
 def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str, Any]:
     """Write the table of a manifest that is about to be stored; what of it the asset's page shows."""
     from pipeline.feasibility import criteria_table
-    from pipeline.feasibility.criteria_summary import BY_CRITERION, MARGINS, by_criterion, worst_margins
+    from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criterion, worst_margins
 
     path = criteria_table.path_beside(PROJECT.store.manifest_path(plan.key.to_user_string()))
     criteria_table.write(path, table, manifest)

@@ -69,7 +69,7 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
 
 
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
-    from pipeline.feasibility.command_seconds import by_command
+    from pipeline.feasibility.command_space import by_command
     from pipeline.viewing.plots import command_seconds
 
     title = f"{manifest['robot']} expert database"

@@ -120,7 +120,7 @@ def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
     from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 
     values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-    found = coverage(index, values, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))
+    found = coverage(index, values.balance, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))
     axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")
     columns = ["axis", "low", "high", "seconds", "effective_seconds_before", "effective_seconds", "clips", "families"]
     return dg.AssetCheckResult(

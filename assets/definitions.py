@@ -6,6 +6,7 @@ import dagster as dg
 
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
+from assets.bootstrap import serve
 from assets.engine_assets import engine_assets
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
@@ -38,19 +39,21 @@ _assets: list[Any] = [
 for _robot in PROJECT.robots:
     _assets += [*robot_assets(_robot), *policy_assets(_robot), *validation_assets(_robot), *engine_assets(_robot)]
 
-defs = dg.Definitions(
-    assets=_assets,
-    jobs=[
-        ingest_logs,
-        recurate,
-        renew_feedback_page,
-        approve_feedback,
-        take_back_feedback,
-        *training_jobs(PROJECT.robots),
-        *tracker_jobs(PROJECT.robots, {robot: named_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
-    ],
-    sensors=[hardware_log_sensor, approved_feedback_sensor],
-    schedules=[nightly_recuration],
-    resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
-    executor=dg.in_process_executor,
+defs = serve(
+    dg.Definitions(
+        assets=_assets,
+        jobs=[
+            ingest_logs,
+            recurate,
+            renew_feedback_page,
+            approve_feedback,
+            take_back_feedback,
+            *training_jobs(PROJECT.robots),
+            *tracker_jobs(PROJECT.robots, {robot: named_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
+        ],
+        sensors=[hardware_log_sensor, approved_feedback_sensor],
+        schedules=[nightly_recuration],
+        resources={"io_manager": StoreIOManager(), "clip_pool": ClipPoolResource()},
+        executor=dg.in_process_executor,
+    )
 )

@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any
 
 import dagster as dg
-import numpy as np
 
 from assets.plan import Plan, named_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
@@ -16,11 +15,7 @@ REALIZABLE = "realizability"
 WARN_ABOVE = 0.75
 """Held-out accuracy from which an adversarial discriminator has little to learn from."""
 OTHER_SEED = 1000
-"""Added to the seed of `data/tracking.yaml`: the same disturbances drawn anew."""
-REFERENCES = 60
-"""References of which a rollout under another seed is made ..."""
-SECONDS = 6.0
-"""... of this length at most [s]."""
+"""Added to the seed of `data/tracking.yaml`: the same kind of disturbances, drawn again."""
 
 
 def realizability_spec(plan: Plan) -> dg.AssetCheckSpec:
@@ -46,55 +41,28 @@ def realizability_check(plan: Plan, feasible: Manifest, pool: Any) -> tuple[dg.A
     return _result(plan, accuracy <= WARN_ABOVE, found), accuracy
 
 
-def measured(robot_name: str, feasible: Manifest, pool: Any, seed: int = 0) -> float:
-    """Held-out accuracy between clips of KP5 and rollouts of their references under another seed."""
+def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> float:
+    """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
     from pipeline.actuators import read_actuators, torque_envelope
-    from pipeline.expert.realizability import held_out_accuracy
+    from pipeline.expert.realizability import accuracy_against_rollouts
     from pipeline.robot import load_robot
+    from pipeline.tracking.process import process
     from pipeline.tracking.settings import TrackingSettings
 
     plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
-    robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
+    robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
     (facts,) = PROJECT.store.load(plans["tracking_policy"].key.to_user_string()).settings.values()
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed, disturbed=1, disturbed_variants=1)
-    known = {str(entry.numbers.get("reference") or entry.clip) for entry in feasible.entries}
-    entries = [entry for entry in references.entries if entry.clip in known]
-    chosen = np.random.default_rng(seed).permutation(len(entries))[:REFERENCES]
-    taken = [entries[index] for index in sorted(chosen)]
-    work = partial(
-        _disturbed,
+    rollout = partial(
+        process,
         settings=other,
         robot=robot,
-        envelope=envelope,
+        envelope=torque_envelope(read_actuators(folder)),
         tracker=PROJECT.root / facts["folder"] / "tracker.npz",
-        store=PROJECT.store,
     )
-    rollouts: dict[str, list[Any]] = {}
-    for entry, clips in zip(taken, pool.map(work, [(entry,) for entry in taken]), strict=True):
-        rollouts.setdefault(_family(entry.clip), []).extend(clips)
-    names = {entry.clip for entry in taken}
-    motions: dict[str, list[Any]] = {}
-    for entry in feasible.entries:
-        if str(entry.numbers.get("reference") or entry.clip) in names:
-            motions.setdefault(_family(entry.clip), []).append(PROJECT.store.get_clip(entry.blob, entry.clip))
-    return held_out_accuracy(motions, {name: clips for name, clips in rollouts.items() if clips}, robot, seed)
-
-
-def _disturbed(entry: Any, *, settings: Any, robot: Any, envelope: Any, tracker: Any, store: Any) -> list[Any]:
-    """The disturbed rollout of the first seconds of a reference, under the settings' seed."""
-    from pipeline.tracking.process import process
-
-    clip = store.get_clip(entry.blob, entry.clip)
-    part = clip.cut(0, min(clip.frame_count, round(SECONDS * clip.fps)), clip.name)
-    outcome = process(part, entry.numbers, settings=settings, robot=robot, envelope=envelope, tracker=tracker)
-    return [piece.clip for piece in outcome.pieces if piece.numbers["rollout"] == 1]
-
-
-def _family(clip: str) -> str:
-    """The source window that a clip comes from: its name before the first mark of a variant."""
-    return clip.split("~")[0]
+    return accuracy_against_rollouts(clips, references, rollout, robot, PROJECT.store, pool, seed)
 
 
 def _result(plan: Plan, passed: bool, found: str) -> dg.AssetCheckResult:

@@ -103,7 +103,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
     ):
         """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
         from pipeline.retarget import RetargetSettings
-        from pipeline.retarget.recording import onto_robot
+        from pipeline.retarget.process import onto_robot
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
@@ -120,16 +120,17 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
 
 def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Plan) -> Any:
     inputs = inputs_of(augmented_motions=rollouts, reference_motions=references, adapted_robot=adapted)
-    satisfied = dg.AssetCheckSpec(
-        "satisfies_its_own_file",
+    stored = dg.AssetCheckSpec(
+        "stored_as_evaluated",
         asset=plan.key,
         blocking=True,
-        description="Every clip that goes on, judged anew from its stored bytes, holds all of data/feasibility.yaml.",
+        description="Every accepted clip is in the store under the digest of its bytes, and reading and writing it "
+        "again gives the same bytes: what is stored is what was evaluated.",
     )
 
     @dg.asset(
         **declared_motions(plan, "mujoco", "5", inputs, "weights"),
-        check_specs=[*check_specs(plan), satisfied],
+        check_specs=[*check_specs(plan), stored],
     )
     @plainly
     def feasible_motions(
@@ -140,10 +141,10 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
+
         from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage, process
-        from pipeline.feasibility.command_seconds import by_command
+        from pipeline.feasibility.command_space import by_command
         from pipeline.feasibility.criteria_table import split
-        from pipeline.feasibility.recheck import recheck
         from pipeline.robot import load_robot
         from pipeline.selection import Curation
         from pipeline.viewing.plots import command_seconds, lost_seconds
@@ -155,14 +156,11 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
         candidates = candidate_motions(augmented_motions, reference_motions, kind)
         tracked = references_of(candidates, reference_motions)
-        judged_by = {"settings": values, "robot": robot, "references": tracked}
-        stage = stage_of(plan, partial(process, **judged_by), values, robot_files=robot.digest)
+        function = partial(process, settings=values, robot=robot, references=tracked)
+        stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
-        # Before the weights, which change with every other clip: what was judged anew once is known.
-        again = stage_of(plan, partial(recheck, **judged_by), values, name="recheck", robot_files=robot.digest)
-        judged = run_stage(again, manifest, PROJECT.store, clip_pool.pool(), context.log).judged
-        broken = [row.clip for row in judged if row.reasons]
+        damaged = [entry.clip for entry in manifest.entries if not PROJECT.store.round_trips(entry.blob)]
         manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
@@ -172,15 +170,15 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
-            cells = coverage(manifest.entry_table(), values, commands).cells
+            cells = coverage(manifest.entry_table(), values.balance, commands).cells
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
         check = dg.AssetCheckResult(
             asset_key=plan.key,
-            check_name=satisfied.name,
-            passed=not broken,
-            metadata={"found": ", ".join(broken) or f"{len(manifest.entries)} clips hold"},
+            check_name=stored.name,
+            passed=not damaged,
+            metadata={"found": ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"},
         )
         result = materialized(plan, manifest, metadata)
         return result._replace(check_results=[*result.check_results, check])
@@ -205,9 +203,11 @@ def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
     from pipeline.feasibility import balance
 
-    made = balance(manifest.entry_table(), values, commands)[["clip", "weight", "family"]].itertuples(index=False)
-    said = {"stage": COMMANDS, **settings.plain(commands)}
-    named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(said): said})
+    made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
+        index=False
+    )
+    facts = {"stage": COMMANDS, **settings.plain(commands)}
+    named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})
     return named.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
 
 

@@ -1,6 +1,6 @@
 """Which runs are alive: each holds a lock on a file of its own, which the system releases when its process dies.
 
-A killed run stays STARTED in Dagster's history for ever; here it is told failed by the next run.
+A killed run stays STARTED in Dagster's history for ever; the next run marks it as FAILURE.
 """
 
 import fcntl
@@ -34,12 +34,12 @@ def tell_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
     """Report as failed the started runs whose process is gone, and what they had started; their ids."""
     dead = {path.name for path in folder.glob("*") if not path.name.startswith(".") and _is_dead(path)}
     started = instance.get_runs(filters=dg.RunsFilter(statuses=[dg.DagsterRunStatus.STARTED]))
-    told = [run for run in started if run.run_id in dead or run.tags.get(BOOTSTRAP_TAG) in dead]
-    for run in told:
+    failed = [run for run in started if run.run_id in dead or run.tags.get(BOOTSTRAP_TAG) in dead]
+    for run in failed:
         instance.report_run_failed(run, "Its process died without a word; the last good version of every asset stays.")
     for run_id in dead:
         (folder / run_id).unlink(missing_ok=True)
-    return [run.run_id for run in told]
+    return [run.run_id for run in failed]
 
 
 def is_held(path: Path) -> bool:

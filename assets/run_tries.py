@@ -1,6 +1,6 @@
 """Runs that a sensor or a schedule asked for: is one at work, and how many in a row came to nothing.
 
-A run may die without a word, with its machine or by a kill. What holds its lock is at work; what is told to be at work
+A run may die silently, with its machine or by a kill. What holds its lock is at work; what is recorded as at work
 and holds none is not, once it had the time to take it.
 """
 
@@ -37,7 +37,7 @@ class Tries:
 def tries(
     instance: dg.DagsterInstance, project: Project, runs: dg.RunsFilter, in_vain: Callable[[dg.DagsterRun], bool]
 ) -> Tries:
-    """Look at the newest of some runs; those whose process is gone are told failed first.
+    """Look at the newest of some runs; those whose process is gone are marked as failed first.
 
     Args:
         in_vain: whether a run that is over came to nothing

@@ -17,7 +17,7 @@ def all_variants(retargeted: Manifest, values: Any, feedback: Sequence[Change], 
     A variant of a mirror image is of the mirrored skill, so the clips on the skill's other side are worked on too.
     """
     from pipeline.augment.mirror import mirror_skill
-    from pipeline.feedback.wanted import further_variants
+    from pipeline.feedback.approved import further_variants
 
     manifest = make(values, ())
     for skill, further in further_variants(feedback, values).items():

@@ -94,7 +94,7 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
 
 def _written(robot: str, one: Any, values: Any) -> Any:
     """The project's folder."""
-    from pipeline.robot.read import read_description
+    from pipeline.robot.load import read_description
     from pipeline.webots.project import write_project
 
     source = read_description(PROJECT.adapted_robot(robot))

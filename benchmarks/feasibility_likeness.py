@@ -19,8 +19,9 @@ from pipeline.batch import Store
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings
-from pipeline.feasibility.likeness_criteria import FIGURES, likeness
-from pipeline.retarget.report import numbers_of
+from pipeline.feasibility.clip_criteria import likeness
+from pipeline.feasibility.criterion import groups
+from pipeline.retarget.process import numbers_of
 from pipeline.robot import Robot, load_robot
 
 SIDES = ("Left", "Right")
@@ -47,7 +48,8 @@ def likeness_bars(project: Path, limits: FeasibilitySettings, seed: int, least: 
             if displacement(clip, planted, robot) >= MATTERS_M:
                 found[name].append(_broken(planted, human, robot, limits) - good[-1])
     bars = [rate(f"known good: retargeted clips ({len(good)}) that hold all", [not codes for codes in good], least)]
-    bars += [rate(f"known good: hold {code}", [code not in codes for codes in good]) for code in FIGURES]
+    figures = groups()["likeness to the person"]
+    bars += [rate(f"known good: hold {code}", [code not in codes for codes in good]) for code in figures]
     for name, each in found.items():
         bars.append(rate(f"found: {name} ({len(each)} planted)", [bool(codes) for codes in each], least))
         code = PLANTS[name][1]

@@ -11,9 +11,11 @@ import numpy as np
 from benchmarks.feasibility_faults import FAULTS, LABELS
 from benchmarks.feasibility_judge import NO_LABELS, TOLD_LABELS, WINDOW_S, Judged
 from benchmarks.report import Bar
-from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
-from pipeline.feasibility.judgement import FORCES
-from pipeline.feasibility.likeness_criteria import FIGURES
+from pipeline.feasibility import criterion
+from pipeline.feasibility.criterion import groups
+
+ELSEWHERE = ("tracking stability", "torque", "contact forces", "likeness to the person", "length")
+"""Groups of criteria that the walks are not checked against: other tables have them, and no forces are recorded."""
 
 LEAST = 98.0
 """Per cent of either kind that have to be judged rightly."""
@@ -34,8 +36,8 @@ def _counted(name: str, values: Sequence[bool]) -> Bar:
 def criteria() -> list[str]:
     """Codes of the criteria that a walk is held to, in their order. Tracking and likeness have tables of their own; of
     forces nothing is asked, as these walks are judged as recordings that have none."""
-    elsewhere = {*GROUPS["tracking stability"], *FORCES, *FIGURES, LENGTH}
-    return [code for code in GROUP_OF if code not in elsewhere]
+    elsewhere = {code for name in ELSEWHERE for code in groups()[name]}
+    return [code for code in criterion.codes() if code not in elsewhere]
 
 
 def known_good_bars(judged: list[Judged], codes: list[str]) -> list[Bar]:
@@ -74,7 +76,7 @@ def fault_bars(judged: list[Judged], asked: Collection[str] = ()) -> list[Bar]:
         group = group_of(fault)
         by_group[group] += each
         bars.append(_counted(f"found: {fault}", [bool(codes) for codes in each]))
-        bars.append(rate(f"    by {group}", [bool(codes & set(GROUPS[group])) for codes in each]))
+        bars.append(rate(f"    by {group}", [bool(codes & set(groups()[group])) for codes in each]))
         counts = Counter(code for codes in each for code in sorted(codes))
         bars += [rate(f"    by {code}", [code in codes for codes in each]) for code, _ in counts.most_common()]
     return bars + [bar for group, each in sorted(by_group.items()) for bar in _group_bars(group, each)]
@@ -93,6 +95,6 @@ def group_of(fault: str) -> str:
 
 def _group_bars(group: str, each: list[set[str]]) -> list[Bar]:
     """Of all plants that a group of criteria is made for: found by it, and by each criterion of it."""
-    own = set(GROUPS[group])
+    own = set(groups()[group])
     bars = [rate(f"{group}: found, of {len(each)} made for it", [bool(codes & own) for codes in each])]
-    return bars + [rate(f"    by {code}", [code in codes for codes in each]) for code in GROUPS[group]]
+    return bars + [rate(f"    by {code}", [code in codes for codes in each]) for code in groups()[group]]

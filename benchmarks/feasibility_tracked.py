@@ -17,16 +17,14 @@ from benchmarks.feasibility_rates import rate
 from benchmarks.report import Bar
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings
-from pipeline.feasibility.criteria import GROUPS
-from pipeline.feasibility.judgement import FOLLOWED
 from pipeline.feasibility.motion import motion_of
-from pipeline.feasibility.tracking_criteria import tracking
+from pipeline.feasibility.tracking_criteria import CRITERIA, tracking
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.events import Push
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked
 
-CODES = tuple(code for code in GROUPS["tracking stability"] if code != FOLLOWED)
+CODES = tuple(each.code for each in CRITERIA)
 SECONDS = 6.0
 MATTERS_M = 0.25
 """BeyondMimic's bound on the height of hands and feet, for the way of any body."""

@@ -24,7 +24,7 @@ from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import atomic
 from pipeline.robot import Robot
 from pipeline.robot.adapted import MotorLimits, adapted_description, write_robot_folder
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 TABLE = "actuators.csv"

@@ -1,4 +1,4 @@
-"""The reflection of a robot motion, and of what is said of it, in the plane y = 0."""
+"""The reflection of a robot motion, and of its numbers, in the plane y = 0."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def mirror_skill(skill: str) -> str:
 
 
 def mirror_numbers(numbers: Numbers) -> dict[str, Number]:
-    """What earlier stages said, as it holds for the mirrored clip."""
+    """Numbers of earlier stages, as they are for the mirrored clip."""
     mirrored = dict(numbers)
     for name in _ODD_NUMBERS:
         value = mirrored.get(name)

@@ -122,7 +122,7 @@ def _lowering(gait: Gait, course: Course, poses: LinkPoses, legs: tuple[Leg, Leg
 
 
 def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
-    """Contacts are the clip's, or by `contact` told from its soles where it has none."""
+    """Contacts are the clip's, or by `contact` inferred from its soles where it has none."""
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     hips = [int(leg.links[0]) for leg in legs_of(robot)]

@@ -58,7 +58,7 @@ class Strengths:
 
 
 def perturbed_numbers(numbers: Numbers, kind: str, strength: float) -> dict[str, Number]:
-    """What earlier stages said, as it holds for the variant, and the strength of each kind, neutral for the others.
+    """Numbers of earlier stages, as they are for the variant, and the strength of each kind, neutral for the others.
 
     Longer steps at the same cadence are faster in proportion. KP3's figures stay those of the original: they say how
     alike the human and the robot are where nothing was changed on purpose.

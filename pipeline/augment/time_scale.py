@@ -1,4 +1,4 @@
-"""A robot motion played slower or faster, and what is said of it."""
+"""A robot motion played slower or faster, and its numbers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
 
 
 def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
-    """What earlier stages said, as it holds at `scale` times the speed: speeds, seconds and jerk scale."""
+    """Numbers of earlier stages, as they are at `scale` times the speed: speeds, seconds and jerk scale."""
     scaled = dict(numbers)
     powers = {**dict.fromkeys(_SPEEDS, 1), "seconds": -1, "jerk_rad_s3": 3}
     for name, power in powers.items():

@@ -1,4 +1,4 @@
-"""The value of a stage: which clips go on, what was said of each input clip, with which settings."""
+"""The value of a stage: which clips are kept, the findings on each input clip, with which settings."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Entry:
     blob: str
     """Digest of its Parquet blob in the store."""
     numbers: dict[str, Any]
-    """What all stages so far said of it, later ones win."""
+    """Numbers of all stages so far; later ones override."""
     record: tuple[dict[str, Any], ...] = ()
     """What each stage did, in order: `{stage, version, settings (a digest), reasons}`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """What the stage said of one input clip."""
+    """Findings of the stage on one input clip."""
 
     clip: str
     pieces: tuple[str, ...]

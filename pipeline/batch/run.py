@@ -1,7 +1,7 @@
 """Run a stage over clips: ask the memo, work on the rest in parallel, gather a manifest.
 
 The memo's key is everything an answer depends on: stage code, settings, robot, the clip's bytes and
-what earlier stages said of it. So the same question is never worked on twice, in any run.
+the numbers of earlier stages. So the same question is never worked on twice, in any run.
 """
 
 from __future__ import annotations

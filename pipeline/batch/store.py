@@ -64,6 +64,14 @@ class Store:
         """The clip of a blob under a name."""
         return codec.decode(self.blobs.get(blob), name)
 
+    def round_trips(self, blob: str) -> bool:
+        """Whether a blob has the content that its name says, and the clip that is read from it encodes to its bytes."""
+        try:
+            data = self.blobs.get(blob)
+            return codec.encode(codec.decode(data, blob)) == data
+        except (FileError, codec.CodecError):
+            return False
+
     def recall(self, key: str) -> dict[str, Any] | None:
         """The remembered answer to a question, if all the blobs it names are still there and unchanged."""
         path = self._memo_path(key)

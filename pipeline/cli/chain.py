@@ -21,7 +21,7 @@ from pipeline.readers import ReadMotion, Source, Statement, read_motion
 from pipeline.repair import RepairSettings
 from pipeline.repair import process as repair
 from pipeline.retarget import RetargetSettings
-from pipeline.retarget.recording import onto_robot
+from pipeline.retarget.process import onto_robot
 from pipeline.robot import Robot
 from pipeline.selection import TRANSITION, Curation
 from pipeline.selection import process as select

@@ -12,7 +12,7 @@ from pipeline.deployment import deployment_task
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.robot import Robot, load_robot
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline import time_series
+from pipeline.clips.frames import Frames
 
 BODIES: tuple[str, ...] = (
     "pelvis",
@@ -67,7 +66,7 @@ def body(name: str) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HumanClip:
+class HumanClip(Frames):
     """World: right-handed, z up, the ground near z = 0. T frames, 19 bodies in the order of `BODIES`.
 
     Body frames are canonical for every skeleton: for a person standing upright and looking along +x
@@ -90,10 +89,6 @@ class HumanClip:
     def frame_count(self) -> int:
         return len(self.body_pos_w)
 
-    @property
-    def duration_s(self) -> float:
-        return self.frame_count / self.fps
-
     def pos(self, name: str) -> Float[np.ndarray, "t 3"]:
         """Positions of one body, world frame [m]."""
         return self.body_pos_w[:, _INDEX[name]]
@@ -101,27 +96,3 @@ class HumanClip:
     def quat(self, name: str) -> Float[np.ndarray, "t 4"]:
         """Orientations of one body, world frame, wxyz."""
         return self.body_quat_w[:, _INDEX[name]]
-
-    def cut(self, start: int, stop: int, name: str) -> HumanClip:
-        """Frames [start, stop) under a new name."""
-        return dataclasses.replace(
-            self,
-            name=name,
-            body_pos_w=self.body_pos_w[start:stop].copy(),
-            body_quat_w=self.body_quat_w[start:stop].copy(),
-            contacts=None if self.contacts is None else self.contacts[start:stop].copy(),
-        )
-
-    def resampled(self, fps: float) -> HumanClip:
-        """The same motion at another rate, by time; positions linearly, rotations by slerp, contacts from nearest."""
-        if fps == self.fps:
-            return self
-        times_s = time_series.resample_times(self.frame_count, self.fps, fps)
-        contacts = self.contacts
-        return dataclasses.replace(
-            self,
-            fps=fps,
-            body_pos_w=time_series.resample_linear(self.body_pos_w, self.fps, times_s),
-            body_quat_w=time_series.resample_quat(self.body_quat_w, self.fps, times_s),
-            contacts=None if contacts is None else time_series.resample_nearest(contacts, self.fps, times_s),
-        )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
+from pipeline.clips.frames import Frames
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class SimulatedForces:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotClip:
+class RobotClip(Frames):
     """T frames of a robot with J joints. World: right-handed, z up, ground at z = 0."""
 
     name: str
@@ -54,38 +54,6 @@ class RobotClip:
     @property
     def frame_count(self) -> int:
         return len(self.root_pos_w)
-
-    @property
-    def duration_s(self) -> float:
-        return self.frame_count / self.fps
-
-    def cut(self, start: int, stop: int, name: str) -> RobotClip:
-        """Frames [start, stop) under a new name."""
-        return dataclasses.replace(
-            self,
-            name=name,
-            root_pos_w=self.root_pos_w[start:stop].copy(),
-            root_quat_w=self.root_quat_w[start:stop].copy(),
-            joint_pos=self.joint_pos[start:stop].copy(),
-            contacts=None if self.contacts is None else self.contacts[start:stop].copy(),
-            forces=None if self.forces is None else self.forces.cut(start, stop),
-        )
-
-    def resampled(self, fps: float) -> RobotClip:
-        """The same motion at another rate, by time. Simulated forces belong to their own rate and are dropped."""
-        if fps == self.fps:
-            return self
-        times_s = time_series.resample_times(self.frame_count, self.fps, fps)
-        contacts = self.contacts
-        return dataclasses.replace(
-            self,
-            fps=fps,
-            root_pos_w=time_series.resample_linear(self.root_pos_w, self.fps, times_s),
-            root_quat_w=time_series.resample_quat(self.root_quat_w, self.fps, times_s),
-            joint_pos=time_series.resample_linear(self.joint_pos, self.fps, times_s),
-            contacts=None if contacts is None else time_series.resample_nearest(contacts, self.fps, times_s),
-            forces=None,
-        )
 
     def joint_vel(self) -> Float[np.ndarray, "t j"]:
         """Joint velocities [rad/s], central differences."""

@@ -10,11 +10,9 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.dart.skeleton import dart_skeleton, ground_skeleton
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.plant import PlantState
-
-GRAVITY = 9.81
-"""As in the MuJoCo models [m/s^2]."""
 
 
 class DartPlant:

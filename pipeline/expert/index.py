@@ -1,4 +1,4 @@
-"""`index.parquet`: a row a clip, its own facts first, then what the stages said of it."""
+"""`index.parquet`: a row a clip, its own facts first, then the numbers of the stages."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ RENAMED = {"file": "source_file", "file_sha256": "source_sha256"}
 
 def row(numbers: Mapping[str, Any], **own: Any) -> dict[str, Any]:
     """A clip's row. Its own facts win over numbers of the same name."""
-    said = {RENAMED.get(name, name): value for name, value in numbers.items()}
-    return {**said, **own, "licence_class": classify_licence(own["licence"]).label}
+    found = {RENAMED.get(name, name): value for name, value in numbers.items()}
+    return {**found, **own, "licence_class": classify_licence(own["licence"]).label}
 
 
 def encode(rows: list[dict[str, Any]]) -> bytes:

@@ -53,7 +53,7 @@ _PATTERNS = (
 """Looked for in this order, so that the strictest word of a licence decides."""
 
 _CREATIVE_COMMONS = re.compile(r"^cc[- ]by([- ]nc)?([- ](?:nd|sa))?\b")
-"""A text that begins with a Creative Commons name is that licence, whatever is said after it."""
+"""A text that begins with a Creative Commons name is that licence, whatever follows it."""
 
 _WHOLE_NAMES = {
     LicenceClass.PUBLIC_DOMAIN: ("cc0-1.0", "cc0", "unlicense", "public domain"),

@@ -7,12 +7,15 @@ discriminator then gives no useful signal (the two-sample test of Lopez-Paz and 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
+from pipeline.batch import ClipPool, Entry, Manifest, Store
+from pipeline.clips.outcome import Outcome
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot
@@ -25,10 +28,77 @@ HIDDEN = (256, 128)
 STEPS, BATCH, LEARNING_RATE = 400, 512, 1e-3
 TESTED_SHARE = 0.3
 """Share of the families that accuracy is measured on."""
+REFERENCES = 60
+"""References of which a rollout under another seed is made ..."""
+SECONDS = 6.0
+"""... of this length at most [s]."""
 
 
 class TooFewMotionsError(PipelineError):
     """Too few families of motions to hold some out."""
+
+
+def accuracy_against_rollouts(
+    clips: Manifest,
+    references: Manifest,
+    rollout: Callable[..., Outcome],
+    robot: Robot,
+    store: Store,
+    pool: ClipPool,
+    seed: int = 0,
+) -> float:
+    """Held-out accuracy between clips and rollouts of their references under another seed.
+
+    Args:
+        clips: whose numbers name the `reference`, or that are references themselves
+        references: motions that were tracked
+        rollout: `rollout(clip, numbers)` tracks a reference in simulation; its piece with `rollout` 1 is the disturbed
+            one. Must be importable
+        robot: that moves
+        store: with the motions of both manifests
+        pool: that the rollouts are spread over
+        seed: of the choice of references, of split, network and batches
+
+    Raises TooFewMotionsError.
+    """
+    known = {_reference(entry) for entry in clips.entries}
+    entries = [entry for entry in references.entries if entry.clip in known]
+    chosen = np.random.default_rng(seed).permutation(len(entries))[:REFERENCES]
+    taken = [entries[index] for index in sorted(chosen)]
+    made: dict[str, list[RobotClip]] = {}
+    work = partial(_disturbed, rollout=rollout, store=store)
+    for entry, found in zip(taken, pool.map(work, [(entry,) for entry in taken]), strict=True):
+        made.setdefault(_family(entry.clip), []).extend(found)
+    names = {entry.clip for entry in taken}
+    motions: dict[str, list[RobotClip]] = {}
+    for entry in clips.entries:
+        if _reference(entry) in names:
+            motions.setdefault(_family(entry.clip), []).append(_clip(entry, store))
+    return held_out_accuracy(motions, {name: found for name, found in made.items() if found}, robot, seed)
+
+
+def _disturbed(entry: Entry, *, rollout: Callable[..., Outcome], store: Store) -> list[RobotClip]:
+    """The disturbed rollout of the first seconds of a reference."""
+    clip = _clip(entry, store)
+    part = clip.cut(0, min(clip.frame_count, round(SECONDS * clip.fps)), clip.name)
+    pieces = rollout(part, entry.numbers).pieces
+    return [piece.clip for piece in pieces if piece.numbers["rollout"] == 1 and isinstance(piece.clip, RobotClip)]
+
+
+def _clip(entry: Entry, store: Store) -> RobotClip:
+    clip = store.get_clip(entry.blob, entry.clip)
+    assert isinstance(clip, RobotClip)
+    return clip
+
+
+def _reference(entry: Entry) -> str:
+    """The name of the reference that a clip tracked, or its own."""
+    return str(entry.numbers.get("reference") or entry.clip)
+
+
+def _family(clip: str) -> str:
+    """The source window that a clip comes from: its name before the first mark of a variant."""
+    return clip.split("~")[0]
 
 
 def held_out_accuracy(

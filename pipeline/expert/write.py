@@ -8,22 +8,67 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, PipelineError
 from pipeline.expert import history, index, manifest
-from pipeline.expert.file_name import file_name
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
-from pipeline.expert.loop_mode import loop_mode
 from pipeline.expert.read import check_database
 from pipeline.expert.settings import DatabaseSettings
 from pipeline.expert.swap import replace_folder
 from pipeline.files import digest
 from pipeline.robot import Robot
+
+MAX_JOINT_STEP = 0.05
+"""Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
+
+MAX_ROOT_STEP = 0.01
+"""Largest change of the root's height [m] and tilt [rad] over the seam (judgement: half a metre a second)."""
+
+
+def loop_mode(clip: RobotClip) -> str:
+    """`Wrap` where the frame after the last could be the first, else `Clamp`.
+
+    Held against each other: joints, root height and gravity in the root frame one frame after the end
+    (continued at the end's velocity), and the same at the start. Place and heading may differ.
+    """
+    if clip.frame_count < 3:
+        return "Clamp"
+    joints = 2.0 * clip.joint_pos[-1] - clip.joint_pos[-2] - clip.joint_pos[0]
+    height = 2.0 * clip.root_pos_w[-1, 2] - clip.root_pos_w[-2, 2] - clip.root_pos_w[0, 2]
+    down_b = rotation.rotate_inverse(clip.root_quat_w[[0, -2, -1]], np.array([0.0, 0.0, -1.0]))
+    tilt = np.linalg.norm(2.0 * down_b[2] - down_b[1] - down_b[0])
+    closes = np.max(np.abs(joints)) <= MAX_JOINT_STEP and abs(height) <= MAX_ROOT_STEP and tilt <= MAX_ROOT_STEP
+    return "Wrap" if closes else "Clamp"
+
+
+MAX_LENGTH = 150
+"""Longest stem; with suffix and a digest it stays below the 255 bytes that file systems take."""
+
+RESERVED = ("manifest",)
+"""Stems of the database's own JSON files."""
+
+
+def file_name(clip: str) -> str:
+    """A file name for a clip: readable, below no folder, and different for different clips.
+
+    `/` becomes `__`. Where a name has to be changed beyond that (other characters, length, a leading dot,
+    a `__` of its own) a digest of it is added, so that no two clips share a file; so it is for capitals, since
+    some file systems do not tell them from small letters.
+    """
+    plain = re.sub(r"[^a-zA-Z0-9._~@+-]", "_", clip.replace("/", "__")).lstrip(".") or "_"
+    kept = plain == clip.replace("/", "__") and "__" not in clip and plain == plain.lower()
+    if kept and len(plain) <= MAX_LENGTH and plain not in RESERVED:
+        return f"{plain}.json"
+    return f"{plain[:MAX_LENGTH]}-{digest.of_bytes(clip.encode())[:10]}.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +82,7 @@ class ExpertEntry:
     licence: str
     """Licence of the source, as it states it."""
     numbers: Mapping[str, Any] = field(default_factory=dict)
-    """What the stages said of the clip (flat, JSON types): quality and origin. Become columns of the index."""
+    """Numbers of the stages on the clip (flat, JSON types): quality and origin. Become columns of the index."""
     stages: Mapping[str, Any] = field(default_factory=dict)
     """Version, digest of the settings and settings of each stage it went through, as JSON types."""
 

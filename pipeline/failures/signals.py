@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.errors import PipelineError
 from pipeline.hardware_logs.trial import Trial
+from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot
-from pipeline.simulation.contact_wrench import GRAVITY
 
 WORK_HZ = 125.0
 """Rate at which kinematics are worked out: feet and trunk move slowly against 500 Hz."""

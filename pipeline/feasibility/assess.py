@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.feasibility import (
-    collision_criteria,
-    foot_criteria,
-    joint_criteria,
-    root_criteria,
-    torque_criteria,
-    tracking_criteria,
-)
-from pipeline.feasibility.command_seconds import command_seconds_text
+from pipeline.feasibility.command_space import command_seconds_text
+from pipeline.feasibility.criterion import MOTION, Result, Skipped, Verdict, results
 from pipeline.feasibility.gait_signature import gait_signature_text
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.settings import FeasibilitySettings
-from pipeline.feasibility.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +21,8 @@ class Assessment:
 
     motion: Motion
     verdicts: tuple[Verdict, ...]
+    skipped: tuple[Skipped, ...]
+    """Criteria that do not apply to it."""
 
     @property
     def holds(self) -> bool:
@@ -58,24 +53,12 @@ class Assessment:
 
 
 def assess(motion: Motion, settings: FeasibilitySettings) -> Assessment:
-    """Verdicts of all criteria, in a fixed order."""
-    joints, feet, root = settings.joints, settings.feet, settings.root
-    verdicts = (
-        joint_criteria.joint_limits(motion, joints),
-        *joint_criteria.joint_speeds(motion, joints),
-        joint_criteria.joint_acceleration(motion, joints, root.cutoff_hz),
-        *torque_criteria.recorded_forces(motion, settings.torque),
-        *foot_criteria.foot_slip(motion, feet),
-        *foot_criteria.gliding(motion, feet),
-        *foot_criteria.penetration(motion, feet),
-        foot_criteria.floating(motion, feet),
-        foot_criteria.flight(motion, feet),
-        *foot_criteria.label_disagreement(motion, feet),
-        *collision_criteria.collisions(motion, settings.collision),
-        *root_criteria.root_height(motion, root),
-        root_criteria.root_tilt(motion, root),
-        *root_criteria.root_speeds(motion, root),
-        root_criteria.root_jerk(motion, root),
-        *tracking_criteria.tracking(motion, settings.tracking),
-    )
-    return Assessment(motion=motion, verdicts=verdicts)
+    """Verdicts of all criteria of a motion, in a fixed order."""
+    verdicts, skipped = parted(tuple(results(motion, settings, MOTION)))
+    return Assessment(motion=motion, verdicts=verdicts, skipped=skipped)
+
+
+def parted(found: Sequence[Result]) -> tuple[tuple[Verdict, ...], tuple[Skipped, ...]]:
+    """Results with a number, and the others."""
+    verdicts = tuple(each for each in found if isinstance(each, Verdict))
+    return verdicts, tuple(each for each in found if isinstance(each, Skipped))

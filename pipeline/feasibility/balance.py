@@ -17,21 +17,21 @@ moment is no presence.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
 from pipeline.errors import PipelineError
-from pipeline.feasibility.balance_settings import BalanceSettings
-from pipeline.feasibility.command_cells import cell_of
-from pipeline.feasibility.command_seconds import by_command
-from pipeline.feasibility.command_settings import CommandSettings
+from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
 from pipeline.feasibility.gait_signature import families
-from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.feasibility.thresholds import MetresPerSecondCubed, Section
+from pipeline.files.ranges import POSITIVE, SHARE, Range
+from pipeline.files.sourced import Unit
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
-"""Columns that are looked at; `parent`, `command_seconds` and `gait_signature` too where they are there."""
-
+"""Columns that are read; `parent`, `command_seconds` and `gait_signature` too where they are there."""
 
 WITHIN_A_TAKE = r"@\d+-\d+|\+\d+"
 """Parts of a clip's name that tell windows and pieces of one take apart."""
@@ -40,11 +40,27 @@ MADE = ("weight", "cell", "family")
 """Columns that are added."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class BalanceSettings(Section):
+    """How feasible clips share the weight."""
+
+    cell_power: Annotated[float, Unit("-"), SHARE]
+    """0: every second weighs the same; 1: every cell weighs the same."""
+    max_ratio: Annotated[float, Unit("of the mean second"), Range(1.0)]
+    """Largest weight of a second over the mean weight of a second."""
+    same_gait: Annotated[float, Unit("rad"), Range(0.0, 1.0)]
+    """Motions whose gait signatures differ by less than this [rad, root mean square] share a part of a cell."""
+    smooth_jerk: MetresPerSecondCubed
+    """Mean jerk [m/s^3] at which a clip's weight is halved."""
+    missing_seconds: Annotated[float, Unit("s"), POSITIVE]
+    """A cell with less than this [s] is missing."""
+
+
 class BalanceError(PipelineError):
     """A table that weights can't be made of."""
 
 
-def balance(rows: pd.DataFrame, settings: FeasibilitySettings, commands: CommandSettings) -> pd.DataFrame:
+def balance(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> pd.DataFrame:
     """The rows with `weight` (MotionWeight: positive, finite, mean 1 over clips), `cell`, the one it is in for
     longest, and `family`, the name of the first motion of those it shares its part of a cell with.
 
@@ -55,14 +71,14 @@ def balance(rows: pd.DataFrame, settings: FeasibilitySettings, commands: Command
         return rows.assign(weight=pd.Series(dtype=float), cell=pd.Series(dtype=str), family=pd.Series(dtype=str))
     _check(rows)
     ordered = rows.sort_values("clip", kind="stable").reset_index(names="place")
-    ordered = ordered.assign(family=families(ordered, parents(ordered), settings.balance.same_gait))
+    ordered = ordered.assign(family=families(ordered, parents(ordered), settings.same_gait))
     spent = by_command(ordered)
     spent = spent.assign(cell=cell_of(spent, commands))
-    worth = _second_weight(spent, settings.balance) * spent["seconds"].to_numpy(dtype=float)
+    worth = _second_weight(spent, settings) * spent["seconds"].to_numpy(dtype=float)
     seconds = ordered["seconds"].to_numpy(dtype=float)
     mean_second = np.bincount(spent["row"], weights=worth, minlength=len(ordered)) / seconds
-    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].to_numpy(dtype=float) / settings.balance.smooth_jerk) ** 2)
-    second = _bounded(mean_second * smoothness, seconds, settings.balance.max_ratio)
+    smoothness = 1.0 / (1.0 + (ordered["root_jerk"].to_numpy(dtype=float) / settings.smooth_jerk) ** 2)
+    second = _bounded(mean_second * smoothness, seconds, settings.max_ratio)
     weight = pd.Series(second * seconds / np.mean(second * seconds), index=ordered["place"])
     longest = spent.groupby(["row", "cell"])["seconds"].sum().groupby("row").idxmax()
     cell = pd.Series([name for _, name in longest], index=ordered["place"])
@@ -86,10 +102,10 @@ def _second_weight(spent: pd.DataFrame, limits: BalanceSettings) -> np.ndarray:
 
 def parents(rows: pd.DataFrame) -> pd.Series:
     """The motion each clip is a variant or a piece of: its `parent`, or its name up to `~` or `+`."""
-    said = rows["parent"] if "parent" in rows else pd.Series(index=rows.index, dtype=object)
+    parent_of = rows["parent"] if "parent" in rows else pd.Series(index=rows.index, dtype=object)
     names = [
         re.split(r"[~+]", clip, maxsplit=1)[0] if pd.isna(parent) else parent
-        for clip, parent in zip(rows["clip"], said, strict=True)
+        for clip, parent in zip(rows["clip"], parent_of, strict=True)
     ]
     return pd.Series(names, index=rows.index)
 

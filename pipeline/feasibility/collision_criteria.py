@@ -1,15 +1,35 @@
-"""The criterion of self-collision."""
+"""The criteria of self-collision."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from pipeline.feasibility.criterion import Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.settings import CollisionSettings
-from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.thresholds import Metres, Section, ShareOfFrames
 from pipeline.simulation.self_collision import self_collision
 
+GROUP = "self-collision"
 
+
+@dataclass(frozen=True, kw_only=True)
+class CollisionSettings(Section):
+    """The robot against itself."""
+
+    depth: Metres
+    """Deepest overlap of two shapes [m]."""
+    contact_depth: Metres
+    """An overlap deeper than this [m] counts for the share."""
+    share: ShareOfFrames
+    """Largest share of frames with such an overlap."""
+
+
+@criterion(
+    Criterion("self_collision_depth", GROUP, "collision.depth", "m", "deepest overlap of two collision shapes"),
+    Criterion("self_collision_share", GROUP, "collision.share", "of frames", "share of frames with an overlap"),
+)
 def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Verdict]:
     """Deepest overlap of two of the robot's shapes, and the share of frames with one that counts."""
     found = self_collision(motion.clip, motion.robot)
@@ -22,7 +42,6 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
             code="self_collision_depth",
             value=float(found.depth[frame]),
             limit=settings.depth,
-            unit="m",
             text=f"frame {frame}: {pair} overlap by {100 * found.depth[frame]:.1f} cm",
             bad=found.depth > settings.depth,
         ),
@@ -30,7 +49,6 @@ def collisions(motion: Motion, settings: CollisionSettings) -> tuple[Verdict, Ve
             code="self_collision_share",
             value=share,
             limit=motion.largest_share(settings.share),
-            unit="of frames",
             text=f"parts overlap in {100 * share:.0f} % of the frames, most {pair}",
             bad=overlap,
         ),

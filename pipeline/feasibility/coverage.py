@@ -8,23 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.feasibility.balance import effective_seconds, parents
-from pipeline.feasibility.balance_settings import BalanceSettings
-from pipeline.feasibility.command_cells import STANDING, Axis, standing
-from pipeline.feasibility.command_seconds import BOX, VELOCITIES, by_command
-from pipeline.feasibility.command_seconds import COLUMN as SPENT
-from pipeline.feasibility.command_settings import CommandSettings
+from pipeline.feasibility.balance import BalanceSettings, effective_seconds, parents
+from pipeline.feasibility.command_space import (
+    BOX,
+    SECONDS_COLUMN,
+    STANDING,
+    VELOCITIES,
+    Axis,
+    CommandSettings,
+    by_command,
+    standing,
+)
 from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 from pipeline.feasibility.gait_signature import families
-from pipeline.feasibility.missing_turns import missing_turns
-from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.time_series import runs
 
 NEEDED = ("clip", "seconds", *VELOCITIES)
-"""Columns that are looked at."""
+"""Columns that are read."""
 
-WHERE_THERE = (SPENT, "weight", "parent", SIGNATURE)
-"""Columns that are looked at, too, where they are there."""
+WHERE_THERE = (SECONDS_COLUMN, "weight", "parent", SIGNATURE)
+"""Columns that are read where they are there."""
 
 AXES = ("forward", "lateral", "yaw")
 
@@ -43,7 +46,7 @@ class Coverage:
     then for each stretch of the plane."""
 
 
-def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: CommandSettings) -> Coverage:
+def coverage(rows: pd.DataFrame, settings: BalanceSettings, commands: CommandSettings) -> Coverage:
     """Coverage of the command ranges by the seconds that clips spend at each velocity.
 
     An axis has the seconds whose other velocities lie in the middle of the range: within one cell's width of 0.
@@ -54,7 +57,7 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: Comman
     # No other column: a clip has a row in the table by command for each box it visits, some of them long texts.
     rows = pd.DataFrame(rows, columns=[name for name in (*NEEDED, *WHERE_THERE) if name in rows])
     if len(rows):
-        rows = rows.assign(family=families(rows, parents(rows), settings.balance.same_gait))
+        rows = rows.assign(family=families(rows, parents(rows), settings.same_gait))
     spent = by_command(rows)
     if "weight" in spent:
         spent = spent.assign(weight=spent["weight"] * spent["seconds"] / spent["clip_seconds"])
@@ -64,7 +67,7 @@ def coverage(rows: pd.DataFrame, settings: FeasibilitySettings, commands: Comman
         tables += _axis_rows(axis, _only(spent, _on_axis(spent, axis, commands) & ~still), _limits(axis, commands))
     tables += _plane_rows(_only(spent, _near(spent, "lateral", commands) & ~still), commands)
     cells = pd.DataFrame(tables)
-    missing = (*_missing(spent, settings.balance, commands), *missing_turns(cells, settings.balance))
+    missing = (*_missing(spent, settings, commands), *_missing_turns(cells, settings))
     return Coverage(cells=cells, missing=missing)
 
 
@@ -175,3 +178,58 @@ def _sentence(word: str, low: float, high: float, range_end: float, unit: str) -
     if high > range_end - 1e-9:
         return f"No clip {word} faster than {low:.3g} {unit}."
     return f"No clip {word} at {low:.3g} to {high:.3g} {unit}."
+
+
+DIRECTIONS = {"left": 1.0, "right": -1.0}
+
+
+def _missing_turns(cells: pd.DataFrame, settings: BalanceSettings) -> tuple[str, ...]:
+    """Missing turns while walking: a sentence for each direction of turning and stretch of speeds, forward or back, at
+    which the same turns are missing.
+
+    Speeds at which nothing at all is done are left out: the axis of forward speed says so.
+    """
+    plane = cells[cells["axis"] == "forward_yaw"]
+    plane = plane.assign(there=plane["seconds"] >= settings.missing_seconds)
+    by_speed = [line for _, line in plane.groupby("low") if line["there"].to_numpy(dtype=bool).any()]
+    sentences = []
+    for side, sign in DIRECTIONS.items():
+        lines = [
+            (float(line["low"].iloc[0]), float(line["high"].iloc[0]), _missing_rates(line, sign)) for line in by_speed
+        ]
+        for (_, rates), same in itertools.groupby(lines, key=lambda line: (line[1] > 1e-9, line[2])):
+            stretches = _joined([(low, high) for low, high, _ in same])
+            sentences += [_turns_sentence(side, slow, fast, rates) for slow, fast in stretches if rates]
+    return tuple(sentences)
+
+
+def _missing_rates(line: pd.DataFrame, sign: float) -> tuple[tuple[float, float], ...]:
+    """Stretches of yaw rate [rad/s], without sign, that have too little at one forward speed; inf for no end."""
+    half = line[sign * (line["low_2"] + line["high_2"]) > 0.0]
+    edges = sorted(
+        (min(abs(low), abs(high)), max(abs(low), abs(high)))
+        for low, high, there in zip(half["low_2"], half["high_2"], half["there"], strict=True)
+        if not there
+    )
+    largest = float(half[["low_2", "high_2"]].abs().to_numpy().max())
+    return tuple((low, float("inf") if high > largest - 1e-9 else high) for low, high in _joined(edges))
+
+
+def _joined(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Stretches that touch as one."""
+    joined: list[tuple[float, float]] = []
+    for low, high in stretches:
+        if joined and low < joined[-1][1] + 1e-9:
+            joined[-1] = (joined[-1][0], high)
+        else:
+            joined.append((low, high))
+    return joined
+
+
+def _turns_sentence(side: str, slow: float, fast: float, rates: tuple[tuple[float, float], ...]) -> str:
+    rates_text = [
+        f"faster than {low:.3g} rad/s" if high == float("inf") else f"at {low:.3g} to {high:.3g} rad/s"
+        for low, high in rates
+    ]
+    direction = f"forward at {slow:.3g} to {fast:.3g}" if fast > 1e-9 else f"back at {abs(fast):.3g} to {-slow:.3g}"
+    return f"No clip that goes {direction} m/s turns {side} {' or '.join(rates_text)}."

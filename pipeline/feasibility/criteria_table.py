@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from pipeline.batch import Judged, Manifest
 from pipeline.errors import FileError
-from pipeline.feasibility.criteria import GROUP_OF, threshold_of
+from pipeline.feasibility.criterion import REGISTERED, codes
 from pipeline.feasibility.judgement import NUMBER, Found, Judgement, from_text
 from pipeline.files import atomic, digest
 from pipeline.files.sourced import Origin
@@ -52,6 +52,22 @@ ROWS_AT_A_TIME = 10_000
 _MANIFEST = b"manifest"
 
 
+BY_CRITERION = (
+    *("group", "criterion", "clips", "broken", "not applicable"),
+    *("closest margin", "closest number", "threshold", "unit", "closest clip", "setting", "source", "why"),
+)
+"""Columns of `by_criterion`. The threshold and its source are those of the closest stretch."""
+
+ORIGIN = ("unit", "setting", "source", "why")
+"""Columns that say where a threshold comes from."""
+
+MARGINS = (
+    *("clip", "start_s", "stop_s", "piece", "group", "criterion", "verdict"),
+    *("number", "threshold", "unit", "margin", "source", "said"),
+)
+"""Columns of `worst_margins`."""
+
+
 def path_beside(manifest: Path) -> Path:
     """Where the table of a stored manifest lies."""
     return manifest.with_suffix(".criteria.parquet")
@@ -61,7 +77,7 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
     """The manifest without its judgements, and the table of them, its texts as categories.
 
     Args:
-        manifest: what KP5 said of each clip, judgements among the numbers
+        manifest: KP5's findings on each clip, judgements among the numbers
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
     judged = tuple(
@@ -103,6 +119,30 @@ def read(path: Path, manifest: Path, asset: str = "feasible_motions") -> pd.Data
     return pq.read_table(path).to_pandas()
 
 
+def by_criterion(table: pd.DataFrame) -> pd.DataFrame:
+    """A row a criterion: how many clips there are, in how many some stretch broke it, in how many it did not apply, and
+    the stretch that went on with least to spare."""
+    rows = []
+    for code in [*codes(), *sorted(set(table["criterion"]) - set(REGISTERED))]:
+        own = table.query("criterion == @code")
+        if own.empty:
+            continue
+        broken = set(own.loc[own["verdict"] == BROKEN, "clip"])
+        silent = set(own.loc[own["verdict"] == NOT_APPLICABLE, "clip"]) - set(
+            own.loc[own["verdict"] != NOT_APPLICABLE, "clip"]
+        )
+        first = own.iloc[0]
+        row = {"group": first["group"], "criterion": code, "clips": own["clip"].nunique(), "broken": len(broken)}
+        rows.append({**row, "not applicable": len(silent), **first[list(ORIGIN)], **_closest(own)})
+    return pd.DataFrame(rows, columns=list(BY_CRITERION))
+
+
+def worst_margins(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows by their margin, the worst first; what was not asked is left out."""
+    asked = table.loc[table["verdict"] != NOT_APPLICABLE, list(MARGINS)]
+    return asked.sort_values(by=["margin", "clip", "start_s", "criterion"], na_position="first")
+
+
 def _table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows, none of which is kept: a number a cell, of a text which one it is."""
     cells: dict[str, list[Any]] = {name: [] for name in COLUMNS}
@@ -125,7 +165,7 @@ def _rows_of_clip(judged: Judged, origins: Mapping[str, Origin]) -> Iterator[dic
 
 
 def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapping[str, Origin]) -> dict[str, Any]:
-    setting = threshold_of(code)
+    setting = REGISTERED[code].limit
     origin = origins[setting]
     verdict = NOT_APPLICABLE if found.not_applicable else BROKEN if found.broken else HOLDS
     return {
@@ -133,7 +173,7 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
         "start_s": judgement.start_s,
         "stop_s": judgement.stop_s,
         "piece": judgement.piece,
-        "group": GROUP_OF[code],
+        "group": REGISTERED[code].group,
         "criterion": code,
         "number": found.value,
         "threshold": _stated(origin) if found.not_applicable else found.limit,
@@ -151,8 +191,8 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
 def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
     seconds = float(judged.numbers.get("seconds_in") or 0.0)
     plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
-    said = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
-    return {**plain, **said, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
+    facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
+    return {**plain, **facts, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
 
 
 def _stated(origin: Origin) -> float | None:
@@ -166,3 +206,13 @@ def _margin(found: Found) -> float | None:
         return None
     left = found.value - found.limit if found.lower else found.limit - found.value
     return left / abs(found.limit)
+
+
+def _closest(own: pd.DataFrame) -> dict[str, Any]:
+    """The stretch that went on with the smallest margin to one criterion."""
+    kept = own.query("piece != '' and verdict == 'holds'").dropna(subset=["margin"])
+    if kept.empty:
+        return {}
+    row = kept.sort_values(by=["margin", "piece"]).iloc[0]
+    found = {"closest margin": row["margin"], "closest number": row["number"], "threshold": row["threshold"]}
+    return {**found, "closest clip": row["piece"], **row[list(ORIGIN)]}

@@ -2,69 +2,142 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
+from pipeline.feasibility.criterion import NOTHING, Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.settings import FootSettings
 from pipeline.feasibility.slowest_point import slowest_point_speed
-from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.thresholds import Metres, MetresPerSecondBySpeed, Seconds, SecondsBySpeed, Section
+from pipeline.files.ranges import SHARE
+from pipeline.files.sourced import Unit
 from pipeline.quality.foot_slip import inner_contacts
 from pipeline.quality.percentile import percentile_of_least
 
 SIDES = ("left", "right")
 
+NO_LABELS = "no contact labels"
+LABELLED = "contacts are labelled"
+SIMULATED = "the contacts are the simulation's"
+NO_STANCE = "no foot is in contact"
 
-def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
+SLIP, CONTACT = "foot slip", "contact consistency"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootSettings(Section):
+    """Feet on the ground."""
+
+    level: Metres
+    """Corners of a sole less than this above its lowest one are on the ground with it [m]."""
+    slip_mean: MetresPerSecondBySpeed
+    """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the speed over ground."""
+    told_slip_mean: MetresPerSecondBySpeed
+    """Largest mean slip for contact inferred from sole kinematics, the slower foot in double support [m/s]."""
+    slip_p95: MetresPerSecondBySpeed
+    """Largest 95th percentile of slip [m/s]: a + b times the speed over ground."""
+    glide_s: SecondsBySpeed
+    """Longest time that feet near the ground may be too fast to stand, where nothing is labelled [s]: a + b times the
+    speed over ground about that time."""
+    penetration_p95: Metres
+    """Largest 95th percentile over frames of the depth of the lowest corner [m]."""
+    penetration_max: Metres
+    """Deepest corner [m]."""
+    floating: Metres
+    """Largest height of the lowest corner of a foot in contact [m]."""
+    flight_height: Metres
+    """Both soles higher than this [m] is flight."""
+    flight_s: Seconds
+    """Longest flight [s]."""
+    disagreement: Annotated[float, Unit("of foot-frames"), SHARE]
+    """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
+
+
+@criterion(
+    Criterion(
+        "foot_slip_mean",
+        SLIP,
+        "feet.slip_mean",
+        "m/s",
+        "mean slip of the sole's slowest point, feet labelled as in contact",
+    ),
+    Criterion(
+        "foot_told_slip_mean",
+        SLIP,
+        "feet.told_slip_mean",
+        "m/s",
+        "mean slip for contact inferred from sole kinematics; the slower foot in double support",
+    ),
+    Criterion("foot_slip_p95", SLIP, "feet.slip_p95", "m/s", "95th percentile of slip, feet in contact"),
+)
+def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     """Mean and 95th percentile of slip against limits that grow with the speed over ground.
 
-    The mean is asked twice: of feet that are labelled as in contact, where something is labelled, and in any motion of
-    those that the soles tell to be. A label moves no foot: who slides is not to hold because feet are labelled, or
-    wrongly. A foot that slides fast is told as not in contact, so that what is left of slip is less, of good motion
-    and of bad, and the limit lower.
+    The mean is evaluated twice: for feet labelled as in contact, and for contact inferred from sole kinematics whatever
+    is labelled, so that wrong labels hide no slip. A foot that slides fast is inferred as not in contact, which leaves
+    less slip in good motion and in bad; so this limit is lower.
     """
     slip = slowest_point_speed(motion.sole, settings.level)
-    standing, told = held_to_stand(motion, settings)
-    mean = _mean_slip("foot_slip_mean", "feet in contact", slip, standing, settings.slip_mean, motion)
-    of_soles = _mean_slip("foot_told_slip_mean", "the slower feet", slip, told, settings.told_slip_mean, motion)
-    found, speed = slip[standing], motion.ground_speed
+    standing, inferred = stance_feet(motion, settings)
+    speed = motion.ground_speed
+    if motion.labelled:
+        labelled = _mean_slip("foot_slip_mean", "feet in contact", slip, standing, settings.slip_mean, speed)
+    else:
+        labelled = Skipped(code="foot_slip_mean", not_applicable=NO_LABELS)
+    if motion.simulated:
+        of_soles = Skipped(code="foot_told_slip_mean", not_applicable=SIMULATED)
+    else:
+        of_soles = _mean_slip("foot_told_slip_mean", "the slower feet", slip, inferred, settings.told_slip_mean, speed)
+    found = slip[standing]
     value = percentile_of_least(found, 95, motion.least_frames) if found.size else 0.0
     limit = settings.slip_p95[0] + settings.slip_p95[1] * speed
     p95 = Verdict(
         code="foot_slip_p95",
         value=value,
         limit=limit,
-        unit="m/s",
         text=f"feet in contact slide, at {speed:.2f} m/s over ground, at more than {value:.2f} m/s in 5 % of the time",
         bad=_sliding_stances(slip, standing, limit),
+        not_applicable="" if standing.any() else NO_STANCE,
     )
-    return (*((mean,) if motion.labelled else ()), *(() if motion.simulated else (of_soles,)), p95)
+    return labelled, of_soles, p95
 
 
-def held_to_stand(motion: Motion, settings: FootSettings) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
-    """Feet of which slip is asked: those in contact by their labels, or as the soles tell it where nothing is labelled,
-    and those that the soles tell, whatever is labelled. Where there are none, slip says nothing.
+def stance_feet(motion: Motion, settings: FootSettings) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
+    """Feet whose slip is measured: in contact by their labels (inferred where nothing is labelled), and in contact as
+    inferred from sole kinematics, whatever is labelled.
 
-    A difference at either end of a contact sees the swing. Of two feet that the soles tell to be in contact it is the
-    slower one: a foot that comes down or leaves within a centimetre of the ground looks like one that slides, and may
-    be on its way.
+    The first and last frame of a contact are left out: a difference there includes the swing. Of two feet that are
+    inferred as in contact only the slower one counts: a foot that lands or leaves within a centimetre of the ground
+    looks like one that slides.
     """
-    slip, told = slowest_point_speed(motion.sole, settings.level), motion.told_contacts
+    slip, contacts = slowest_point_speed(motion.sole, settings.level), motion.inferred_contacts
     slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
-    of_soles = inner_contacts(told) & (slower | ~told.all(axis=1, keepdims=True))
+    of_soles = inner_contacts(contacts) & (slower | ~contacts.all(axis=1, keepdims=True))
     return (inner_contacts(motion.contacts) if motion.labelled else of_soles), of_soles
 
 
-def gliding(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
+@criterion(
+    Criterion(
+        "foot_glide_s",
+        SLIP,
+        "feet.glide_s",
+        "s",
+        "longest time that a sole is near the ground and no foot is slow enough to stand",
+    )
+)
+def gliding(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     """Time in a row that a sole is near the ground and no foot stands: of all such times the one furthest past what its
-    speed over ground allows. No verdict where contacts are labelled.
+    speed over ground allows. Skipped where contacts are labelled.
 
-    Without labels a foot that slides fast is told as not in contact, so that no slip is asked of it, and it is too low
-    for a flight. In a good run it is so low and so fast only just after it left the ground and before it comes down.
+    Without labels a foot that slides fast is inferred as not in contact, so that its slip is not measured, and it is
+    too low for a flight. In a good run it is so low and so fast only just after take-off and before landing.
     """
     if motion.labelled:
-        return ()
+        return (Skipped(code="foot_glide_s", not_applicable=SIMULATED if motion.simulated else LABELLED),)
     fps, (standing, by_speed) = motion.clip.fps, settings.glide_s
     limit = standing + by_speed * np.hypot(motion.commands[:, 0], motion.commands[:, 1])
     near = np.any(motion.sole.height < motion.contact.height, axis=1)
@@ -80,14 +153,24 @@ def gliding(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
             code="foot_glide_s",
             value=value,
             limit=allowed,
-            unit="s",
             text=f"from {first / fps:.2f} s on feet glide for {value:.2f} s: within {near_cm:g} cm of the ground, and "
             "none slow enough to stand",
             bad=bad,
+            not_applicable=SIMULATED if motion.simulated else "",
         ),
     )
 
 
+@criterion(
+    Criterion(
+        "penetration_p95",
+        "penetration",
+        "feet.penetration_p95",
+        "m",
+        "depth of the lowest corner of a sole, 95th percentile",
+    ),
+    Criterion("penetration_max", "penetration", "feet.penetration_max", "m", "deepest corner of a sole"),
+)
 def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdict]:
     """Depth of the lowest corner of each frame below the ground: 95th percentile and most."""
     depth = np.maximum(-motion.sole.height.min(axis=1), 0.0)
@@ -97,7 +180,6 @@ def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdic
             code="penetration_p95",
             value=p95,
             limit=settings.penetration_p95,
-            unit="m",
             text=f"a sole is more than {100 * p95:.1f} cm below the ground in 5 % of the time",
             bad=depth > settings.penetration_p95,
         ),
@@ -105,29 +187,38 @@ def penetration(motion: Motion, settings: FootSettings) -> tuple[Verdict, Verdic
             code="penetration_max",
             value=float(depth[frame]),
             limit=settings.penetration_max,
-            unit="m",
             text=f"frame {frame}: a sole is {100 * depth[frame]:.1f} cm below the ground",
             bad=depth > settings.penetration_max,
         ),
     )
 
 
-def floating(motion: Motion, settings: FootSettings) -> Verdict:
+@criterion(Criterion("floating_contact", CONTACT, "feet.floating", "m", "height of feet in contact"))
+def floating(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     """Height of the lowest corner of feet that are labelled as in contact."""
     height = np.where(inner_contacts(motion.contacts), motion.sole.height, 0.0)
     frame, side = np.unravel_index(np.argmax(height), height.shape)
     value = max(float(height[frame, side]), 0.0)
-    return Verdict(
+    verdict = Verdict(
         code="floating_contact",
         value=value,
         limit=settings.floating,
-        unit="m",
         text=f"frame {frame}: the {SIDES[side]} foot is said to stand and is {100 * value:.1f} cm above the ground",
         bad=np.any(height > settings.floating, axis=1),
     )
+    return (verdict,)
 
 
-def flight(motion: Motion, settings: FootSettings) -> Verdict:
+@criterion(
+    Criterion(
+        "flight_s",
+        CONTACT,
+        "feet.flight_s",
+        "s",
+        "longest time with both soles off the ground, or with no foot in contact",
+    )
+)
+def flight(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
     """Longest time with no foot on the ground: both soles above it, or neither foot in contact.
 
     Feet that skate too fast to be in contact carry nothing either.
@@ -140,31 +231,41 @@ def flight(motion: Motion, settings: FootSettings) -> Verdict:
     bad = np.zeros(len(above), dtype=bool)
     for start, stop in flights:
         bad[start:stop] = (stop - start) / fps > settings.flight_s
-    return Verdict(
+    verdict = Verdict(
         code="flight_s",
         value=value,
         limit=settings.flight_s,
-        unit="s",
         text=f"from {longest[0] / fps:.2f} s on no foot is on the ground for {value:.2f} s",
         bad=bad,
     )
+    return (verdict,)
 
 
-def label_disagreement(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
+@criterion(
+    Criterion(
+        "contact_disagreement",
+        CONTACT,
+        "feet.disagreement",
+        "of foot-frames",
+        "share of foot-frames in which label and sole disagree",
+        cuts=NOTHING,
+    )
+)
+def label_disagreement(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     """Share of foot-frames where label and sole disagree on contact; 0 for a clip without labels.
 
-    None where the contacts are those of a simulation.
+    Skipped where the contacts are those of a simulation.
     """
     if motion.simulated:
-        return ()
-    value = float(np.mean(motion.told_contacts != motion.contacts))
+        return (Skipped(code="contact_disagreement", not_applicable=SIMULATED),)
+    value = float(np.mean(motion.inferred_contacts != motion.contacts))
     return (
         Verdict(
             code="contact_disagreement",
             value=value,
             limit=motion.largest_share(settings.disagreement),
-            unit="of foot-frames",
             text=f"contact labels and the soles' motion disagree in {100 * value:.0f} % of the foot-frames",
+            not_applicable="" if motion.labelled else NO_LABELS,
         ),
     )
 
@@ -175,18 +276,18 @@ def _mean_slip(
     slip: Float[np.ndarray, "t 2"],
     standing: Bool[np.ndarray, "t 2"],
     limits: tuple[float, float],
-    motion: Motion,
+    speed: float,
 ) -> Verdict:
-    """Mean slip [m/s] of the feet that are held to stand."""
-    speed, found = motion.ground_speed, slip[standing]
+    """Mean slip [m/s] of the feet that stand, at a speed over ground [m/s]."""
+    found = slip[standing]
     value, limit = float(found.mean()) if found.size else 0.0, limits[0] + limits[1] * speed
     return Verdict(
         code=code,
         value=value,
         limit=limit,
-        unit="m/s",
         text=f"{feet} slide, at {speed:.2f} m/s over ground, at {value:.2f} m/s on average",
         bad=_sliding_stances(slip, standing, limit),
+        not_applicable="" if standing.any() else NO_STANCE,
     )
 
 

@@ -2,81 +2,124 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 
+from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.over_limit import over_limit
-from pipeline.feasibility.settings import JointSettings
-from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.over_time import share_and_run
+from pipeline.feasibility.thresholds import RatioToMotorLimit, Seconds, Section, ShareOfFrames
+from pipeline.files.ranges import POSITIVE, Range
+from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import acceleration_p99
 
+LIMITS = "joint and speed limits"
 
-def joint_limits(motion: Motion, settings: JointSettings) -> Verdict:
-    """How far any joint lies beyond its position limits."""
+
+@dataclass(frozen=True, kw_only=True)
+class JointSettings(Section):
+    """Positions, speeds and accelerations of joints."""
+
+    limit_excess: Annotated[float, Unit("rad"), Range(0.0, 1.0)]
+    """Allowed beyond the robot's position limits [rad]."""
+    speed_ratio: RatioToMotorLimit
+    """Largest speed over the motor's limit."""
+    speed_over: RatioToMotorLimit
+    """A joint is well over its motor's speed where its speed over the limit is above this."""
+    speed_over_share: ShareOfFrames
+    """Largest share of a joint's frames in which it is."""
+    speed_over_run_s: Seconds
+    """Longest time it may be without a break [s]."""
+    acceleration_p99: Annotated[float, Unit("rad/s^2"), POSITIVE]
+    """99th percentile over all frames and joints, low-passed [rad/s^2]."""
+
+
+@criterion(
+    Criterion("joint_limit_excess", LIMITS, "joints.limit_excess", "rad", "how far a joint is past its position limits")
+)
+def joint_limits(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
+    """How far any joint is beyond its position limits."""
     robot, pos = motion.robot, motion.clip.joint_pos
     excess = np.maximum(robot.joint_lower - pos, pos - robot.joint_upper)
     frame, joint = np.unravel_index(np.argmax(excess), excess.shape)
     value = max(float(excess[frame, joint]), 0.0)
-    return Verdict(
+    verdict = Verdict(
         code="joint_limit_excess",
         value=value,
         limit=settings.limit_excess,
-        unit="rad",
         text=f"frame {frame}: {robot.joint_names[joint]} is at {pos[frame, joint]:.2f} rad, {value:.2f} past its limit",
         bad=np.any(excess > settings.limit_excess, axis=1),
     )
+    return (verdict,)
 
 
+@criterion(
+    Criterion(
+        "joint_speed_ratio",
+        LIMITS,
+        "joints.speed_ratio",
+        "of the motor's limit",
+        "largest joint speed over the motor's limit",
+    ),
+    Criterion(
+        "joint_speed_over_share",
+        LIMITS,
+        "joints.speed_over_share",
+        "of frames",
+        "share of frames above `joints.speed_over` times the motor's speed, worst joint",
+    ),
+    Criterion("joint_speed_over_run_s", LIMITS, "joints.speed_over_run_s", "s", "longest time in a row above it"),
+)
 def joint_speeds(motion: Motion, settings: JointSettings) -> tuple[Verdict, Verdict, Verdict]:
     """Speed over the motors' limits: the largest, and how often and how long a joint is well above.
 
     A limb swings past its motor's speed for a moment, driven by the others; no motor keeps it there.
     """
-    robot, names = motion.robot, motion.robot.joint_names
+    robot = motion.robot
     speed = np.abs(motion.clip.joint_vel())
     ratio = speed / robot.motor_speed_limit
     frame, joint = np.unravel_index(np.argmax(ratio), ratio.shape)
-    limit = robot.motor_speed_limit[joint]
-    found = over_limit(ratio > settings.speed_over, motion)
-    most, largest = found.worst, motion.largest_share(settings.speed_over_share)
-    return (
-        Verdict(
-            code="joint_speed_ratio",
-            value=float(ratio[frame, joint]),
-            limit=settings.speed_ratio,
-            unit="of the motor's limit",
-            text=f"frame {frame}: {names[joint]} moves at {speed[frame, joint]:.1f} rad/s, its motor's limit "
-            f"is {limit:.1f}",
-            bad=np.any(ratio > settings.speed_ratio, axis=1),
-        ),
-        Verdict(
-            code="joint_speed_over_share",
-            value=float(found.share[most]),
-            limit=largest,
-            unit="of frames",
-            text=f"{names[most]} is faster than {settings.speed_over:g} times its motor's limit in "
-            f"{100 * found.share[most]:.1f} % of the frames",
-            bad=found.frames_of_joints_over(largest),
-        ),
-        Verdict(
-            code="joint_speed_over_run_s",
-            value=found.longest_s,
-            limit=settings.speed_over_run_s,
-            unit="s",
-            text=f"from {found.start_s:.2f} s on {names[found.joint]} is faster than {settings.speed_over:g} times its "
-            f"motor's limit for {found.longest_s:.2f} s in a row",
-            bad=found.frames_of_runs_over(settings.speed_over_run_s),
+    largest = Verdict(
+        code="joint_speed_ratio",
+        value=float(ratio[frame, joint]),
+        limit=settings.speed_ratio,
+        text=f"frame {frame}: {robot.joint_names[joint]} moves at {speed[frame, joint]:.1f} rad/s, its motor's limit "
+        f"is {robot.motor_speed_limit[joint]:.1f}",
+        bad=np.any(ratio > settings.speed_ratio, axis=1),
+    )
+    over = f"{{joint}} is faster than {settings.speed_over:g} times its motor's limit"
+    share, run = share_and_run(
+        ("joint_speed_over_share", "joint_speed_over_run_s"),
+        ratio > settings.speed_over,
+        (settings.speed_over_share, settings.speed_over_run_s),
+        motion,
+        (
+            f"{over} in {{percent:.1f}} % of the frames",
+            f"from {{start_s:.2f}} s on {over} for {{run_s:.2f}} s in a row",
         ),
     )
+    return largest, share, run
 
 
-def joint_acceleration(motion: Motion, settings: JointSettings, cutoff_hz: float) -> Verdict:
+@criterion(
+    Criterion(
+        "joint_acceleration_p99",
+        "smoothness",
+        "joints.acceleration_p99",
+        "rad/s^2",
+        "99th percentile of joint accelerations, low-passed at `root.cutoff_hz`",
+        cuts=NOTHING,
+    )
+)
+def joint_acceleration(motion: Motion, settings: JointSettings) -> tuple[Verdict, ...]:
     """99th percentile of joint accelerations: high for shaking and for seams."""
-    value = acceleration_p99(motion.clip.joint_pos, motion.clip.fps, cutoff_hz, motion.least_frames)
-    return Verdict(
+    value = acceleration_p99(motion.clip.joint_pos, motion.clip.fps, motion.cutoff_hz, motion.least_frames)
+    verdict = Verdict(
         code="joint_acceleration_p99",
         value=value,
         limit=settings.acceleration_p99,
-        unit="rad/s^2",
         text=f"1 % of the joint accelerations are above {value:.0f} rad/s^2",
     )
+    return (verdict,)

@@ -1,15 +1,18 @@
-"""A clip with all that several criteria look at, worked out once."""
+"""A clip with the quantities that several criteria use, computed once."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.settings import FeasibilitySettings
+from pipeline.feasibility.thresholds import Hertz, Section, ShareOfFrames
+from pipeline.files.ranges import Range
+from pipeline.files.sourced import Unit
 from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import SoleMotion, sole_motion
 from pipeline.quality.sole_contact import ContactSettings, contact_from_sole
@@ -17,6 +20,45 @@ from pipeline.robot import Robot
 
 FPS = 50.0
 """Rate at which motions are judged and stored [Hz]."""
+
+
+NO_ROLLOUT = "no tracked rollout"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutSettings(Section):
+    """How motions are cut, and the limits of short ones."""
+
+    min_seconds: Annotated[float, Unit("s"), Range(0.04, 60.0)]
+    """Shortest stretch that is kept [s]."""
+    max_cuts: Annotated[int, Unit("-"), Range(0, 20)]
+    """How often what is left of a clip is cut again; a cut moves the ends that filters see."""
+    margin_s: Annotated[float, Unit("s"), Range(0.0, 5.0)]
+    """Cut away with a bad frame on both sides [s]."""
+    share_s: Annotated[float, Unit("s"), Range(0.0, 60.0)]
+    """A shorter clip may have as many frames at fault as one of this time [s], for shares and percentiles alike."""
+    short_share: ShareOfFrames
+    """Upper bound of the share of a short clip's own frames at fault that this allows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RootFilter(Section):
+    """The low pass of the root; root criteria add their thresholds."""
+
+    cutoff_hz: Hertz
+    """[Hz]"""
+
+
+@runtime_checkable
+class MotionSettings(Protocol):
+    """The part of `FeasibilitySettings` that `motion_of` reads."""
+
+    @property
+    def cut(self) -> CutSettings: ...
+    @property
+    def contact(self) -> ContactSettings: ...
+    @property
+    def root(self) -> RootFilter: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,17 +69,21 @@ class Motion:
     robot: Robot
     sole: SoleMotion
     contacts: Bool[np.ndarray, "t 2"]
-    """The clip's labels; told from the soles where it has none."""
+    """The clip's labels; inferred from sole kinematics where it has none."""
     labelled: bool
     contact: ContactSettings
     """What contact is where nothing is labelled."""
     velocity: CommandVelocity
     commands: Float[np.ndarray, "t 3"]
     """Forward and lateral velocity [m/s] and yaw rate [rad/s] about each frame, as a command would have it."""
+    cutoff_hz: float
+    """Low pass of the root and of accelerations [Hz]."""
     smooth_root_pos_w: Float[np.ndarray, "t 3"]
     smooth_root_quat_w: Float[np.ndarray, "t 4"]
     reference: RobotClip | None = None
     """The motion that was tracked, at the same frames; None where this is no tracked rollout."""
+    no_reference: str = NO_ROLLOUT
+    """Why there is no reference, where there is none."""
     least_frames: int
     """Percentiles are over as many frames at least; those that a shorter clip lacks have no fault. A clip of fewer may
     have as many frames at fault as one of so many ..."""
@@ -50,8 +96,8 @@ class Motion:
         return self.clip.forces is not None
 
     @property
-    def told_contacts(self) -> Bool[np.ndarray, "t 2"]:
-        """Which foot is on the ground as the soles tell it, whatever is labelled."""
+    def inferred_contacts(self) -> Bool[np.ndarray, "t 2"]:
+        """Contact as inferred from sole kinematics, whatever is labelled."""
         return contact_from_sole(self.sole, self.contact) if self.labelled else self.contacts
 
     @property
@@ -68,14 +114,19 @@ class Motion:
         as_many = share * self.least_frames / self.clip.frame_count
         return max(share, min(as_many, self.short_share))
 
-    def cut(self, start: int, stop: int, settings: FeasibilitySettings) -> Motion:
+    def cut(self, start: int, stop: int, settings: MotionSettings) -> Motion:
         """Frames [start, stop) as a motion of its own: filters and differences don't see the rest."""
         reference = None if self.reference is None else self.reference.cut(start, stop, self.reference.name)
-        return motion_of(self.clip.cut(start, stop, self.clip.name), self.robot, settings, reference)
+        clip = self.clip.cut(start, stop, self.clip.name)
+        return motion_of(clip, self.robot, settings, reference, self.no_reference)
 
 
 def motion_of(
-    clip: RobotClip, robot: Robot, settings: FeasibilitySettings, reference: RobotClip | None = None
+    clip: RobotClip,
+    robot: Robot,
+    settings: MotionSettings,
+    reference: RobotClip | None = None,
+    no_reference: str = NO_ROLLOUT,
 ) -> Motion:
     """The clip, resampled to 50 Hz by time, with what follows from it; `reference` is at the frames of that."""
     clip = at_database_rate(clip)
@@ -90,9 +141,11 @@ def motion_of(
         contact=settings.contact,
         velocity=command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps),
         commands=command_velocity_over_time(clip.root_pos_w, clip.root_quat_w, clip.fps),
+        cutoff_hz=cutoff_hz,
         smooth_root_pos_w=time_series.smooth(clip.root_pos_w, clip.fps, cutoff_hz),
         smooth_root_quat_w=time_series.smooth_quat(clip.root_quat_w, clip.fps, cutoff_hz),
         reference=reference,
+        no_reference=no_reference,
         least_frames=round(settings.cut.share_s * FPS),
         short_share=settings.cut.short_share,
     )

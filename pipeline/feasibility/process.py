@@ -12,15 +12,13 @@ from pipeline import time_series
 from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
-from pipeline.feasibility.assess import Assessment, assess
-from pipeline.feasibility.cut_settings import CutSettings
-from pipeline.feasibility.judgement import NUMBER, Judgement, judge, length, to_text
-from pipeline.feasibility.likeness_criteria import likeness
-from pipeline.feasibility.motion import Motion, at_database_rate, motion_of
-from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of
+from pipeline.feasibility.assess import Assessment, assess, parted
+from pipeline.feasibility.clip_criteria import length
+from pipeline.feasibility.criterion import NUMBERS, Result, results
+from pipeline.feasibility.judgement import NUMBER, Judgement, judge, to_text
+from pipeline.feasibility.motion import CutSettings, Motion, at_database_rate, motion_of
+from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of, why_none
 from pipeline.feasibility.settings import FeasibilitySettings
-from pipeline.feasibility.tracking_criteria import followed
-from pipeline.feasibility.verdict import Verdict
 from pipeline.robot import Robot
 
 
@@ -34,13 +32,13 @@ class _Stretch:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Judged:
+class _Gathered:
     """What is gathered while a clip is judged and cut."""
 
     reasons: list[Reason]
     judgements: list[Judgement]
-    unlike: tuple[Verdict, ...]
-    """Verdicts on likeness, and on how much of its reference a rollout followed: they hold for all of the clip."""
+    of_clip: tuple[Result, ...]
+    """Results on likeness, and on how much of its reference a rollout followed: they are of the whole clip."""
 
 
 def process(
@@ -62,13 +60,13 @@ def process(
     """
     _check(clip, robot)
     reference = reference_of(at_database_rate(clip), numbers, robot, references)
-    motion = motion_of(clip, robot, settings, reference)
+    motion = motion_of(clip, robot, settings, reference, why_none(numbers))
     whole = assess(motion, settings)
-    of_clip = (*likeness(numbers, settings.likeness), *followed(numbers, settings.tracking))
-    said = _Judged(reasons=[], judgements=[], unlike=of_clip)
-    stretches = _judge(whole, 0, settings, numbers, said, settings.cut.max_cuts)
-    reasons = said.reasons
-    unlike = [verdict for verdict in said.unlike if not verdict.holds]
+    of_clip = tuple(results(numbers, settings, NUMBERS))
+    gathered = _Gathered(reasons=[], judgements=[], of_clip=of_clip)
+    stretches = _judge(whole, 0, settings, gathered, settings.cut.max_cuts)
+    reasons = gathered.reasons
+    unlike = [verdict for verdict in parted(of_clip)[0] if not verdict.holds]
     if unlike:
         stretches = []
         reasons[:0] = [verdict.reason(motion.clip.fps, 0.0, motion.clip.duration_s) for verdict in unlike]
@@ -77,37 +75,32 @@ def process(
     fps = motion.clip.fps
     places = [(stretch.start / fps, stretch.stop / fps) for stretch in stretches]
     names = {place: piece.clip.name for place, piece in zip(places, pieces, strict=True)}
-    judgements = to_text([_with_piece(each, names) for each in said.judgements])
+    judgements = to_text([_with_piece(each, names) for each in gathered.judgements])
     found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s, NUMBER: judgements}
     return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=found)
 
 
 def _judge(
-    found: Assessment,
-    offset: int,
-    settings: FeasibilitySettings,
-    numbers: Numbers,
-    said: _Judged,
-    cuts_left: int,
+    found: Assessment, offset: int, settings: FeasibilitySettings, gathered: _Gathered, cuts_left: int
 ) -> list[_Stretch]:
     """Stretches of a motion that hold; `offset` is its first frame in the input."""
     motion = found.motion
     count, fps = motion.clip.frame_count, motion.clip.fps
-    own_length = length(count / fps, settings.cut.min_seconds)
-    said.judgements.append(judge(found, (*said.unlike, own_length), numbers, offset, settings.feet))
+    (own_length,) = length(count / fps, settings.cut)
+    gathered.judgements.append(judge(found, (*gathered.of_clip, own_length), offset))
     if not own_length.holds:
-        said.reasons.append(own_length.reason(fps, offset / fps, (offset + count) / fps))
+        gathered.reasons.append(own_length.reason(fps, offset / fps, (offset + count) / fps))
         return []
     if found.holds:
         return [_Stretch(start=offset, stop=offset + count, assessment=found)]
-    said.reasons.extend(verdict.reason(fps, offset / fps, (offset + count) / fps) for verdict in found.broken)
+    gathered.reasons.extend(verdict.reason(fps, offset / fps, (offset + count) / fps) for verdict in found.broken)
     bad = found.bad
     if cuts_left == 0 or not bad.any():
         return []
     kept: list[_Stretch] = []
     for start, stop in _remaining(bad, fps, settings.cut):
         part = assess(motion.cut(start, stop, settings), settings)
-        kept += _judge(part, offset + start, settings, numbers, said, cuts_left - 1)
+        kept += _judge(part, offset + start, settings, gathered, cuts_left - 1)
     return kept
 
 
@@ -131,7 +124,7 @@ def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> P
     """
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"
-    clip = motion.clip.cut(stretch.start, stretch.stop, name)
+    clip = dataclasses.replace(stretch.assessment.motion.clip, name=name)  # the very arrays that were evaluated
     found = stretch.assessment.numbers()
     fps = motion.clip.fps
     before_s = float(numbers.get("stretch_start_s") or 0.0)

@@ -19,6 +19,7 @@ from pipeline.batch import Store
 from pipeline.clips.outcome import Numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
+from pipeline.feasibility.motion import NO_ROLLOUT
 from pipeline.robot import Robot
 
 CLIP = "reference"
@@ -29,6 +30,8 @@ FRAME = "reference_frame"
 
 CONTENT = "tracks_content"
 """Number of a recording that names the motion it tracked, by the digest of its file and of what is stated of it."""
+
+PERTURBED = "a rollout that was changed on purpose"
 
 _OWN_VARIANT = re.compile(r"original|mirror|x[0-9.]+")
 """Parts of the name of a variant that shows the recorded motion."""
@@ -49,7 +52,7 @@ class ReferenceGoneError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredReferences:
-    """References that lie in the store, for any process."""
+    """References in the store, for any process."""
 
     store: Store
     blobs: Mapping[str, str]
@@ -74,7 +77,7 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
 
     Args:
         clip: the rollout, a window of it or a variant
-        numbers: what earlier stages said of it: `fps` and `start_frame` of the recording, `time_scale`, `mirrored`, and
+        numbers: of earlier stages on it: `fps` and `start_frame` of the recording, `time_scale`, `mirrored`, and
             `stretch_start_s` of what left KP5 already
         robot: whose joints both have
         references: the motions by content
@@ -98,6 +101,11 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         joint_pos=time_series.resample_cubic(reference.joint_pos, reference.fps, times_s),
     )
     return _mirrored(found, robot) if numbers.get("mirrored") else found
+
+
+def why_none(numbers: Numbers) -> str:
+    """Why a clip has no reference, where `reference_of` finds none."""
+    return PERTURBED if numbers.get(CONTENT) else NO_ROLLOUT
 
 
 def _of_rollout(clip: RobotClip, numbers: Numbers, references: References) -> RobotClip:

@@ -2,15 +2,60 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 import numpy as np
 
 from pipeline import rotation, time_series
-from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.settings import RootSettings
-from pipeline.feasibility.verdict import Verdict
+from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
+from pipeline.feasibility.motion import Motion, RootFilter
+from pipeline.feasibility.thresholds import Degrees, MetresPerSecondCubed
+from pipeline.files.ranges import POSITIVE, Range
+from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import mean_jerk
 
+GROUP = "root motion"
 
+
+@dataclass(frozen=True, kw_only=True)
+class RootSettings(RootFilter):
+    """The root link, low-passed at `cutoff_hz`."""
+
+    height: Annotated[tuple[float, float], Unit("of the standing height"), Range(0.0, 3.0)]
+    """Lowest and highest root over the default root height."""
+    tilt_deg: Degrees
+    """Largest angle from upright [deg]."""
+    speed: Annotated[float, Unit("m/s"), Range(0.0, 15.0, open_low=True)]
+    """Largest speed of the root [m/s]."""
+    turn_speed: Annotated[float, Unit("rad/s"), POSITIVE]
+    """Largest angular speed of the root [rad/s]."""
+    acceleration: Annotated[float, Unit("m/s^2"), POSITIVE]
+    """Largest acceleration of the root [m/s^2]."""
+    jerk: MetresPerSecondCubed
+    """Largest mean jerk of the root [m/s^3]."""
+
+    def further_faults(self) -> list[tuple[str, str]]:
+        """A fault of a pair of heights whose second is not the larger one."""
+        pair = getattr(self, "height", None)
+        if not pair or len(pair) != 2 or None in pair or pair[0] < pair[1]:
+            return []
+        return [("height[1]", f"is {pair[1]:g}, allowed is more than the first ({pair[0]:g})")]
+
+
+@criterion(
+    Criterion(
+        "root_height_min",
+        GROUP,
+        "root.height",
+        "of the standing height",
+        "lowest root over the standing height",
+        lower=True,
+    ),
+    Criterion(
+        "root_height_max", GROUP, "root.height", "of the standing height", "highest root over the standing height"
+    ),
+)
 def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdict]:
     """Lowest and highest root over the default height."""
     ratio = motion.smooth_root_pos_w[:, 2] / motion.robot.default_root_height
@@ -18,30 +63,31 @@ def root_height(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
     name = motion.robot.root_link
     lowest = f"frame {int(np.argmin(ratio))}: the {name} is at {ratio.min():.2f} of its standing height"
     highest = f"frame {int(np.argmax(ratio))}: the {name} is at {ratio.max():.2f} of its standing height"
-    unit = "of the standing height"
     return (
         Verdict(
             code="root_height_min",
             value=float(ratio.min()),
             limit=low,
-            lower=True,
             text=lowest,
             bad=ratio < low,
-            unit=unit,
         ),
-        Verdict(
-            code="root_height_max", value=float(ratio.max()), limit=high, text=highest, bad=ratio > high, unit=unit
-        ),
+        Verdict(code="root_height_max", value=float(ratio.max()), limit=high, text=highest, bad=ratio > high),
     )
 
 
-def root_tilt(motion: Motion, settings: RootSettings) -> Verdict:
+@criterion(Criterion("root_tilt_deg", GROUP, "root.tilt_deg", "deg", "angle of the root from upright"))
+def root_tilt(motion: Motion, settings: RootSettings) -> tuple[Verdict, ...]:
     """Angle between the root's z axis and the vertical."""
     up_w = rotation.rotate(motion.smooth_root_quat_w, np.array([0.0, 0.0, 1.0]))
     tilt_deg = np.degrees(np.arccos(np.clip(up_w[:, 2], -1.0, 1.0)))
-    return _peak("root_tilt_deg", tilt_deg, settings.tilt_deg, "deg", "is tilted by {:.0f} deg", motion)
+    return (_peak("root_tilt_deg", tilt_deg, settings.tilt_deg, "is tilted by {:.0f} deg", motion),)
 
 
+@criterion(
+    Criterion("root_speed", GROUP, "root.speed", "m/s", "speed of the root, low-passed"),
+    Criterion("root_turn_speed", GROUP, "root.turn_speed", "rad/s", "angular speed of the root, low-passed"),
+    Criterion("root_acceleration", GROUP, "root.acceleration", "m/s^2", "acceleration of the root, low-passed"),
+)
 def root_speeds(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdict, Verdict]:
     """Speed, angular speed and acceleration: a jump of the root shows in all of them."""
     fps = motion.clip.fps
@@ -50,27 +96,23 @@ def root_speeds(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
     turning = np.linalg.norm(rotation.angular_velocity_w(motion.smooth_root_quat_w, fps), axis=1)
     acceleration = np.linalg.norm(time_series.derivative(velocity, fps), axis=1)
     return (
-        _peak("root_speed", speed, settings.speed, "m/s", "moves at {:.1f} m/s", motion),
-        _peak("root_turn_speed", turning, settings.turn_speed, "rad/s", "turns at {:.1f} rad/s", motion),
-        _peak(
-            "root_acceleration", acceleration, settings.acceleration, "m/s^2", "is accelerated at {:.0f} m/s^2", motion
-        ),
+        _peak("root_speed", speed, settings.speed, "moves at {:.1f} m/s", motion),
+        _peak("root_turn_speed", turning, settings.turn_speed, "turns at {:.1f} rad/s", motion),
+        _peak("root_acceleration", acceleration, settings.acceleration, "is accelerated at {:.0f} m/s^2", motion),
     )
 
 
-def root_jerk(motion: Motion, settings: RootSettings) -> Verdict:
+@criterion(
+    Criterion("root_jerk", "smoothness", "root.jerk", "m/s^3", "mean jerk of the root, low-passed", cuts=NOTHING)
+)
+def root_jerk(motion: Motion, settings: RootSettings) -> tuple[Verdict, ...]:
     """Mean jerk of the root."""
     value = mean_jerk(motion.clip.root_pos_w, motion.clip.fps, settings.cutoff_hz)
-    return Verdict(
-        code="root_jerk",
-        value=value,
-        limit=settings.jerk,
-        unit="m/s^3",
-        text=f"the mean jerk of the {motion.robot.root_link} is {value:.0f} m/s^3",
-    )
+    text = f"the mean jerk of the {motion.robot.root_link} is {value:.0f} m/s^3"
+    return (Verdict(code="root_jerk", value=value, limit=settings.jerk, text=text),)
 
 
-def _peak(code: str, values: np.ndarray, limit: float, unit: str, does: str, motion: Motion) -> Verdict:
+def _peak(code: str, values: np.ndarray, limit: float, does: str, motion: Motion) -> Verdict:
     frame = int(np.argmax(values))
     text = f"frame {frame}: the {motion.robot.root_link} {does.format(values[frame])}"
-    return Verdict(code=code, value=float(values[frame]), limit=limit, unit=unit, text=text, bad=values > limit)
+    return Verdict(code=code, value=float(values[frame]), limit=limit, text=text, bad=values > limit)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -10,50 +12,70 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import SimulatedForces
+from pipeline.feasibility.criterion import Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.over_limit import over_limit
-from pipeline.feasibility.torque_settings import TorqueSettings
-from pipeline.feasibility.verdict import Verdict
-from pipeline.feasibility.windowed_mean import odd_width, windowed_mean
+from pipeline.feasibility.over_time import odd_width, share_and_run, windowed_mean
+from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
+from pipeline.files.ranges import POSITIVE, Range
+from pipeline.files.sourced import Unit
+from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot
 
-GRAVITY = 9.81
-"""[m/s^2]"""
+NO_FORCES = "no simulation recorded its forces"
+
+CODES = ("torque_saturation_share", "torque_saturation_run_s", "force_residual")
 
 
-def recorded_forces(motion: Motion, settings: TorqueSettings) -> tuple[Verdict, ...]:
-    """Verdicts on a rollout's torques and contact forces; none for a motion that no simulation made."""
+@dataclass(frozen=True, kw_only=True)
+class TorqueSettings(Section):
+    """Motor torques and contact forces of a rollout, as its simulation recorded them."""
+
+    saturation: Annotated[float, Unit("of the torque limit"), Range(0.5, 1.0)]
+    """A motor is saturated where it gives more than this of its limit."""
+    saturation_share: ShareOfFrames
+    """Largest share of a joint's frames in which its motor is saturated."""
+    saturation_run_s: Seconds
+    """Longest time that a motor may be saturated without a break [s]."""
+    force_residual: Annotated[float, Unit("of the weight"), POSITIVE]
+    """Largest mean over a window of the force that contacts and pushes do not explain, over the weight."""
+    residual_window_s: Annotated[float, Unit("s"), Range(0.02, 10.0)]
+    """Length of the window [s]."""
+
+
+@criterion(
+    Criterion(
+        CODES[0],
+        "torque",
+        "torque.saturation_share",
+        "of frames",
+        "share of frames with the motor at its torque limit, worst joint",
+    ),
+    Criterion(CODES[1], "torque", "torque.saturation_run_s", "s", "longest time in a row that a motor is at its limit"),
+    Criterion(
+        CODES[2],
+        "contact forces",
+        "torque.force_residual",
+        "of the weight",
+        "force that recorded contacts and pushes do not explain: worst mean over half a second",
+    ),
+)
+def recorded_forces(motion: Motion, settings: TorqueSettings) -> tuple[Result, ...]:
+    """Verdicts on a rollout's torques and contact forces; skipped for a motion that no simulation made."""
     forces = motion.clip.forces
     if forces is None:
-        return ()
-    return (*_saturation(motion, forces, settings), _force_residual(motion, forces, settings))
-
-
-def _saturation(motion: Motion, forces: SimulatedForces, settings: TorqueSettings) -> tuple[Verdict, Verdict]:
-    """Share of a joint's frames with its motor at the limit, and the longest time without a break."""
-    names = motion.robot.joint_names
-    ratio = np.abs(forces.joint_torque) / motion.robot.torque_limit
-    found = over_limit(ratio > settings.saturation, motion)
-    most, largest = found.worst, motion.largest_share(settings.saturation_share)
-    return (
-        Verdict(
-            code="torque_saturation_share",
-            value=float(found.share[most]),
-            limit=largest,
-            unit="of frames",
-            text=f"the motor of {names[most]} is at its torque limit in {100 * found.share[most]:.1f} % of the frames",
-            bad=found.frames_of_joints_over(largest),
-        ),
-        Verdict(
-            code="torque_saturation_run_s",
-            value=found.longest_s,
-            limit=settings.saturation_run_s,
-            unit="s",
-            text=f"from {found.start_s:.2f} s on the motor of {names[found.joint]} is at its torque limit for "
-            f"{found.longest_s:.2f} s without a break",
-            bad=found.frames_of_runs_over(settings.saturation_run_s),
+        return tuple(Skipped(code=code, not_applicable=NO_FORCES) for code in CODES)
+    limit = "the motor of {joint} is at its torque limit"
+    saturated = share_and_run(
+        (CODES[0], CODES[1]),
+        np.abs(forces.joint_torque) / motion.robot.torque_limit > settings.saturation,
+        (settings.saturation_share, settings.saturation_run_s),
+        motion,
+        (
+            f"{limit} in {{percent:.1f}} % of the frames",
+            f"from {{start_s:.2f}} s on {limit} for {{run_s:.2f}} s without a break",
         ),
     )
+    return (*saturated, _force_residual(motion, forces, settings))
 
 
 def _force_residual(motion: Motion, forces: SimulatedForces, settings: TorqueSettings) -> Verdict:
@@ -62,10 +84,9 @@ def _force_residual(motion: Motion, forces: SimulatedForces, settings: TorqueSet
     mean = np.linalg.norm(windowed_mean(residual, width), axis=1) / (motion.robot.total_mass * GRAVITY)
     frame = int(np.argmax(mean))
     return Verdict(
-        code="force_residual",
+        code=CODES[2],
         value=float(mean[frame]),
         limit=settings.force_residual,
-        unit="of the weight",
         text=f"around {frame / motion.clip.fps:.2f} s the recorded contact forces do not explain the motion: "
         f"{100 * mean[frame]:.0f} % of the weight is missing",
         bad=mean > settings.force_residual,

@@ -8,6 +8,7 @@ compared as BeyondMimic does where it ends an episode.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -15,12 +16,50 @@ from jaxtyping import Float
 from pipeline import rotation, time_series
 from pipeline.clips.outcome import Numbers
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.tracking_settings import TrackingSettings
-from pipeline.feasibility.verdict import Verdict
-from pipeline.feasibility.windowed_mean import windowed_mean
+from pipeline.feasibility.criterion import NUMBERS, WHOLE_CLIP, Criterion, Result, Skipped, Verdict, criterion
+from pipeline.feasibility.motion import NO_ROLLOUT, Motion
+from pipeline.feasibility.over_time import windowed_mean
+from pipeline.feasibility.reference import CONTENT
+from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
+from pipeline.files.ranges import Range
+from pipeline.files.sourced import Unit
 from pipeline.quality.percentile import percentile_of_least
 from pipeline.robot import Kinematics, Robot
+
+GROUP = "tracking stability"
+
+NOT_CUT = "no rollout of KP4"
+
+_Angle = Annotated[float, Unit("rad"), Range(0.0, 3.2, open_low=True)]
+_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingSettings(Section):
+    """How far a rollout may be from its reference, frame by frame at the same time."""
+
+    followed: ShareOfFrames
+    """Least share of its reference that a rollout follows before tracking fails."""
+    window_s: Annotated[float, Unit("s"), Range(0.02, 10.0)]
+    """The worst stretch of this length counts, and the last one [s]."""
+    joint_p95: _Angle
+    """95th percentile over frames of the joints' root mean square error [rad]."""
+    joint_worst: _Angle
+    """Largest mean of it over a window [rad]."""
+    body_p95: _Length
+    """95th percentile over frames of the error of the key body that is furthest off, relative to the root [m]."""
+    body_worst: _Length
+    """Largest mean of it over a window [m]."""
+    growth: _Length
+    """Largest difference of its mean over the last window and its median over windows [m]."""
+    away_s: Seconds
+    """Longest time in a row that it may be above `body_p95` [s]."""
+    root_height: _Length
+    """Largest difference of the root's height [m]."""
+    gravity: Annotated[float, Unit("-"), Range(0.0, 2.0, open_low=True)]
+    """Largest difference of the vertical in the root's frame, along its z axis."""
+    end_height: _Length
+    """Largest difference in height of a hand or a sole [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,38 +78,70 @@ class TrackingError:
     """Of the hand or sole that is furthest off in height [m]."""
 
 
-def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Verdict, ...]:
-    """Verdicts on a tracked rollout; none where no reference is known."""
+@criterion(
+    Criterion(
+        "tracking_followed",
+        GROUP,
+        "tracking.followed",
+        "of frames",
+        "share of the reference that the tracker followed",
+        cuts=WHOLE_CLIP,
+        lower=True,
+        of=NUMBERS,
+    )
+)
+def followed(numbers: Numbers, settings: TrackingSettings) -> tuple[Result, ...]:
+    """The verdict on how much of its reference a rollout of KP4 followed; skipped for any other motion."""
+    share = numbers.get("followed_share")
+    if share is None:
+        return (Skipped(code="tracking_followed", not_applicable=NOT_CUT if numbers.get(CONTENT) else NO_ROLLOUT),)
+    text = f"the tracker follows {100 * float(share):.0f} % of the reference"
+    return (Verdict(code="tracking_followed", value=float(share), limit=settings.followed, text=text),)
+
+
+CRITERIA = (
+    Criterion("tracking_joint_p95", GROUP, "tracking.joint_p95", "rad", "RMS of the joint errors, 95th percentile"),
+    Criterion("tracking_joint_worst", GROUP, "tracking.joint_worst", "rad", "its worst mean over half a second"),
+    Criterion(
+        "tracking_body_p95",
+        GROUP,
+        "tracking.body_p95",
+        "m",
+        "error of the link, hand or sole that is furthest off, relative to the root, 95th percentile",
+    ),
+    Criterion("tracking_body_worst", GROUP, "tracking.body_worst", "m", "its worst mean over half a second"),
+    Criterion("tracking_growth", GROUP, "tracking.growth", "m", "error in the last half second less the median error"),
+    Criterion("tracking_away_s", GROUP, "tracking.away_s", "s", "longest time in a row beyond `tracking.body_p95`"),
+    Criterion("tracking_root_height", GROUP, "tracking.root_height", "m", "largest difference of the root's height"),
+    Criterion(
+        "tracking_gravity", GROUP, "tracking.gravity", "-", "largest difference of the vertical in the root's frame"
+    ),
+    Criterion(
+        "tracking_end_height", GROUP, "tracking.end_height", "m", "largest difference in height of a hand or sole"
+    ),
+)
+
+
+@criterion(*CRITERIA)
+def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Result, ...]:
+    """Verdicts on a tracked rollout; skipped where no reference is known."""
     if motion.reference is None:
-        return ()
+        return tuple(Skipped(code=each.code, not_applicable=motion.no_reference) for each in CRITERIA)
     error = tracking_error(motion.clip, motion.reference, motion.robot)
     width = 2 * round(settings.window_s * motion.clip.fps / 2) + 1
     joint, body = windowed_mean(error.joint, width), windowed_mean(error.body, width)
     least = motion.least_frames
     return (
-        _often("joint_p95", error.joint, settings.joint_p95, least, "rad", "joints are more than {:.2f} rad off"),
-        _worst("joint_worst", joint, settings.joint_worst, "rad", "joints are {:.2f} rad off on average", motion),
-        _often("body_p95", error.body, settings.body_p95, least, "m", "a key body is more than {:.2f} m off"),
-        _worst("body_worst", body, settings.body_worst, "m", "a key body is {:.2f} m off on average", motion),
+        _often("joint_p95", error.joint, settings.joint_p95, least, "joints are more than {:.2f} rad off"),
+        _worst("joint_worst", joint, settings.joint_worst, "joints are {:.2f} rad off on average", motion),
+        _often("body_p95", error.body, settings.body_p95, least, "a key body is more than {:.2f} m off"),
+        _worst("body_worst", body, settings.body_worst, "a key body is {:.2f} m off on average", motion),
         _growth(body, settings, motion),
         _away(error.body, settings, motion),
-        _peak("root_height", error.root_height, settings.root_height, "m", "the root's height is {:.2f} m off"),
-        _peak("gravity", error.gravity, settings.gravity, "-", "the vertical in the root's frame is {:.2f} off"),
-        _peak("end_height", error.end_height, settings.end_height, "m", "a hand or sole is {:.2f} m off in height"),
+        _peak("root_height", error.root_height, settings.root_height, "the root's height is {:.2f} m off"),
+        _peak("gravity", error.gravity, settings.gravity, "the vertical in the root's frame is {:.2f} off"),
+        _peak("end_height", error.end_height, settings.end_height, "a hand or sole is {:.2f} m off in height"),
     )
-
-
-def followed(numbers: Numbers, settings: TrackingSettings) -> tuple[Verdict, ...]:
-    """The verdict on how much of its reference a rollout of KP4 followed; none for any other motion."""
-    share = numbers.get("followed_share")
-    if share is None:
-        return ()
-    text = f"the tracker follows {100 * float(share):.0f} % of the reference"
-    limit = settings.followed
-    verdict = Verdict(
-        code="tracking_followed", value=float(share), limit=limit, unit="of frames", text=text, lower=True
-    )
-    return (verdict,)
 
 
 def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:
@@ -104,22 +175,22 @@ def _up_b(clip: RobotClip) -> Float[np.ndarray, "t 3"]:
     return rotation.rotate_inverse(clip.root_quat_w, np.array([0.0, 0.0, 1.0]))
 
 
-def _often(name: str, values: np.ndarray, limit: float, least: int, unit: str, text: str) -> Verdict:
+def _often(name: str, values: np.ndarray, limit: float, least: int, text: str) -> Verdict:
     value = percentile_of_least(values, 95, least)
-    said = f"{text.format(value)} the motion that was tracked in 5 % of the time"
-    return _verdict(name, value, limit, unit, said, values > limit)
+    sentence = f"{text.format(value)} the motion that was tracked in 5 % of the time"
+    return _verdict(name, value, limit, sentence, values > limit)
 
 
-def _worst(name: str, means: np.ndarray, limit: float, unit: str, text: str, motion: Motion) -> Verdict:
+def _worst(name: str, means: np.ndarray, limit: float, text: str, motion: Motion) -> Verdict:
     at = int(np.argmax(means))
-    said = f"around {at / motion.clip.fps:.2f} s {text.format(means[at])} the motion that was tracked"
-    return _verdict(name, float(means[at]), limit, unit, said, means > limit)
+    sentence = f"around {at / motion.clip.fps:.2f} s {text.format(means[at])} the motion that was tracked"
+    return _verdict(name, float(means[at]), limit, sentence, means > limit)
 
 
-def _peak(name: str, values: np.ndarray, limit: float, unit: str, text: str) -> Verdict:
+def _peak(name: str, values: np.ndarray, limit: float, text: str) -> Verdict:
     at = int(np.argmax(values))
-    said = f"frame {at}: {text.format(values[at])} the motion that was tracked"
-    return _verdict(name, float(values[at]), limit, unit, said, values > limit)
+    sentence = f"frame {at}: {text.format(values[at])} the motion that was tracked"
+    return _verdict(name, float(values[at]), limit, sentence, values > limit)
 
 
 def _growth(means: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
@@ -129,10 +200,10 @@ def _growth(means: np.ndarray, settings: TrackingSettings, motion: Motion) -> Ve
     near = np.flatnonzero(means <= usual + settings.growth)
     bad = np.zeros(len(means), dtype=bool)
     bad[near[-1] + 1 if len(near) else 0 :] = True
-    said = (
+    sentence = (
         f"the error grows: at the end a key body is {means[-1]:.2f} m off the motion that was tracked, {usual:.2f} m "
     )
-    return _verdict("growth", value, settings.growth, "m", f"{said}at most times", bad)
+    return _verdict("growth", value, settings.growth, f"{sentence}at most times", bad)
 
 
 def _away(body: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdict:
@@ -144,9 +215,11 @@ def _away(body: np.ndarray, settings: TrackingSettings, motion: Motion) -> Verdi
     bad = np.zeros(len(body), dtype=bool)
     for start, stop in spans:
         bad[start:stop] = (stop - start) / fps > settings.away_s
-    said = f"from {longest[0] / fps:.2f} s on a key body is more than {settings.body_p95:g} m off the motion that was "
-    return _verdict("away_s", value, settings.away_s, "s", f"{said}tracked for {value:.2f} s in a row", bad)
+    sentence = (
+        f"from {longest[0] / fps:.2f} s on a key body is more than {settings.body_p95:g} m off the motion that was "
+    )
+    return _verdict("away_s", value, settings.away_s, f"{sentence}tracked for {value:.2f} s in a row", bad)
 
 
-def _verdict(name: str, value: float, limit: float, unit: str, text: str, bad: np.ndarray) -> Verdict:
-    return Verdict(code=f"tracking_{name}", value=value, limit=limit, unit=unit, text=text, bad=bad)
+def _verdict(name: str, value: float, limit: float, text: str, bad: np.ndarray) -> Verdict:
+    return Verdict(code=f"tracking_{name}", value=value, limit=limit, text=text, bad=bad)

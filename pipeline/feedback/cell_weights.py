@@ -20,10 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.feasibility.balance_settings import BalanceSettings
-from pipeline.feasibility.command_cells import cell_of
-from pipeline.feasibility.command_seconds import by_command
-from pipeline.feasibility.command_settings import CommandSettings
+from pipeline.feasibility.balance import BalanceSettings
+from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
 
 ROUNDS = 500
 CLOSE = 1e-9

@@ -16,9 +16,7 @@ import pandas as pd
 
 from pipeline.failures.failure import Failure
 from pipeline.failures.trial_report import TrialReport
-from pipeline.feasibility.command_cells import cell_of
-from pipeline.feasibility.command_seconds import VELOCITIES
-from pipeline.feasibility.command_settings import CommandSettings
+from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell_of
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
 from pipeline.feedback.recordings import Heard, recorded
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule

@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-GRAVITY = 9.81
-"""[m/s²]; the flight phases of a run fall with it, so that the time base of a clip can be found."""
-
 WALK, RUN = "walk", "run"
 
 WALK_RATIO = 0.39

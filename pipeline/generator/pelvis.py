@@ -15,6 +15,7 @@ from pipeline.generator.command import GRID_HZ, Commands, Recipe
 from pipeline.generator.feet import Foot
 from pipeline.generator.footsteps import Stride
 from pipeline.generator.hermite import hermite
+from pipeline.physics import GRAVITY
 
 LONGEST_LEG = 0.99 * (skeleton.THIGH + skeleton.SHANK)
 """Hip to ankle at most [m]: a knee bent by 16 degrees. People land with 5 degrees; a little more keeps knee speeds
@@ -123,14 +124,14 @@ def _bounces(times: np.ndarray, stances: list[tuple[float, float]], levels: np.n
     height = np.full(len(times), levels[0])
     flights = [0.1] + [b[0] - a[1] for a, b in itertools.pairwise(stances)] + [0.1]
     for index, (start_s, stop_s) in enumerate(stances):
-        speeds = -0.5 * gait.GRAVITY * flights[index], 0.5 * gait.GRAVITY * flights[index + 1]
+        speeds = -0.5 * GRAVITY * flights[index], 0.5 * GRAVITY * flights[index + 1]
         inside = (times >= start_s) & (times <= stop_s)
         ends = [
-            [np.array([level]), np.array([speed]), np.array([-gait.GRAVITY])]
+            [np.array([level]), np.array([speed]), np.array([-GRAVITY])]
             for level, speed in zip(levels[index : index + 2], speeds, strict=True)
         ]
         height[inside] = hermite((times[inside] - start_s) / (stop_s - start_s), stop_s - start_s, *ends)[:, 0]
         since = times - stop_s
         flying = (since > 0.0) & (since < flights[index + 1])
-        height[flying] = levels[index + 1] + 0.5 * gait.GRAVITY * since[flying] * (flights[index + 1] - since[flying])
+        height[flying] = levels[index + 1] + 0.5 * GRAVITY * since[flying] * (flights[index + 1] - since[flying])
     return height

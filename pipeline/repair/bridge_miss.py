@@ -12,7 +12,7 @@ REACH = 2
 def interpolation_miss(values: Float[np.ndarray, "t n d"], gap: int) -> Float[np.ndarray, "t n d"]:
     """Middle of each window of `gap` frames less the cubic through the two frames on either side of it.
 
-    Of an even gap the middle lies half a frame after the frame it is told for. Zero where the window has no neighbours.
+    Of an even gap the middle lies half a frame after its frame. Zero where the window has no neighbours.
     """
     inner, outer = (gap + 1) / 2.0, (gap + 3) / 2.0
     near = outer**2 / (outer**2 - inner**2) / 2.0

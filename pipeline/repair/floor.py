@@ -25,7 +25,7 @@ FALLBACK_PERCENTILE = 5.0
 """Where no foot ever stands (a clip of a leap) the ground is taken from the lowest toes."""
 
 SHAKEN_CODES = ("noise", "bone_length", "spike")
-"""What shaking is told as."""
+"""Name under which shaking is reported."""
 CALM_S, MOST_SHAKEN_M = 0.15, 0.02
 """A toe that shakes is where its mean over this time is [s], unless its height scatters by more [m]."""
 
@@ -125,11 +125,11 @@ def _stances(
 
 
 def _slope(stances: list[tuple[np.ndarray, np.ndarray]], fps: float, settings: FloorSettings) -> float:
-    """Slope of the ground through the stances [m/s]; 0 where too few are told.
+    """Slope of the ground through the stances [m/s]; 0 where there are too few.
 
     Their median slope, each pair weighed by its time apart (Theil and Sen), tells which stances are on the ground; the
     line through those, each weighed by its time, is steadier where all of them wander. Where less than two are within
-    the band of their middle height (a foot that rests on a step), the median slope is all that is told.
+    the band of their middle height (a foot that rests on a step), the median slope is all that is reported.
     """
     parts = [part for frames, heights in stances for part in _parts(frames, heights, fps)]
     time_s, height, weight = np.array(parts).reshape(-1, 3).T

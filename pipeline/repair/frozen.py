@@ -136,7 +136,7 @@ def _moved(
 
 
 def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "t 19"]]:
-    """Frames in which each body is held, by what that is told as."""
+    """Frames in which each body is held, by the name under which it is reported."""
     held = {code: np.zeros((count, len(BODIES)), dtype=bool) for code in ("dropout", "frozen_joint")}
     for index, body in enumerate(holds):
         for one in body:

@@ -38,7 +38,7 @@ class Edges:
     place: Bool[np.ndarray, "t 19"]
     turn: Bool[np.ndarray, "t 19"]
     large: Bool[np.ndarray, "t 19"]
-    """Large enough to be told alone; a smaller one needs another one soon that leads back."""
+    """Large enough to be reported alone; a smaller one needs another one soon that leads back."""
 
 
 def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
@@ -180,8 +180,8 @@ def _joint_defects(
     defects = []
     for start, stop in _stretches(np.flatnonzero(edges), len(edges), came_back, fps, settings):
         brief = start > 0 and start < stop < min(len(edges), start + SMALL_S * fps)
-        told = brief or large[start : stop + 1].any()
-        if not told:
+        counts = brief or large[start : stop + 1].any()
+        if not counts:
             continue
         edge = start if start > 0 else stop
         code = "joint_jump" if start == stop else ("spike" if stop - start <= 2 else "dropout")

@@ -73,20 +73,20 @@ def process(
     whole = prepared or prepare(clip, settings=settings)
     assert whole is not None
     division, floor = whole.division, whole.floor
-    told = reasons.of_defects(whole.findings, division, start, stop, clip.fps, settings)
-    told += reasons.of_floor(floor, settings.floor)
+    gathered = reasons.of_defects(whole.findings, division, start, stop, clip.fps, settings)
+    gathered += reasons.of_floor(floor, settings.floor)
     repaired = dataclasses.replace(whole.repaired, name=clip.name)
     pieces, more = _pieces(repaired, start, stop, str(numbers.get("skill") or ""), division, floor, settings)
     inside = slice(start, stop)
     return Outcome(
         pieces=pieces,
-        reasons=tuple(told + more),
+        reasons=tuple(gathered + more),
         numbers={
             "floor_m": floor.height,
             "floor_drift_m": floor.drift,
             "filled_frames": int(division.filled[inside].sum()),
             "cut_frames": stop - start - sum(piece.clip.frame_count for piece in pieces),
-            "defects": len(told),
+            "defects": len(gathered),
         },
     )
 
@@ -110,19 +110,19 @@ def _pieces(
         for low, high in division.stretches
         if low < stop and high > start
     ]
-    told, taken = [], []
+    gathered, taken = [], []
     for (first, last), (low, high) in zip(inside, around, strict=True):
         if (last - first) / clip.fps < settings.min_seconds:
-            told.append(reasons.too_short(first, last, clip.fps, settings.min_seconds))
+            gathered.append(reasons.too_short(first, last, clip.fps, settings.min_seconds))
             continue
         labelled = smoothed(clip.cut(low, high, clip.name), skill, settings.smooth)
         feet = both_feet(labelled, floor.height)
         labelled = dataclasses.replace(labelled, contacts=label_contacts(feet, clip.fps, settings.contact))
         skating = _inside(find_skating(feet, clip.body_pos_w[low:high], clip.fps, settings.contact), low, first, last)
-        told += reasons.of_skating(skating, clip.fps, settings.contact)
+        gathered += reasons.of_skating(skating, clip.fps, settings.contact)
         for start, stop in _between(skating, first, last):
             refused, piece = _piece(labelled, feet, start, stop, low, settings)
-            told += refused
+            gathered += refused
             if piece is not None:
                 taken.append((start, *piece))
     several = len(taken) > 1
@@ -130,7 +130,7 @@ def _pieces(
     for number, (first, piece, slip) in enumerate(taken, start=1):
         named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
         pieces.append(_placed(named, first, slip, division, floor, floor.at(first, clip), settings))
-    return tuple(pieces), told
+    return tuple(pieces), gathered
 
 
 def _piece(
@@ -151,13 +151,13 @@ def _piece(
         return [reasons.too_short(start, stop, fps, settings.min_seconds)], None
     slip = stance_slip((feet[0].cut(part), feet[1].cut(part)), labelled.contacts[part])
     speed_m_s = _ground_speed(labelled.pos("pelvis")[part], fps)
-    told = reasons.of_slip(slip, speed_m_s, start, stop, fps, settings.contact)
-    told += reasons.of_flight(labelled.contacts[part], start, stop, fps, settings.contact)
-    return told, None if told else (labelled.cut(part.start, part.stop, labelled.name), slip)
+    gathered = reasons.of_slip(slip, speed_m_s, start, stop, fps, settings.contact)
+    gathered += reasons.of_flight(labelled.contacts[part], start, stop, fps, settings.contact)
+    return gathered, None if gathered else (labelled.cut(part.start, part.stop, labelled.name), slip)
 
 
 def _inside(skating: list[Skating], low: int, first: int, last: int) -> list[Skating]:
-    """Stretches told from frame `low` on, in the source's frames, as far as they are in [first, last)."""
+    """Stretches counted from frame `low` on, in the source's frames, as far as they are in [first, last)."""
     moved = [
         dataclasses.replace(one, start=max(one.start + low, first), stop=min(one.stop + low, last)) for one in skating
     ]

@@ -16,7 +16,7 @@ from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSetti
 from pipeline.repair.skating import Skating
 
 MOST_OF_A_KIND = 20
-"""More defects of one kind than this are told as one reason."""
+"""More defects of one kind than this are reported as one reason."""
 
 
 def of_defects(
@@ -25,28 +25,28 @@ def of_defects(
     """A reason for each defect that touches the window [start, stop)."""
     touching = [one for one in findings.defects if one.start < stop and max(one.stop, one.start + 1) > start]
     merged = list(_merged(touching))
-    told = []
+    gathered = []
     for code in dict.fromkeys(one.code for one in merged):
         alike = [one for one in merged if one.code == code]
         if len(alike) > MOST_OF_A_KIND:
-            told.append(_summary(alike, division, fps))
+            gathered.append(_summary(alike, division, fps))
         else:
-            told += [_reason(one, division, fps, settings) for one in alike]
-    return told
+            gathered += [_reason(one, division, fps, settings) for one in alike]
+    return gathered
 
 
 def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
     """Whether the ground under the clip is at z = 0, and stays there."""
-    told = []
+    gathered = []
     if abs(floor.height) > settings.offset_limit:
         text = f"the ground is at z = {floor.height:+.3f} m; the clip is moved onto z = 0"
-        told.append(("floor_offset", text, floor.height, settings.offset_limit))
+        gathered.append(("floor_offset", text, floor.height, settings.offset_limit))
     if floor.slope_m_s != 0.0:
         text = f"the ground is {floor.drift:+.3f} m higher at the clip's end than at its beginning; that is taken out"
-        told.append(("floor_drift", text, floor.drift, settings.drift_limit))
+        gathered.append(("floor_drift", text, floor.drift, settings.drift_limit))
     return [
         Reason(code=code, text=text, effect="repaired", value=value, limit=limit, unit="m")
-        for code, text, value, limit in told
+        for code, text, value, limit in gathered
     ]
 
 

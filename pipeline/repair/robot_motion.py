@@ -32,13 +32,13 @@ def process_robot(
     """
     speed_limit = _speed_limit(clip, robot, settings.robot)
     clip, spikes = without_spikes(clip)
-    bad, told = _bad_frames(clip, speed_limit, settings.robot)
+    bad, gathered = _bad_frames(clip, speed_limit, settings.robot)
     clamped, clamps = _clamped(clip, robot, settings.robot)
-    told += [*spikes, *clamps]
+    gathered += [*spikes, *clamps]
     pieces = []
     whole = [(low + start, high + start) for low, high in time_series.runs(~bad[start:stop])]
     kept = [(low, high) for low, high in whole if (high - low) / clip.fps >= settings.min_seconds]
-    told += [
+    gathered += [
         reasons.too_short(low, high, clip.fps, settings.min_seconds) for low, high in whole if (low, high) not in kept
     ]
     for number, (low, high) in enumerate(kept, start=1):
@@ -46,7 +46,7 @@ def process_robot(
         pieces.append(_placed(_labelled(clamped.cut(low, high, name), robot), low, settings))
     filled = sum(round(((each.stop_s or 0.0) - (each.start_s or 0.0)) * clip.fps) for each in spikes)
     cut = stop - start - sum(piece.clip.frame_count for piece in pieces)
-    return Outcome(pieces=tuple(pieces), reasons=tuple(told), numbers={"filled_frames": filled, "cut_frames": cut})
+    return Outcome(pieces=tuple(pieces), reasons=tuple(gathered), numbers={"filled_frames": filled, "cut_frames": cut})
 
 
 def _labelled(clip: RobotClip, robot: Robot | None) -> RobotClip:
@@ -72,9 +72,9 @@ def _bad_frames(
     """Frames to cut, and why."""
     norm = np.linalg.norm(clip.root_quat_w, axis=1)
     finite = np.isfinite(clip.root_pos_w).all(axis=1) & np.isfinite(clip.joint_pos).all(axis=1) & np.isfinite(norm)
-    told = [_reason("missing", low, high, clip.fps, "not a number") for low, high in time_series.runs(~finite)]
+    gathered = [_reason("missing", low, high, clip.fps, "not a number") for low, high in time_series.runs(~finite)]
     unit = np.abs(np.where(finite, norm, 1.0) - 1.0) <= QUAT_NORM_CHANGE
-    told += [
+    gathered += [
         _reason("no_rotation", low, high, clip.fps, "root quaternion not unit") for low, high in time_series.runs(~unit)
     ]
     speed = np.abs(np.diff(np.where(finite[:, None], clip.joint_pos, 0.0), axis=0)) * clip.fps
@@ -85,8 +85,10 @@ def _bad_frames(
         span = speed[low : high - 1]
         joint = int(np.argmax((span / speed_limit).max(axis=0)))
         text = f"joint '{clip.joint_names[joint]}' moves at {span[:, joint].max():.1f} rad/s"
-        told.append(_reason("joint_jump", low, high, clip.fps, text, float(span[:, joint].max()), speed_limit[joint]))
-    return ~finite | ~unit | too_fast, told
+        gathered.append(
+            _reason("joint_jump", low, high, clip.fps, text, float(span[:, joint].max()), speed_limit[joint])
+        )
+    return ~finite | ~unit | too_fast, gathered
 
 
 def _reason(
@@ -114,12 +116,12 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
     if not little.any():
         return clip, []
     joint_pos = np.where(little, np.clip(clip.joint_pos, robot.joint_lower, robot.joint_upper), clip.joint_pos)
-    told = []
+    gathered = []
     for joint in np.flatnonzero(little.any(axis=0)):
         most = float(over[little[:, joint], joint].max())
         share = little[:, joint].mean()
         text = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad in {share:.0%} "
-        told.append(
+        gathered.append(
             Reason(
                 code="joint_limit",
                 text=text + "of the frames; put on the limit",
@@ -129,7 +131,7 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
                 unit="rad",
             )
         )
-    return dataclasses.replace(clip, joint_pos=joint_pos), told
+    return dataclasses.replace(clip, joint_pos=joint_pos), gathered
 
 
 def _placed(clip: RobotClip, first: int, settings: RepairSettings) -> Piece:

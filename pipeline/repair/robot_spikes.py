@@ -38,30 +38,30 @@ def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
 
 
 def _joints_filled(clip: RobotClip) -> tuple[Float[np.ndarray, "t j"], list[Reason]]:
-    values, told = clip.joint_pos.copy(), []
+    values, gathered = clip.joint_pos.copy(), []
     for joint, name in enumerate(clip.joint_names):
         for start, stop in _spikes(np.abs, clip.joint_pos[:, joint, None], clip.fps, LEAST_JOINT):
             before = values[start:stop, joint].copy()
             values[start:stop, joint] = _bridge(clip.joint_pos[:, joint, None], start, stop)[:, 0]
             size = float(np.abs(before - values[start:stop, joint]).max())
-            told.append(_reason(f"joint '{name}'", start, stop, clip.fps, size, "rad", LEAST_JOINT))
-    return values, told
+            gathered.append(_reason(f"joint '{name}'", start, stop, clip.fps, size, "rad", LEAST_JOINT))
+    return values, gathered
 
 
 def _root_filled(
     clip: RobotClip,
 ) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"], list[Reason]]:
-    pos, quat, told = clip.root_pos_w.copy(), clip.root_quat_w.copy(), []
+    pos, quat, gathered = clip.root_pos_w.copy(), clip.root_quat_w.copy(), []
     for start, stop in _spikes(rotation.length, clip.root_pos_w, clip.fps, LEAST_PLACE):
         pos[start:stop] = _bridge(clip.root_pos_w, start, stop)
         size = float(rotation.length(pos[start:stop] - clip.root_pos_w[start:stop]).max())
-        told.append(_reason("the root", start, stop, clip.fps, size, "m", LEAST_PLACE))
+        gathered.append(_reason("the root", start, stop, clip.fps, size, "m", LEAST_PLACE))
     # half the angle of a small turn is the length of its quaternion's change
     for start, stop in _spikes(_quat_angle, clip.root_quat_w, clip.fps, LEAST_TURN):
         quat[start:stop] = rotation.normalize(_bridge(clip.root_quat_w, start, stop))
         size = float(rotation.angle_between(quat[start:stop], clip.root_quat_w[start:stop]).max())
-        told.append(_reason("the root's rotation", start, stop, clip.fps, size, "rad", LEAST_TURN))
-    return pos, quat, told
+        gathered.append(_reason("the root's rotation", start, stop, clip.fps, size, "rad", LEAST_TURN))
+    return pos, quat, gathered
 
 
 def _quat_angle(change: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, " t"]:

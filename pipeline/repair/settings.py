@@ -117,7 +117,7 @@ class FloorSettings:
     drift_limit: float
     """Change of the ground's height over the clip that is taken out [m]."""
     offset_limit: float
-    """Height of the ground that is told [m]; it is taken out whatever it is."""
+    """Height of the ground from which on it is reported [m]; it is removed in any case."""
 
     def __post_init__(self) -> None:
         check(

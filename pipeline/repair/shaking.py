@@ -1,6 +1,6 @@
 """Shaking: stretches in which bodies are off what their neighbours in time say, frame after frame.
 
-That a body shakes is told by a window most of whose frames are off. Where it begins and ends is a question of its own:
+That a body shakes shows in a window most of whose frames are off. Where it begins and ends is a question of its own:
 a bad frame disturbs the bridges of two frames on either side, by a known share, and motion misses a little, too. Of all
 places where the scale of the misses may change, that is taken which explains what all bodies miss there best.
 """
@@ -119,7 +119,7 @@ def _first(sizes: Sizes, scales: tuple[np.ndarray, np.ndarray], start: int, widt
         for offset, spill in enumerate(SPILL):
             share[frames == first - REACH + offset] = spill
         scale = np.hypot(outside, share[:, None] * inside)
-        told = -3.0 * np.log(scale) - 0.5 * (FREEDOM + 3.0) * np.log1p((sizes[low:] / scale) ** 2 / FREEDOM)
-        if told.sum() > best:
-            best, found = float(told.sum()), first
+        log_ratio = -3.0 * np.log(scale) - 0.5 * (FREEDOM + 3.0) * np.log1p((sizes[low:] / scale) ** 2 / FREEDOM)
+        if log_ratio.sum() > best:
+            best, found = float(log_ratio.sum()), first
     return found

@@ -4,7 +4,7 @@ At every moment of a walk some point of the feet is planted, and in a run one is
 the points that are near the ground therefore stands still again and again; where it does not for most of a second,
 the feet slide, whatever else they do.
 
-Where a glide begins is told by the whole body as well: every joint takes up the glide's velocity in one step. Nobody
+Where a glide begins shows in the whole body as well: every joint takes up the glide's velocity in one step. Nobody
 pushes off so fast; where such a kick is seen it is the edge, elsewhere it is where what the feet tell changes.
 """
 
@@ -81,11 +81,11 @@ def find_skating(
         sliding = float(np.median(grounded))
         sliding = min(sliding, SWINGING * float(usual[start:stop].max()))
         glide = _glide(velocity, slice(start, stop), sliding)
-        told = _told(speed, sliding) if glide is None else _told_by_way(velocity, glide)
+        evidence = _evidence_of(speed, sliding) if glide is None else _evidence_by_way(velocity, glide)
         middle = (start + stop) // 2
         low, high = max(start - reach, 0), min(stop + reach, len(speed))
-        before = _most_told(told[low : middle + 1][::-1])
-        after = _most_told(told[middle:high])
+        before = _most_evidence(evidence[low : middle + 1][::-1])
+        after = _most_evidence(evidence[middle:high])
         low, high = middle + 1 - before, middle + after
         low, high = 0 if low < rest else low, len(speed) if len(speed) - high < rest else high
         if glide is not None:
@@ -154,7 +154,7 @@ def _taken(speed: Float[np.ndarray, " s"], frame: int, width: int) -> float:
     return float(speed[frame - 1 : frame - 1 + width].mean() - speed[max(frame - 1 - width, 0) : frame - 1].mean())
 
 
-def _told(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
+def _evidence_of(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.ndarray, " t"]:
     """What each frame tells: 1 of feet that slide at `sliding` [m/s], -1 of one that stands, 0 where all swing."""
     share = speed / sliding
     return _steady(np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0), share)
@@ -181,20 +181,20 @@ def _glide(velocity: Float[np.ndarray, "t 4 2"], span: slice, sliding: float) ->
     return glide if float(np.linalg.norm(glide)) > STRAIGHT * sliding else None
 
 
-def _told_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " t"]:
+def _evidence_by_way(velocity: Float[np.ndarray, "t 4 2"], glide: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " t"]:
     """What each frame tells: 1 where a point glides along at `glide` [m/s], -1 where one stands, 0 where all swing."""
     size = float(np.linalg.norm(glide))
     stands = np.linalg.norm(velocity, axis=-1).min(axis=1) / size
     glides = np.linalg.norm(velocity - glide, axis=-1).min(axis=1) / size
-    told = np.where(np.minimum(stands, glides) < NEAR, np.clip(stands - glides, -1.0, 1.0), 0.0)
-    return _steady(told, stands)
+    evidence = np.where(np.minimum(stands, glides) < NEAR, np.clip(stands - glides, -1.0, 1.0), 0.0)
+    return _steady(evidence, stands)
 
 
-def _steady(told: Float[np.ndarray, " t"], share: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+def _steady(evidence: Float[np.ndarray, " t"], share: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
     """What is as fast as the sliding feet but gains or loses speed is on its way, and tells nothing."""
-    return np.where(np.abs(np.gradient(share)) < STEADY, told, np.minimum(told, 0.0))
+    return np.where(np.abs(np.gradient(share)) < STEADY, evidence, np.minimum(evidence, 0.0))
 
 
-def _most_told(told: Float[np.ndarray, " t"]) -> int:
+def _most_evidence(evidence: Float[np.ndarray, " t"]) -> int:
     """How many frames from the first on tell most together; the fewest that do."""
-    return int(np.argmax(np.cumsum(told))) + 1
+    return int(np.argmax(np.cumsum(evidence))) + 1

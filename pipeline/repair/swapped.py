@@ -18,7 +18,7 @@ JUMP_SHARE = 0.3
 SMALLEST_JUMP = 0.05
 """Mean distance of a limb's joints from where they should be that an exchange has to explain [m]."""
 LONGEST_S = 2.0
-"""An exchange that lasts longer can't be told from the person's own sides."""
+"""An exchange that lasts longer can't be distinguished from the person's own sides."""
 
 
 def find_swapped(pos_w: Positions, fps: float) -> list[Defect]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,16 +10,17 @@ import numpy as np
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.clips.outcome import Outcome, Piece
+from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
+from pipeline.quality.command_velocity import command_velocity
 from pipeline.retarget.clearance import cleared
-from pipeline.retarget.report import numbers_of
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
+from pipeline.scoring import score_without_collisions, worst_of_bars
 
 
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
@@ -64,3 +66,43 @@ def _refuse_missing(clip: HumanClip) -> None:
     if not present.all():
         frame, body = np.argwhere(~present)[0]
         raise ClipError(clip.name, "missing_samples", f"'{BODIES[body]}' has no position or orientation.", int(frame))
+
+
+def numbers_of(clip: RobotClip, human: HumanClip, leg_ratio: float, robot: Robot) -> dict[str, float | str | None]:
+    """Numbers by name; `human` is the clip at the robot's rate.
+
+    The velocities are the robot's: a human's times `leg_ratio`. Slip, drift and depth are by the scorer's own labels
+    of standing feet, `slip_m_s` by the middle ones. Self-collision is KP5's to find. None where a clip has no sample
+    (no foot ever stands). `worst_figure` is the one that is furthest over its bar, `times_its_bar` by how much.
+    """
+    figures = score_without_collisions(human, clip, robot).figures()
+    worst, times = worst_of_bars(figures, clip.fps)
+    numbers = {
+        "slip_m_s": figures["slip_middle_m_s"],
+        "slip_strict_m_s": figures["slip_strict_m_s"],
+        "drift_m": figures["drift_cm"] / 100.0,
+        "penetration_m": figures["penetration_max_cm"] / 100.0,
+        "height_shift_m": figures["height_shift_mm"] / 1000.0,
+        "jerk_rad_s3": figures["jerk_rad_s3"],
+        "jump_percent": figures["jump_percent"],
+        **{key: value for key, value in figures.items() if key.endswith("_error_deg")},
+    }
+    known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+    return {"leg_ratio": leg_ratio, **known, "worst_figure": worst, "times_its_bar": times, **velocity_of(clip)}
+
+
+def velocity_of(clip: RobotClip) -> dict[str, float]:
+    """The command that the robot's motion is: mean forward and lateral velocity [m/s], yaw rate [rad/s]."""
+    return dict(vars(command_velocity(clip.root_pos_w, clip.root_quat_w, clip.fps)))
+
+
+def onto_robot(clip: Clip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
+    """A human clip retargeted; a recording of this robot at the database's rate; nothing for another robot's."""
+    if isinstance(clip, HumanClip):
+        return process(clip, numbers, settings=settings, robot=robot)
+    if clip.robot != robot.name or clip.joint_names != robot.joint_names:
+        text = f"'{clip.name}' is a recording of the robot '{clip.robot}', not of '{robot.name}'."
+        return Outcome(reasons=(Reason(code="other_robot", text=text, effect="rejected"),))
+    resampled = clip.resampled(settings.fps)
+    measured = {"seconds": resampled.duration_s, "leg_ratio": 1.0, **velocity_of(resampled)}
+    return Outcome(pieces=(Piece(clip=resampled, numbers=measured),))

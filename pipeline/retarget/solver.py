@@ -175,7 +175,7 @@ class _Feed:
             task.targetAxis_world = directions[frame]
 
     def _hold(self, side: int, held: tuple[bool, bool], weights: WeightSettings) -> None:
-        """Weights of a foot that is (held firmly, standing); they are told to the solver when they change."""
+        """Weights of a foot that is (held firmly, standing); they are set in the solver when they change."""
         if held == self._held[side]:
             return
         self._held[side] = held
@@ -187,7 +187,7 @@ class _Feed:
 
 
 def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:
-    """A posture that stays is told to the solver once."""
+    """A posture that stays is set in the solver once."""
     return bool((posture == posture[0]).all())
 
 

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from pipeline.files import atomic
 from pipeline.robot.build import build_robot
-from pipeline.robot.load import model_files
-from pipeline.robot.read import read_description
+from pipeline.robot.load import model_files, read_description
 from pipeline.robot.robot_error import RobotError
 
 

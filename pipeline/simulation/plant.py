@@ -40,7 +40,7 @@ class Plant(Protocol):
     timestep_s: float
 
     def reset(self, state: PlantState | None = None) -> None:
-        """Start anew from a state; the default pose at rest on the ground where none is given."""
+        """Restart from a state; the default pose at rest on the ground where none is given."""
         ...
 
     def state(self) -> PlantState:

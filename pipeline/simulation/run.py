@@ -75,23 +75,23 @@ def run(
     stop_on_fall: bool = False,
     resume_s: float | None = None,
 ) -> Rollout:
-    """Start `plant` anew and control it until `seconds`.
+    """Restart `plant` and control it until `seconds`.
 
     Args:
         robot: whose joints controller and plant have
         plant: the physics
         controller: asked for targets `task.control_hz` times a second
         motors: turn targets into torque at each timestep
-        command: what the controller is told to do
+        command: the command to the controller
         seconds: time of the end
         events: what happens on the way
-        sensors: what the controller is told of the state; the truth where not given
+        sensors: the controller's measurements of the state; exact where not given
         start: state to start from; the plant's own where not given
         delay_s: how late targets reach the motors
         wrench_every: the ground's forces are read at every so manieth timestep, and kept in between
         ground_height: falls are counted from there; 0 where not given
         stop_on_fall: end with the control step in which the robot fell; where numbers ceased to be any, it ends anyway
-        resume_s: go on from this time with plant and controller as they are, instead of starting anew; without delay
+        resume_s: go on from this time with plant and controller as they are, instead of restarting; without delay
 
     Raises RateError, and NoBallError for a Throw that the plant can't do.
     """

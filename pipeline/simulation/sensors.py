@@ -47,7 +47,7 @@ class PerfectSensors:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    """Half widths of uniform noise, drawn anew for each number and control step."""
+    """Half widths of uniform noise, drawn again for each number and control step."""
 
     gyro: float
     """[rad/s]"""

@@ -21,7 +21,7 @@ from pipeline.batch import ClipPool
 from pipeline.deployment import digest, load_policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.validation.bars import CellBars, Reference, ValidationSettings, derived
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine

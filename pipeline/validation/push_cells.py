@@ -17,8 +17,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
-from pipeline.simulation.contact_wrench import GRAVITY
 from pipeline.simulation.events import Event, Kick, Push, Throw
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE, Ball
 from pipeline.validation.cells import SURVIVING, Cell

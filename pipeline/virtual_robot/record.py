@@ -18,12 +18,13 @@ from pipeline.hardware_logs.robot_log import (
     OperatorEvent,
     RobotLog,
 )
+from pipeline.physics import GRAVITY
 from pipeline.simulation.record import Rollout
 from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
 
 EPOCH_NS = 1_767_225_600_000_000_000
 """2026-01-01, fixed so that equal rollouts give equal bytes."""
-GRAVITY_W = np.array([0.0, 0.0, -9.81])
+GRAVITY_W = np.array([0.0, 0.0, -GRAVITY])
 FALL_HZ, ODOMETER_HZ = 10.0, 50.0
 FALLING_DEG, FALLEN_DEG = 45.0, 60.0
 """Tilts at which the robot reports falling and fallen."""

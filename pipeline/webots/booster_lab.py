@@ -24,7 +24,6 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope  # noqa: E402
 
 SCHEMA = "booster-lab webots result 1"
 RESULT_MARK = "BOOSTER_LAB_RESULT "
-FALL_HEIGHT_M, FALL_TILT_COS = 0.45, 0.5
 
 
 class Devices:
@@ -84,14 +83,14 @@ class Plan:
 
 
 class Score:
-    """Mean velocities over the end of each segment, and the time of a fall.
+    """Mean velocities over the end of each segment, and the time of a fall: below a height or beyond a tilt.
 
     Velocities are differences of trunk positions: `getVelocity` returns that of the centre of mass, which differs on a
     curve.
     """
 
-    def __init__(self, plan: Plan, measured_s: float):
-        self.plan, self.measured_s = plan, measured_s
+    def __init__(self, plan: Plan, measured_s: float, fall: dict[str, float]):
+        self.plan, self.measured_s, self.fall = plan, measured_s, fall
         self.sums = np.zeros((len(plan.segments), 5))
         self.before: tuple[float, np.ndarray] | None = None
         self.fell_s: float | None = None
@@ -100,7 +99,8 @@ class Score:
         """Add the robot's current state."""
         turn, place = np.array(node.getOrientation()).reshape(3, 3), np.array(node.getPosition())
         height = float(place[2])
-        if not (math.isfinite(height) and height >= FALL_HEIGHT_M and turn[2, 2] >= FALL_TILT_COS):
+        upright = height >= self.fall["height_m"] and turn[2, 2] >= self.fall["tilt_cos"]
+        if not (math.isfinite(height) and upright):
             self.fell_s = time_s
             return
         before, self.before = self.before, (time_s, place)
@@ -137,7 +137,7 @@ def main() -> None:
     policy_file = HERE / "policy.npz"
     controller = PolicyController(task, load_policy(policy_file)) if policy_file.is_file() else None
     plan = Plan(run["segments"])
-    score = Score(plan, run["measured_s"])
+    score = Score(plan, run["measured_s"], config["fall"])
     time_s = walk(robot, devices, controller, task, motors, plan, score, timestep_s)
     result = {
         "schema": SCHEMA,

@@ -13,6 +13,7 @@ from pipeline.deployment import DeploymentTask, Policy, save_policy
 from pipeline.files import atomic
 from pipeline.robot.build import build_robot
 from pipeline.robot.description import Description
+from pipeline.simulation.run import FALL_HEIGHT, FALL_TILT_COS
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.proto import (
     ACCELEROMETER,
@@ -121,6 +122,7 @@ def _task(task: DeploymentTask, envelope: TorqueEnvelope) -> dict[str, Any]:
         "action_scale": task.action_scale,
         "history": task.history,
         "control_hz": task.control_hz,
+        "fall": {"height_m": FALL_HEIGHT, "tilt_cos": FALL_TILT_COS},
         "motors": {
             "limit": listed(envelope.limit),
             "knee_speed": listed(envelope.knee_speed),

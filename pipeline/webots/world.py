@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipeline.errors import PipelineError
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.webots.proto import MATERIAL, VERSION, proto_name
 from pipeline.webots.vrml import Node, Scene
@@ -10,7 +11,6 @@ from pipeline.webots.vrml import Node, Scene
 TIMESTEPS_MS = (1.0, 5.0)
 """Allowed `basicTimeStep` [ms]: 1 as in Booster's own world, 5 as in training."""
 FLOOR = "floor"
-GRAVITY = 9.81
 ERP, CFM = 0.2, 1e-5
 SOFT_ERP, SOFT_CFM = 0.2, 1e-3
 """Webots' defaults, stated explicitly: error reduction and softness of a contact."""

@@ -125,7 +125,7 @@ def test_what_would_make_wrong_data_blocks():
     expected |= {("robot_model", "models_agree"), ("expert_db", "whole_database")}
     expected |= {("adapted_robot", "adapted_models_agree"), ("exported_policy", "gives_the_networks_actions")}
     expected |= {("webots_validation", "project_is_the_robot")}
-    assert blocking == expected | {("feasible_motions", "satisfies_its_own_file")}
+    assert blocking == expected | {("feasible_motions", "stored_as_evaluated")}
 
 
 def test_topological_order_puts_parents_first():

@@ -10,6 +10,7 @@ import dagster as dg
 import numpy as np
 import pytest
 
+import assets.definitions
 import assets.external
 import assets.hardware
 import assets.log_sensor

@@ -11,7 +11,7 @@ from pipeline import rotation
 from pipeline.cli.database_clip import read_database_clip
 from pipeline.cli.main import main
 from pipeline.expert import ExpertEntry, read_database, write_database
-from pipeline.expert.file_name import file_name
+from pipeline.expert.write import file_name
 from pipeline.readers import read_motion
 from tests.factories.robot_clips import wandering
 

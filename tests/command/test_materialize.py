@@ -68,12 +68,8 @@ def test_a_clip_changed_is_worked_on_alone_at_every_stage(materialized):
     lines = rows.splitlines()
     lines[1:] = [" ".join([f"{float(line.split()[0]) + 12.5:.5f}", *line.split()[1:]]) for line in lines[1:]]
     path.write_text(head + "Frame Time:" + "\n".join(lines) + "\n")
-    printed = materialized.materialize()
+    materialized.materialize()
     assert materialized.recomputed() == materialized.clips_from("curve_left")
-    anew = re.search(r"recheck: \d+ clips, (\d+) known, (\d+) to work on", printed)
-    assert anew
-    others = materialized.clips_from("side_left")["feasible_motions"]
-    assert int(anew[1]) >= others, "weights change with every clip; what KP5 said of the others' bytes does not"
     path.write_text(text)
     materialized.materialize()
     assert set(materialized.recomputed().values()) == {0}
@@ -108,11 +104,10 @@ def test_a_command_cell_changed_weighs_the_clips_anew_and_judges_none(materializ
     text = path.read_text()
     path.write_text(text.replace("yaw_rate: {value: [-1.5, 1.5, 0.5]", "yaw_rate: {value: [-1.5, 1.5, 1.5]"))
     assert path.read_text() != text
-    printed = materialized.materialize()
+    materialized.materialize()
     made = {name for name, count in materialized.counts().items() if count > before[name]}
     assert made == {"feasible_motions", "expert_db"}
     assert materialized.recomputed()["feasible_motions"] == 0
-    assert re.search(r"recheck: \d+ clips, \d+ known, 0 to work on", printed)
     stages = json.loads((materialized.root / "data/expert_db/t1/manifest.json").read_text())["stages"].values()
     assert [each["yaw_rate"] for each in stages if "yaw_rate" in each] == [[-1.5, 1.5, 1.5]]
     path.write_text(text)

@@ -21,7 +21,7 @@ from pipeline.expert import (
     swap,
     write_database,
 )
-from pipeline.expert.file_name import file_name
+from pipeline.expert.write import file_name
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 

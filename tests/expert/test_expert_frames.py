@@ -10,7 +10,7 @@ from pipeline import rotation
 from pipeline.errors import ClipError
 from pipeline.expert import columns, expert_frames
 from pipeline.expert.frames import rounded
-from pipeline.expert.loop_mode import loop_mode
+from pipeline.expert.write import loop_mode
 from pipeline.robot import Robot, mujoco_model
 from tests.factories.robot_clips import standing, wandering
 

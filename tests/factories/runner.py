@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.clips.human_clip import BODIES, HumanClip, body
+from pipeline.physics import GRAVITY
 from tests.factories.human_clips import OFFSETS
 
-GRAVITY = 9.81
 STANCE_S, FLIGHT_S = 0.24, 0.12
 STEP_S = STANCE_S + FLIGHT_S
 """A cadence of 167 steps a minute."""

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
 from pipeline.feasibility.balance import BalanceError, effective_seconds
-from pipeline.feasibility.command_seconds import by_command
+from pipeline.feasibility.command_space import by_command
 from pipeline.files import settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +28,7 @@ def _row(clip: str, seconds: float = 2.0, forward: float = 0.5, lateral: float =
 
 
 def _weights(rows: list[dict]) -> dict[str, float]:
-    table = balance(pd.DataFrame(rows), LIMITS, COMMANDS)
+    table = balance(pd.DataFrame(rows), LIMITS.balance, COMMANDS)
     return dict(zip(table["clip"], table["weight"], strict=True))
 
 
@@ -40,7 +40,7 @@ def test_each_command_cell_has_the_same_weight():
 
 def test_no_second_weighs_more_than_the_bound():
     rows = [_row(f"common{index}", seconds=100.0) for index in range(5)] + [_row("rare", seconds=0.5, forward=1.1)]
-    table = balance(pd.DataFrame(rows), LIMITS, COMMANDS)
+    table = balance(pd.DataFrame(rows), LIMITS.balance, COMMANDS)
     second = table["weight"] / table["seconds"]
     mean = table["weight"].sum() / table["seconds"].sum()
     assert np.max(second) <= LIMITS.balance.max_ratio * mean * 1.001
@@ -90,15 +90,15 @@ def test_weights_are_positive_with_mean_one_and_do_not_depend_on_order(clips, ra
 def test_a_table_that_can_not_be_balanced_says_every_fault():
     rows = pd.DataFrame([_row("twice"), _row("twice"), _row("nan", forward=np.nan), _row("none", seconds=0.0)])
     with pytest.raises(BalanceError) as raised:
-        balance(rows, LIMITS, COMMANDS)
+        balance(rows, LIMITS.balance, COMMANDS)
     for fault in ("'twice' is there twice", "'nan': forward_m_s is not finite", "'none': has no seconds"):
         assert fault in str(raised.value)
     with pytest.raises(BalanceError, match="'root_jerk' is missing"):
-        balance(rows.drop(columns="root_jerk"), LIMITS, COMMANDS)
+        balance(rows.drop(columns="root_jerk"), LIMITS.balance, COMMANDS)
 
 
 def test_no_clips_have_no_weights():
-    assert balance(pd.DataFrame(), LIMITS, COMMANDS).empty
+    assert balance(pd.DataFrame(), LIMITS.balance, COMMANDS).empty
 
 
 def _takes(*takes: tuple[str, str, float]) -> pd.DataFrame:
@@ -130,7 +130,7 @@ def test_what_is_missing_is_said_in_words():
     rows += [_row("right", forward=0.0, lateral=-0.5), _row("left", forward=0.0, lateral=0.3)]
     rows += [_row(f"y{yaw}", forward=0.0, yaw=yaw) for yaw in (-1.2, -0.7, 0.3, 0.7, 1.2)]
     rows += [_row("stand", forward=0.0)]
-    found = coverage(pd.DataFrame(rows), LIMITS, COMMANDS).missing
+    found = coverage(pd.DataFrame(rows), LIMITS.balance, COMMANDS).missing
     assert "No clip walks forward at 1 to 1.5 m/s." in found
     assert "No clip walks left faster than 0.4 m/s." in found
     assert not any("turns left" in sentence and "faster" not in sentence for sentence in found)
@@ -147,7 +147,7 @@ def test_cells_hold_the_seconds_of_their_clips_and_no_others():
             _row("d", 6.0, 9.0),
         ]
     )
-    cells = coverage(balance(rows, LIMITS, COMMANDS), LIMITS, COMMANDS).cells
+    cells = coverage(balance(rows, LIMITS.balance, COMMANDS), LIMITS.balance, COMMANDS).cells
     forward = cells[(cells["axis"] == "forward") & np.isclose(cells["low"], 0.4)]
     assert forward["seconds"].tolist() == [7.0]
     assert forward["clips"].tolist() == [2]
@@ -158,7 +158,7 @@ def test_cells_hold_the_seconds_of_their_clips_and_no_others():
 
 
 def test_with_no_clip_at_all_everything_is_missing():
-    found = coverage(pd.DataFrame(), LIMITS, COMMANDS)
+    found = coverage(pd.DataFrame(), LIMITS.balance, COMMANDS)
     assert len(found.missing) == 7
     assert np.sum(found.cells["seconds"]) == 0.0
 
@@ -172,8 +172,8 @@ def test_coverage_spreads_no_column_over_boxes_that_it_does_not_look_at(monkeypa
         return by_command(table)
 
     monkeypatch.setattr(module, "by_command", watched)
-    bare = coverage(rows, LIMITS, COMMANDS)
-    laden = coverage(rows.assign(stages="every parameter of every stage", number=1.0), LIMITS, COMMANDS)
+    bare = coverage(rows, LIMITS.balance, COMMANDS)
+    laden = coverage(rows.assign(stages="every parameter of every stage", number=1.0), LIMITS.balance, COMMANDS)
     assert set(seen) <= {*module.NEEDED, *module.WHERE_THERE, "family"}
     assert laden.missing == bare.missing
     assert laden.cells.equals(bare.cells)
@@ -182,7 +182,7 @@ def test_coverage_spreads_no_column_over_boxes_that_it_does_not_look_at(monkeypa
 def test_half_a_power_balances_half():
     half = dataclasses.replace(LIMITS, balance=dataclasses.replace(LIMITS.balance, cell_power=0.0))
     rows = pd.DataFrame([_row(f"common{index}") for index in range(9)] + [_row("rare", forward=1.1)])
-    table = balance(rows, half, COMMANDS)
+    table = balance(rows, half.balance, COMMANDS)
     np.testing.assert_allclose(table["weight"], 1.0)
 
 
@@ -192,7 +192,7 @@ def _two_speeds(clip: str, slow_s: float, fast_s: float) -> dict:
 
 
 def test_seconds_count_for_the_cell_they_are_in_not_for_the_clips_mean():
-    cells = coverage(pd.DataFrame([_two_speeds("both", 6.0, 3.0)]), LIMITS, COMMANDS).cells
+    cells = coverage(pd.DataFrame([_two_speeds("both", 6.0, 3.0)]), LIMITS.balance, COMMANDS).cells
     line = cells.query("axis == 'forward'")
     forward = dict(zip(line["low"], line["seconds"], strict=True))
     assert forward[0.4] == pytest.approx(6.0)
@@ -215,7 +215,7 @@ def test_a_moment_in_a_cell_is_no_presence():
 
 def test_the_ends_of_the_ranges_have_to_be_reached():
     rows = [_row(f"y{yaw}", forward=0.0, yaw=yaw) for yaw in (-1.3, -1.1, -0.7, -0.3, 0.3, 0.7, 1.1)]
-    found = coverage(pd.DataFrame(rows), LIMITS, COMMANDS).missing
+    found = coverage(pd.DataFrame(rows), LIMITS.balance, COMMANDS).missing
     assert "No clip turns left faster than 1.25 rad/s." in found
     assert not any("turns right" in sentence for sentence in found)
 
@@ -227,7 +227,7 @@ def test_a_cell_that_has_less_than_it_needs_is_said_however_its_seconds_lie(near
     brief = [[0.05, 0.45, 0.125, near_s], [0.05, 0.55, 0.125, far_s]]
     spent = [*walks, *sides, *brief]
     one = _row("all", sum(line[3] for line in spent), command_seconds=json.dumps(spent))
-    found = coverage(pd.DataFrame([one]), LIMITS, COMMANDS)
+    found = coverage(pd.DataFrame([one]), LIMITS.balance, COMMANDS)
     left = found.cells[(found.cells["axis"] == "lateral") & np.isclose(found.cells["low"], 0.4)]
     assert left["seconds"].tolist() == pytest.approx([0.8])
     assert "No clip walks left faster than 0.4 m/s." in found.missing

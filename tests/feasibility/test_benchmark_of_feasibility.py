@@ -20,7 +20,7 @@ from benchmarks.feasibility_judge import (
 from benchmarks.feasibility_rates import criteria, fault_bars, group_of, known_good_bars, rate
 from pipeline import rotation
 from pipeline.feasibility import FeasibilitySettings, assess
-from pipeline.feasibility.criteria import GROUPS
+from pipeline.feasibility.criterion import groups
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
 from pipeline.robot import Robot
@@ -52,7 +52,7 @@ def test_every_criterion_has_its_rate_on_known_good_motion_and_on_plants_made_fo
     fault_of = {group_of(fault): fault for fault in FAULTS}
     elsewhere = {"tracking stability", "likeness to the person", "length"}  # tables of their own; refused by its length
     elsewhere |= {"torque", "contact forces"}  # of what a simulation recorded, which these walks are judged without
-    assert set(fault_of) == set(GROUPS) - elsewhere
+    assert set(fault_of) == set(groups()) - elsewhere
     good = {bar.name for bar in known_good_bars([Judged()], criteria())}
     planted = {bar.name for bar in fault_bars([Judged(found={fault: set() for fault in fault_of.values()})])}
     for code in criteria():
@@ -114,7 +114,7 @@ def test_what_is_planted_into_a_robot_that_stands_matters_and_is_found(root: Pat
     assert matters(name, clip, planted, robot)
     assert assess(motion_of(clip, robot, limits), limits).holds
     broken = {verdict.code for verdict in assess(motion_of(planted, robot, limits), limits).broken}
-    own = set(GROUPS[FAULTS[name].group])
+    own = set(groups()[FAULTS[name].group])
     assert broken & own, broken
 
 

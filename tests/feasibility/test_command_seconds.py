@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline import rotation
-from pipeline.feasibility.command_seconds import by_command, command_seconds_text
+from pipeline.feasibility.command_space import by_command, command_seconds_text
 from pipeline.quality.command_velocity import command_velocity_over_time
 
 

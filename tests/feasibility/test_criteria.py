@@ -38,7 +38,7 @@ def _joint(clip: RobotClip, robot: Robot, name: str, values: np.ndarray | float)
 def test_a_robot_that_stands_satisfies_every_criterion(robot: Robot, limits: FeasibilitySettings):
     found = _assess(standing(robot), robot, limits)
     assert found.holds, [verdict.text for verdict in found.broken]
-    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) == 22
+    assert len(found.verdicts) == len({verdict.code for verdict in found.verdicts}) >= 22
 
 
 def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: FeasibilitySettings):

@@ -13,10 +13,10 @@ from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility import FeasibilitySettings, assess, criteria_table, process
-from pipeline.feasibility.criteria import GROUP_OF, GROUPS, LENGTH
-from pipeline.feasibility.criteria_summary import by_criterion, worst_margins
+from pipeline.feasibility.clip_criteria import TOO_SHORT
+from pipeline.feasibility.criteria_table import by_criterion, worst_margins
+from pipeline.feasibility.criterion import REGISTERED, codes, groups
 from pipeline.feasibility.judgement import NUMBER, Judgement, from_text, judge, to_text
-from pipeline.feasibility.likeness_criteria import FIGURES
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.tracking_criteria import followed
 from pipeline.files import settings
@@ -28,6 +28,7 @@ from tests.factories.simulated_clip import simulated_standing
 FILE = Path(__file__).resolve().parents[2] / "data" / "feasibility.yaml"
 LIMITS = settings.read(FILE, FeasibilitySettings)
 ORIGINS = origins(settings.read_yaml(FILE))
+FIGURES = groups()["likeness to the person"]
 NEAR = {name: 0.001 for name in FIGURES}
 
 
@@ -90,9 +91,9 @@ def test_every_verdict_there_is_has_its_place_and_the_unit_of_its_threshold(robo
         for verdict in assess(motion_of(clip, robot, LIMITS, clip), LIMITS).verdicts
     ]
     verdicts += followed({"followed_share": 0.9}, LIMITS.tracking)
-    assert {verdict.code for verdict in verdicts} | {*FIGURES, LENGTH} == set(GROUP_OF)
+    assert {verdict.code for verdict in verdicts} | {*FIGURES, TOO_SHORT} == set(codes())
     for verdict in verdicts:
-        assert ORIGINS[GROUPS[GROUP_OF[verdict.code]][verdict.code]].unit == verdict.unit, verdict.code
+        assert ORIGINS[REGISTERED[verdict.code].limit].unit == verdict.unit, verdict.code
 
 
 def test_the_groups_are_all_that_is_asked_for():
@@ -105,13 +106,13 @@ def test_the_groups_are_all_that_is_asked_for():
         "foot slip",
     }
     asked |= {"penetration", "self-collision", "contact forces", "smoothness"}
-    assert asked | {"likeness to the person", "length"} == set(GROUPS)
+    assert asked | {"likeness to the person", "length"} == set(groups())
 
 
 def test_every_stretch_has_every_criterion_with_number_threshold_unit_source_and_verdict(table: pd.DataFrame):
     judged = table[table["clip"] != "holes"]
     for _, own in judged.groupby(["clip", "start_s", "stop_s"]):
-        assert list(own["criterion"]) == list(GROUP_OF)
+        assert list(own["criterion"]) == codes()
     asked = judged[judged["verdict"] != "not applicable"]
     assert asked[["number", "threshold", "margin"]].notna().all(axis=None)
     assert set(judged["verdict"]) == {"holds", "broken", "not applicable"}
@@ -155,7 +156,7 @@ def test_what_is_wrong_is_said_all_of_it(table: pd.DataFrame):
         assert rows[code]["verdict"] == "broken"
         assert "below the ground" in rows[code]["said"]
     assert _rows(table, "unlike")["limb_error_deg"]["said"] == "limbs point 60.0 deg away from the human's"
-    assert _rows(table, "short")[LENGTH]["margin"] == pytest.approx(-0.25)
+    assert _rows(table, "short")[TOO_SHORT]["margin"] == pytest.approx(-0.25)
     (holes,) = table[table["clip"] == "holes"].to_dict("records")
     assert (holes["criterion"], holes["verdict"], holes["piece"]) == ("not_finite", "broken", "")
     assert "frame 7: joint_pos" in holes["said"]
@@ -207,13 +208,13 @@ def test_where_of_two_feet_each_slides_in_its_only_inner_frame_none_is_held_to_s
     soles = dataclasses.replace(motion.sole, corner_vel_w=velocity)
     for fast, said in ((soles, "no foot is in contact"), (motion.sole, "")):
         assessed = assess(dataclasses.replace(motion, sole=fast, contacts=contacts), LIMITS)
-        found = judge(assessed, (), {}, 0, LIMITS.feet).found
+        found = judge(assessed, (), 0).found
         assert {found[code].not_applicable for code in ("foot_told_slip_mean", "foot_slip_p95")} == {said}
         assert found["foot_slip_mean"].not_applicable == "no contact labels"
 
 
 def _judgement(clip: RobotClip, robot: Robot) -> Judgement:
-    return judge(assess(motion_of(clip, robot, LIMITS), LIMITS), (), {}, 0, LIMITS.feet)
+    return judge(assess(motion_of(clip, robot, LIMITS), LIMITS), (), 0)
 
 
 def test_judgements_do_not_stay_in_the_manifest(manifest: Manifest):
@@ -286,7 +287,7 @@ def test_from_afar_each_criterion_has_its_counts_and_what_came_nearest(table: pd
 def test_from_afar_a_threshold_is_told_with_where_it_comes_from(table: pd.DataFrame):
     rows = {row["criterion"]: row for row in by_criterion(table).to_dict("records")}
     for code in ("joint_limit_excess", "foot_slip_p95", "force_residual"):
-        setting = GROUPS[GROUP_OF[code]][code]
+        setting = REGISTERED[code].limit
         assert (rows[code]["setting"], rows[code]["why"]) == (setting, ORIGINS[setting].why)
 
 

@@ -40,7 +40,7 @@ def row(name: str, clip, forward: float = 0.5, yaw: float = 0.0, **more) -> dict
 
 
 def balanced(rows: list[dict]) -> pd.DataFrame:
-    return balance(pd.DataFrame(rows), LIMITS, COMMANDS).set_index("clip")
+    return balance(pd.DataFrame(rows), LIMITS.balance, COMMANDS).set_index("clip")
 
 
 def distance(a, b) -> float:
@@ -111,8 +111,8 @@ def test_clips_without_a_signature_are_told_by_their_parents_alone():
 
 def test_a_cell_reports_its_effective_seconds_before_and_after():
     clips = [("a", gait(1)), *((f"a copy {copy}", gait(1)) for copy in range(4)), ("b", gait(2))]
-    rows = balance(pd.DataFrame([row(name, clip) for name, clip in clips]), LIMITS, COMMANDS)
-    cells = coverage(rows, LIMITS, COMMANDS).cells
+    rows = balance(pd.DataFrame([row(name, clip) for name, clip in clips]), LIMITS.balance, COMMANDS)
+    cells = coverage(rows, LIMITS.balance, COMMANDS).cells
     (cell,) = cells[(cells["axis"] == "forward") & np.isclose(cells["low"], 0.4)].to_dict("records")
     assert (cell["clips"], cell["families"], cell["seconds"]) == (6, 2, pytest.approx(18.0))
     assert cell["effective_seconds_before"] == pytest.approx(3.0 * 36.0 / 26.0)
@@ -123,7 +123,7 @@ def test_turns_that_no_walk_makes_are_said():
     spent = [[forward, 0.05, yaw, 3.0] for forward in np.arange(-0.55, 2.0, 0.1) for yaw in (-0.2, 0.2)]
     spent += [[0.45, 0.05, 0.7, 3.0], [0.65, 0.05, 0.7, 3.0], [0.45, 0.05, 1.2, 3.0]]
     one = row("all", gait(1), command_seconds=json.dumps(spent), seconds=3.0 * len(spent))
-    said = coverage(pd.DataFrame([{**one}]), LIMITS, COMMANDS).missing
+    said = coverage(pd.DataFrame([{**one}]), LIMITS.balance, COMMANDS).missing
     assert "No clip that goes forward at 0.6 to 0.8 m/s turns left faster than 1 rad/s." in said
     assert "No clip that goes forward at 0.8 to 2 m/s turns left faster than 0.5 rad/s." in said
     assert "No clip that goes forward at 0 to 2 m/s turns right faster than 0.5 rad/s." in said

@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, assess
+from pipeline.feasibility.criterion import Skipped, Verdict
 from pipeline.feasibility.foot_criteria import foot_slip, gliding
 from pipeline.feasibility.motion import Motion, motion_of
-from pipeline.feasibility.verdict import Verdict
 from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
@@ -108,7 +108,7 @@ def test_feet_that_slide_are_found_whatever_is_labelled(robot: Robot, limits: Fe
     assert not of_soles.holds
     assert of_soles.bad is not None
     assert of_soles.bad[1:-1].all()
-    assert ("foot_slip_mean" in found) == (labels in told)
+    assert isinstance(found["foot_slip_mean"], Verdict) == (labels in told)
     if labels in told:
         assert found["foot_slip_mean"].value == pytest.approx(0.0 if labels == "none" else 0.08, abs=0.005)
         assert found["foot_slip_mean"].limit == pytest.approx(0.1, abs=0.005)
@@ -144,4 +144,5 @@ def test_a_foot_that_leaves_as_the_other_comes_down_is_not_held_to_stand(robot: 
 def test_labels_are_taken_at_their_word(robot: Robot, limits: FeasibilitySettings):
     clip = _carried(standing(robot), np.full(100, 1.2))
     nowhere = dataclasses.replace(clip, contacts=np.zeros((clip.frame_count, 2), dtype=bool))
-    assert gliding(motion_of(nowhere, robot, limits), limits.feet) == ()
+    (found,) = gliding(motion_of(nowhere, robot, limits), limits.feet)
+    assert found == Skipped(code="foot_glide_s", not_applicable="contacts are labelled")

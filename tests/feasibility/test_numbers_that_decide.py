@@ -12,8 +12,9 @@ from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.feasibility import FeasibilitySettings, process
 from pipeline.feasibility.foot_criteria import foot_slip, gliding, label_disagreement
 from pipeline.feasibility.motion import Motion, motion_of
-from pipeline.feasibility.torque_criteria import GRAVITY, recorded_forces
+from pipeline.feasibility.torque_criteria import recorded_forces
 from pipeline.files import settings
+from pipeline.physics import GRAVITY
 from pipeline.quality.sole import SoleMotion
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, assess
+from pipeline.feasibility.criterion import Verdict
 from pipeline.feasibility.motion import motion_of
-from pipeline.feasibility.verdict import Verdict
 from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing

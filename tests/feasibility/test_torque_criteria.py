@@ -9,9 +9,9 @@ import pytest
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility import FeasibilitySettings, Verdict, assess, process
-from pipeline.feasibility.criteria import GROUPS
-from pipeline.feasibility.judgement import FORCES, INFERRED, NUMBER, from_text
+from pipeline.feasibility.judgement import NUMBER, from_text
 from pipeline.feasibility.motion import motion_of
+from pipeline.feasibility.torque_criteria import CODES as FORCES
 from pipeline.feasibility.torque_criteria import centre_of_mass, recorded_forces
 from pipeline.files import settings
 from pipeline.robot import Robot, mujoco_model
@@ -19,6 +19,7 @@ from tests.factories.robot_clips import standing, wandering
 from tests.factories.simulated_clip import simulated_standing
 
 PUSH_N = 8.0
+INFERRED = ("foot_told_slip_mean", "contact_disagreement", "foot_glide_s")
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +140,7 @@ def test_of_a_rollout_no_contact_is_inferred(robot, limits, clip):
     (judgement,) = from_text(str(outcome.numbers[NUMBER]))
     assert {judgement.found[code].not_applicable for code in INFERRED} == {"the contacts are the simulation's"}
     assert not set(INFERRED) & {verdict.code for verdict in assess(motion_of(clip, robot, limits), limits).verdicts}
-    assert all(judgement.found[code].value is not None for code in (*GROUPS["torque"], "foot_slip_mean"))
+    assert all(judgement.found[code].value is not None for code in (*FORCES[:2], "foot_slip_mean"))
 
 
 def test_the_moments_in_which_a_motor_is_saturated_are_cut_out_and_the_forces_of_the_rest_go_on(robot, limits):

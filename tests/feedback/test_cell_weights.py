@@ -48,7 +48,7 @@ def _share(rows: pd.DataFrame, weights: dict[str, float], cell: str) -> float:
 
 
 def _balanced(*clips: dict) -> pd.DataFrame:
-    return balance(pd.DataFrame(clips), FEASIBILITY, COMMANDS)
+    return balance(pd.DataFrame(clips), FEASIBILITY.balance, COMMANDS)
 
 
 def test_clips_of_one_cell_weigh_the_factor_as_much_against_the_rest():

@@ -19,7 +19,7 @@ from pipeline.files import digest
 from pipeline.files import settings as settings_file
 from pipeline.quality import foot_slip, retargeting, sole
 from pipeline.retarget import RetargetSettings, process
-from pipeline.retarget.recording import onto_robot
+from pipeline.retarget.process import onto_robot
 from pipeline.robot import Kinematics, load_robot, mujoco_model
 from pipeline.scoring import FIGURES, score
 from tests.factories.human_clips import Gait, standing, turned, walker

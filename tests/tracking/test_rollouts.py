@@ -9,8 +9,9 @@ import pytest
 from pipeline.clips import codec
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
-from pipeline.feasibility.torque_criteria import GRAVITY, centre_of_mass
+from pipeline.feasibility.torque_criteria import centre_of_mass
 from pipeline.files import settings
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.disturbance import draw

@@ -11,7 +11,7 @@ import pytest
 from pipeline.actuators import read_standing_pose
 from pipeline.deployment import deployment_task
 from pipeline.robot import Robot
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.settings import WalkSegment, WebotsSettings

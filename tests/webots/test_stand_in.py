@@ -15,7 +15,7 @@ from pipeline import rotation
 from pipeline.deployment import deployment_task, load_policy
 from pipeline.files.settings import read
 from pipeline.robot import Robot
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.derived_bars import allowed_of

@@ -97,7 +97,7 @@ def a_plan(*seconds: float) -> Plan:
 def walked(robot: PaperRobot, task: DeploymentTask, plan: Plan) -> tuple[float, Score, Devices]:
     devices = Devices(robot, task.joint_names, NAMES)
     motors = PdControl(kp=task.kp, kd=task.kd, envelope=TorqueEnvelope(limit=np.full(len(task.kp), 1e3)))
-    score = Score(plan, 0.5)
+    score = Score(plan, 0.5, {"height_m": 0.45, "tilt_cos": 0.5})
     return walk(robot, devices, None, task, motors, plan, score, TIMESTEP_S), score, devices
 
 

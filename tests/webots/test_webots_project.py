@@ -16,7 +16,7 @@ from pipeline.deployment import deployment_task
 from pipeline.errors import SettingsError
 from pipeline.files.settings import read
 from pipeline.robot import Robot, mujoco_model
-from pipeline.robot.read import read_description
+from pipeline.robot.load import read_description
 from pipeline.simulation.armature_on_links import put_armature_on_links
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.checks import project_faults

@@ -1,0 +1,80 @@
+"""Criteria of a clip that need no motion: likeness to the person by the numbers of KP3, and length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pipeline.clips.outcome import Numbers
+from pipeline.feasibility import criterion as registry
+from pipeline.feasibility.criterion import NOTHING, NUMBERS, WHOLE_CLIP, Criterion, Result, Skipped, Verdict, criterion
+from pipeline.feasibility.motion import CutSettings
+from pipeline.feasibility.thresholds import Degrees, Metres, MetresPerSecond, Section
+
+NO_FIGURES = "no figure of retargeting"
+
+TOO_SHORT = "too_short"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LikenessSettings(Section):
+    """Upper bounds of KP3's numbers on a clip, by the names they have there."""
+
+    slip_m_s: MetresPerSecond
+    """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
+    drift_m: Metres
+    """Drift within a stance [m]."""
+    penetration_m: Metres
+    """Deepest sole corner [m]."""
+    height_shift_m: Metres
+    """Offset of the clip as a whole from the ground [m]."""
+    limb_error_deg: Degrees
+    """Mean angle of all limbs to the human's [deg]."""
+    thigh_error_deg: Degrees
+    """Mean angle of the thighs [deg]."""
+    shank_error_deg: Degrees
+    """Mean angle of the shanks [deg]."""
+    trunk_error_deg: Degrees
+    """Mean angle of the trunk [deg]."""
+    heading_error_deg: Degrees
+    """Mean angle of the pelvis heading [deg]."""
+
+
+def _figure(name: str, unit: str, what: str) -> Criterion:
+    return Criterion(name, "likeness to the person", f"likeness.{name}", unit, what, cuts=WHOLE_CLIP, of=NUMBERS)
+
+
+FIGURES: dict[Criterion, str] = {
+    _figure("slip_m_s", "m/s", "slip in stance"): "the retargeted feet slide in stance by {:.3f} m/s on average",
+    _figure("drift_m", "m", "drift within a stance"): "the retargeted feet drift within a stance by {:.3f} m",
+    _figure("penetration_m", "m", "deepest sole corner"): "the retargeted soles are {:.3f} m below the ground",
+    _figure("height_shift_m", "m", "height off the ground"): "the retargeted motion stands {:.3f} m off the ground",
+    _figure("limb_error_deg", "deg", "mean angle of all limbs"): "limbs point {:.1f} deg away from the human's",
+    _figure("thigh_error_deg", "deg", "of the thighs"): "thighs point {:.1f} deg away from the human's",
+    _figure("shank_error_deg", "deg", "of the shanks"): "shanks point {:.1f} deg away from the human's",
+    _figure("trunk_error_deg", "deg", "of the trunk"): "the trunk is {:.1f} deg away from the human's",
+    _figure("heading_error_deg", "deg", "of the pelvis heading"): "the pelvis heads {:.1f} deg away from the human's",
+}
+"""Number of KP3 on a clip -> sentence with its value."""
+
+
+@criterion(*FIGURES)
+def likeness(numbers: Numbers, settings: LikenessSettings) -> tuple[Result, ...]:
+    """Verdicts on KP3's numbers on a clip; skipped where a number is missing or has no sample."""
+    return tuple(_likeness(each.code, text, numbers, settings) for each, text in FIGURES.items())
+
+
+def _likeness(name: str, text: str, numbers: Numbers, settings: LikenessSettings) -> Result:
+    value = numbers.get(name)
+    if isinstance(value, int | float):
+        size = abs(float(value))
+        return Verdict(code=name, value=size, limit=getattr(settings, name), text=text.format(size))
+    why = "KP3 had no sample of it" if name in numbers else "the robot's own recording"
+    return Skipped(code=name, not_applicable=f"{NO_FIGURES}: {why}")
+
+
+@criterion(
+    Criterion(TOO_SHORT, "length", "cut.min_seconds", "s", "length", cuts=NOTHING, lower=True, of=registry.LENGTH)
+)
+def length(seconds: float, settings: CutSettings) -> tuple[Verdict]:
+    """The verdict on the length of a stretch [s]."""
+    return (Verdict(code=TOO_SHORT, value=seconds, limit=settings.min_seconds, text=f"only {seconds:.2f} s long"),)

@@ -1,0 +1,124 @@
+"""The command space: its cells, over which weights are balanced, and how long a motion is at which velocity.
+
+A clip may stand, walk and turn, and its mean would be none of it. It carries one text, `command_seconds`: JSON, a list
+of [forward m/s, lateral m/s, yaw rate rad/s, seconds], one entry for each box of the command space that it visits, by
+the box's middle. Boxes are half as wide as the cells of the coverage report and have an edge at 0, so that cells about
+0 and cells from 0 on can both be added up from them.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from pipeline.feasibility.thresholds import Section
+from pipeline.files.ranges import NOT_NEGATIVE
+from pipeline.files.sourced import Unit
+
+STANDING = "standing"
+
+Axis = tuple[float, float, float]
+"""Lowest, highest and width of cells."""
+
+BOX = np.array([0.1, 0.1, 0.25])
+"""Width of a box: forward [m/s], lateral [m/s], yaw rate [rad/s]."""
+
+SECONDS_COLUMN = "command_seconds"
+
+VELOCITIES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandSettings(Section):
+    """`data/commands.yaml`: the cells of the command space, which weights are spread over and feedback refers to."""
+
+    forward: Annotated[tuple[float, float, float], Unit("m/s")]
+    """Lowest, highest and width of cells [m/s]."""
+    lateral: Annotated[tuple[float, float, float], Unit("m/s")]
+    """[m/s]"""
+    yaw_rate: Annotated[tuple[float, float, float], Unit("rad/s")]
+    """[rad/s]"""
+    standing_m_s: Annotated[float, Unit("m/s"), NOT_NEGATIVE]
+    """Slower than this over ground [m/s] ..."""
+    standing_rad_s: Annotated[float, Unit("rad/s"), NOT_NEGATIVE]
+    """... and turning slower than this [rad/s] is standing."""
+
+    def further_faults(self) -> list[tuple[str, str]]:
+        return _axes(self, "forward", "lateral", "yaw_rate")
+
+
+def _axes(settings: Any, *names: str) -> list[tuple[str, str]]:
+    """Faults of axes (lowest, highest, width of a cell) that are not made of one or more whole cells."""
+    faults = []
+    for name in names:
+        axis = getattr(settings, name, None)
+        if not axis or len(axis) != 3 or None in axis:
+            continue
+        low, high, width = axis
+        cells = (high - low) / width if width > 0.0 else 0.0
+        if not 0.5 < cells < 1_000.5 or abs(cells - round(cells)) > 1e-6:
+            faults.append((name, f"is {low:g} to {high:g} in cells of {width:g}, allowed are 1 to 1000 whole cells"))
+    return faults
+
+
+def standing(rows: pd.DataFrame, settings: CommandSettings) -> np.ndarray:
+    """Rows (n,) that are slower than standing allows, in every direction."""
+    speed = np.hypot(rows["forward_m_s"].to_numpy(dtype=float), rows["lateral_m_s"].to_numpy(dtype=float))
+    turning = np.abs(rows["yaw_rate_rad_s"].to_numpy(dtype=float))
+    return (speed < settings.standing_m_s) & (turning < settings.standing_rad_s)
+
+
+def cell_of(rows: pd.DataFrame, settings: CommandSettings) -> pd.Series:
+    """Name of each row's cell: `standing`, or the middle of its cell: `0.6 m/s, 0.0 m/s, -0.5 rad/s`.
+
+    Cells lie about the multiples of their width, so that sway about 0 doesn't split a straight walk. Velocities outside
+    the ranges go to the outermost cells: no row is without one.
+    """
+    middles = [
+        (_middle(rows["forward_m_s"].to_numpy(dtype=float), settings.forward), "m/s"),
+        (_middle(rows["lateral_m_s"].to_numpy(dtype=float), settings.lateral), "m/s"),
+        (_middle(rows["yaw_rate_rad_s"].to_numpy(dtype=float), settings.yaw_rate), "rad/s"),
+    ]
+    texts = [[f"{value:.1f} {unit}" for value in values] for values, unit in middles]
+    names = pd.Series([", ".join(parts) for parts in zip(*texts, strict=True)], index=rows.index, dtype=object)
+    return names.where(~standing(rows, settings), STANDING)
+
+
+def _middle(values: np.ndarray, axis: Axis) -> np.ndarray:
+    low, high, width = axis
+    nearest = np.floor(values / width + 0.5 + 1e-9) * width
+    return np.clip(nearest, low, high) + 0.0
+
+
+def command_seconds_text(commands: Float[np.ndarray, "t 3"], fps: float) -> str:
+    """The text of a motion: seconds of its frames in each box they lie in, in the boxes' order."""
+    boxes, frames = np.unique(np.floor(commands / BOX + 1e-9).astype(int), axis=0, return_counts=True)
+    middles = np.round((boxes + 0.5) * BOX, 3)
+    seconds = np.round(frames / fps, 3)
+    return json.dumps(np.column_stack([middles, seconds]).tolist())
+
+
+def by_command(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row for each box a clip visits, with its velocities and seconds; the other columns are the clip's.
+
+    Seconds are scaled so that a clip's add up to its own. Clips that don't carry `command_seconds` keep one row with
+    their mean velocities. `clip_seconds` holds the clip's own seconds, `row` its place in the table.
+    """
+    carried = rows[SECONDS_COLUMN] if SECONDS_COLUMN in rows else pd.Series(None, index=rows.index, dtype=object)
+    places, values = [], []
+    means = rows[list(VELOCITIES)].to_numpy(dtype=float)
+    seconds = rows["seconds"].to_numpy(dtype=float)
+    for place, text in enumerate(carried):
+        spent = np.array(json.loads(text)) if isinstance(text, str) else np.append(means[place], 1.0)[None]
+        spent[:, 3] *= seconds[place] / spent[:, 3].sum()
+        places += [place] * len(spent)
+        values.append(spent)
+    found = rows.iloc[places].reset_index(drop=True)
+    table = np.concatenate(values) if values else np.zeros((0, 4))
+    found = found.assign(row=places, clip_seconds=found["seconds"].astype(float), seconds=table[:, 3])
+    return found.assign(**{name: table[:, column] for column, name in enumerate(VELOCITIES)})

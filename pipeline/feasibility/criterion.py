@@ -1,0 +1,159 @@
+"""What a criterion of KP5 is: one registration beside the function that measures it.
+
+    @criterion(Criterion("root_jerk", "smoothness", "root.jerk", "m/s^3", "mean jerk of the root", cuts=NOTHING))
+    def root_jerk(motion: Motion, settings: RootSettings) -> tuple[Result, ...]: ...
+
+Evaluation, the table of criteria, the table in the docs, the benchmark and the asset's report list what is registered.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+
+from pipeline import time_series
+from pipeline.clips.outcome import Reason
+
+MOTION, NUMBERS, LENGTH = "motion", "numbers", "length"
+"""What a criterion measures: a motion, the numbers of earlier stages on a clip, or the length of a stretch."""
+
+FRAMES, WHOLE_CLIP, NOTHING = "frames", "whole clip", "–"
+"""What a broken criterion removes: frames, the clip, or nothing; a clip is rejected if only such a one is broken."""
+
+ORDER = (
+    *("tracking stability", "root motion", "joint and speed limits", "torque", "contact consistency", "foot slip"),
+    *("penetration", "self-collision", "contact forces", "smoothness", "likeness to the person", "length"),
+)
+"""Order of the groups in tables; other groups follow."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """A criterion, under whose `code` a clip carries its number."""
+
+    code: str
+    group: str
+    limit: str
+    """Its threshold in `data/feasibility.yaml`: `joints.limit_excess`. The measuring function gets the section."""
+    unit: str
+    what: str
+    """What the number is, in a phrase for the docs."""
+    cuts: str = field(kw_only=True, default=FRAMES)
+    lower: bool = field(kw_only=True, default=False)
+    """The limit is the lowest value allowed, not the highest."""
+    of: str = field(kw_only=True, default=MOTION)
+
+    @property
+    def section(self) -> str:
+        """The section of the file that holds the threshold."""
+        return self.limit.partition(".")[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """A number compared with its limit."""
+
+    code: str
+    value: float
+    limit: float
+    text: str
+    """What was measured and where, as a sentence without the limit."""
+    bad: Bool[np.ndarray, " t"] | None = field(default=None, repr=False)
+    """Frames to cut away so that the rest may hold; None where no frames are to blame."""
+    not_applicable: str = ""
+    """Why the number means nothing: nothing was there to measure."""
+
+    @property
+    def unit(self) -> str:
+        return REGISTERED[self.code].unit
+
+    @property
+    def lower(self) -> bool:
+        return REGISTERED[self.code].lower
+
+    @property
+    def holds(self) -> bool:
+        return self.value >= self.limit if self.lower else self.value <= self.limit
+
+    def reason(self, fps: float, start_s: float, stop_s: float) -> Reason:
+        """Why a stretch from `start_s` to `stop_s` [s] of a clip is rejected, or not kept as a whole."""
+        spans = time_series.runs(self.bad) if self.bad is not None else []
+        if spans:
+            start_s, stop_s = start_s + spans[0][0] / fps, start_s + spans[-1][1] / fps
+        allowed = f"{'at least' if self.lower else 'at most'} {self.limit:.3g} {self.unit}".rstrip()
+        return Reason(
+            code=self.code,
+            text=f"{self.text}; {allowed} is allowed.",
+            effect="rejected",
+            start_s=start_s,
+            stop_s=stop_s,
+            value=self.value,
+            limit=self.limit,
+            unit=self.unit,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skipped:
+    """A criterion that does not apply to a motion, and why; it breaks nothing and is not counted as held."""
+
+    code: str
+    not_applicable: str
+    holds: bool = True
+
+
+Result = Verdict | Skipped
+
+REGISTERED: dict[str, Criterion] = {}
+"""Code -> criterion, in the order of registration."""
+
+MEASURES: dict[Callable[..., tuple[Result, ...]], tuple[Criterion, ...]] = {}
+"""Function -> the criteria that it measures; each call returns one result for each of them."""
+
+
+def criterion(*criteria: Criterion) -> Callable[[Any], Any]:
+    """Register the criteria that a function measures: of a motion `function(motion, section)`, of numbers
+    `function(numbers, section)`. Raises ValueError for a code that is registered already."""
+
+    def register(function: Any) -> Any:
+        for each in criteria:
+            if each.code in REGISTERED:
+                raise ValueError(f"the criterion '{each.code}' is registered twice")
+            REGISTERED[each.code] = each
+        MEASURES[function] = criteria
+        return function
+
+    return register
+
+
+def results(evidence: Any, settings: Any, of: str) -> Iterator[Result]:
+    """Results of all registered criteria of one kind, in the order of the settings' sections.
+
+    Args:
+        evidence: the motion, or the numbers, as `of` says
+        settings: `FeasibilitySettings`; each function gets its section
+        of: `MOTION` or `NUMBERS`
+    """
+    sections = [each.name for each in dataclasses.fields(settings)]
+    for section in sections:
+        for function, criteria in tuple(MEASURES.items()):
+            if criteria[0].of == of and criteria[0].section == section:
+                found = function(evidence, getattr(settings, section))
+                assert [each.code for each in found] == [each.code for each in criteria], function.__name__
+                yield from found
+
+
+def groups() -> dict[str, tuple[str, ...]]:
+    """Group -> codes of its criteria, in the order of the tables."""
+    names = dict.fromkeys((*ORDER, *(each.group for each in REGISTERED.values())))
+    return {name: tuple(code for code, each in REGISTERED.items() if each.group == name) for name in names}
+
+
+def codes() -> list[str]:
+    """Codes of all criteria, in the order of the tables."""
+    return [code for group in groups().values() for code in group]

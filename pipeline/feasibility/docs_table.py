@@ -1,0 +1,39 @@
+"""The table of criteria in the docs, from what is registered.
+
+python -m pipeline.feasibility.docs_table docs/feasibility.md
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from pipeline.errors import FileError
+from pipeline.feasibility import settings  # noqa: F401  registers the criteria
+from pipeline.feasibility.criterion import REGISTERED, groups
+
+_PLACE = re.compile(r"(<!-- criteria: .*? -->\n).*?(<!-- end of criteria -->)", re.DOTALL)
+
+
+def docs_table() -> str:
+    """A Markdown table: a row for each criterion, by group."""
+    rows = ["| group | criterion | what it is | unit | threshold | cut |", "|---|---|---|---|---|---|"]
+    for group, codes in groups().items():
+        for index, code in enumerate(codes):
+            each = REGISTERED[code]
+            name = "" if index else group
+            rows.append(f"| {name} | `{code}` | {each.what} | {each.unit} | `{each.limit}` | {each.cuts} |")
+    return "\n".join(rows) + "\n"
+
+
+def rewrite(page: Path) -> None:
+    """Put the table between the two comments of a page. Raises FileError where they are missing."""
+    text = page.read_text(encoding="utf-8")
+    if not _PLACE.search(text):
+        raise FileError(page, "the comments '<!-- criteria: … -->' and '<!-- end of criteria -->' are missing.")
+    page.write_text(_PLACE.sub(lambda found: found[1] + docs_table() + found[2], text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    rewrite(Path(sys.argv[1]))
