@@ -11,9 +11,8 @@ import numpy as np
 from benchmarks.repair_clips import REAL, Sound
 from benchmarks.report import Bar
 from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.physics import GRAVITY
 
-GRAVITY = 9.81
-"""[m/s²]"""
 BEYOND = 5.0
 """A foot that accelerates by so many times as much as anywhere else did not: it is another marker."""
 

@@ -16,9 +16,8 @@ from jaxtyping import Float
 from pipeline.catalog.flight import Flights, Person
 from pipeline.catalog.gait import Steps, steps_ahead
 from pipeline.catalog.settings import TimeBaseSettings
+from pipeline.physics import GRAVITY
 
-GRAVITY = 9.81
-"""[m/s²]"""
 WALK_RATIO_M_MIN = 0.0065
 """Step length over cadence in walking [m/(steps/min)]."""
 RUNNING_CADENCE = 170.0

@@ -12,8 +12,8 @@ from jaxtyping import Float, Int64
 
 from pipeline.hardware_logs.columns import Columns
 from pipeline.hardware_logs.layout import Layout
+from pipeline.physics import GRAVITY
 
-GRAVITY_M_S2 = 9.81
 IN_G = (0.5, 2.0)
 """Mean length of the specific force of a robot on the ground, in g; in m/s^2 it is about 10."""
 REVERSED = -0.5
@@ -73,7 +73,7 @@ class SensorWatch:
             said.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
         length, along = self._length / self.messages, self._upward / self.messages
         if IN_G[0] < length < IN_G[1]:
-            said.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY_M_S2} m/s^2.")
+            said.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY} m/s^2.")
         if along < REVERSED:
             said.append("the acceleration has the wrong sign: on average it points down along the attitude.")
         if self._turns.in_degrees():

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.robot.simulator_model import compiled
 from pipeline.simulation.pd_control import PdControl
@@ -26,9 +27,6 @@ from pipeline.tracking.tracker import Tracker
 CONTACT_SHARE = 0.1
 """A foot is in contact where the ground pushes it up by more than this share of the weight on average over a control
 step: less is a foot that brushes the ground in its swing."""
-
-GRAVITY = 9.81
-"""[m/s^2]"""
 
 
 @dataclass(frozen=True, kw_only=True)
