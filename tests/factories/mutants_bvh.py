@@ -145,10 +145,11 @@ def _encodings() -> list[Mutant]:
         "gzip": gzip.compress(CLEAN.encode(), mtime=0),
         "PNG": b"\x89PNG\r\n\x1a\n" + bytes(100),
         "a web page": "<!DOCTYPE html><html><body>404 Not Found</body></html>",
-        "a large-file pointer": "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
         "zero bytes in the middle": CLEAN[:2000].encode() + bytes(50) + CLEAN[2050:].encode(),
     }
-    return refused("walk.bvh", "not text|zero bytes|HIERARCHY", {**coded, **foreign})
+    pointer = {"a large-file pointer": "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n"}
+    mutants = refused("walk.bvh", "not text|zero bytes|HIERARCHY", {**coded, **foreign})
+    return mutants + refused("walk.bvh", "it is a Git LFS pointer: .* Run `git lfs pull`", pointer)
 
 
 def _same() -> list[Mutant]:
