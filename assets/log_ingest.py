@@ -104,6 +104,8 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
         return _refused(f"{file.name}: {error.reason}{where}", error.recovered), False
     except (PipelineError, OSError) as error:
         return _refused(f"{file.name}: {' '.join(str(error).split())}", 0), True
+    except MemoryError:
+        return _refused(f"{file.name}: there is not enough memory to read it; it is tried again.", 0), True
     finally:
         if aside is not None:
             shutil.rmtree(aside, ignore_errors=True)

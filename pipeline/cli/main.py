@@ -57,6 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (PipelineError, OSError) as error:
         print(f"booster-lab: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
+    except MemoryError:
+        print("booster-lab: there is not enough memory for this; end other programs and try again.", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
 

@@ -85,7 +85,7 @@ def read_onnx(path: Path) -> tuple[onnx.ModelProto, dict[str, Any]]:
             raise FileError(path, f"keeps {', '.join(outside)} in another file.", "Export it again, in one file.")
         onnx.checker.check_model(model, full_check=True)
         facts = from_texts({each.key: each.value for each in model.metadata_props})
-    except FileError:
+    except (FileError, MemoryError):
         raise
     except Exception as error:  # protobuf and the checker have errors of their own without a common base
         raise FileError(path, f"is no valid ONNX model ({type(error).__name__}: {error}).") from error

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
-from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,10 @@ class NpzHeader(ArrayFile):
     """Names of the arrays of numbers."""
 
     def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        """One array; numbers as float64.
+
+        Raises FileError when it is missing, damaged or of objects; OSError for a fault of the disk.
+        """
         if name in self.objects:
             raise FileError(self.path, f"'{name}' is an array of Python objects, which is never loaded.")
         if name not in self.shapes:
@@ -49,12 +52,14 @@ class NpzHeader(ArrayFile):
             with np.load(self.path, allow_pickle=False) as archive:
                 value = archive[name]
         except DAMAGED_NPZ as error:
+            raise_fault_of_disk(error)
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
         return value.astype(float) if value.dtype.kind in "fiu" else value
 
 
 def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
-    """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated."""
+    """The header of an archive. Raises FileError for what is no archive, damaged, or too large when inflated;
+    OSError for a fault of the disk."""
     if not path.is_file():
         raise FileError(path, "the file does not exist.")
     if path.stat().st_size == 0:
@@ -76,6 +81,7 @@ def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
                     shapes[name] = shape
                     numeric |= {name} if dtype.kind in "fiub" else set()
     except DAMAGED_NPZ as error:
+        raise_fault_of_disk(error)
         raise FileError(path, f"it is not a NumPy archive that can be read: {_short(error)}.") from error
     return NpzHeader(path=path, shapes=shapes, objects=tuple(objects), numeric=frozenset(numeric))
 

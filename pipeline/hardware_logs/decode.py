@@ -124,6 +124,8 @@ class TopicDecoder:
             self._store = self._register()
         try:
             message = self._store.deserialize_cdr(bytes(payload), self._name)
+        except MemoryError:
+            raise
         except Exception:  # rosbags raises what its generated code meets: struct.error, AssertionError, ValueError, …
             return None
         counts = [len(_value(message, name, self.topic, self._name)) for name in SEQUENCES[self.message]]
@@ -165,6 +167,8 @@ class TopicDecoder:
             else:
                 raise ValueError(f"encoding '{self._encoding[:20]}', known are ros2msg and ros2idl")
             store.register({name: fields for name, fields in types.items() if name not in store.types})
+        except MemoryError:
+            raise
         except Exception as error:  # whatever its parser meets in a text that is no definition
             raise SchemaError(f"the schema of {self.topic} can't be read ({str(error)[:80]})") from error
         return store

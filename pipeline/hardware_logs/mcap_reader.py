@@ -124,8 +124,8 @@ class McapReader:
             if self.report.checked and not chunk.has_crc:
                 raise ValueError("a chunk without a checksum, though others have theirs")
             records = cut(chunk.data, whole=True)
-        except (ValueError, MemoryError) as error:
-            yield self.report.lose(at, str(error) or "a chunk that memory does not hold")
+        except ValueError as error:
+            yield self.report.lose(at, str(error))
             return
         self._inflated += len(chunk.data)
         if self._inflated > self.bounds.total_bytes:

@@ -59,7 +59,7 @@ class Resync:
             return False
         try:
             return open_chunk(self._stream.read(length), self._bounds.record_bytes).has_crc
-        except (ValueError, MemoryError):
+        except ValueError:
             return False
 
     def _find(self, patterns: Iterable[bytes], start: int) -> Iterator[int]:

@@ -73,10 +73,10 @@ class MessageFlow:
                 raise self.report.refuse(refusal)
 
     def _items(self) -> Iterator[Records | Loss]:
-        """What the source gives; an error of it that nobody foresaw refuses the log, but not one of the disk."""
+        """The items of the source. An unforeseen error of it refuses the log; one of the disk or of memory does not."""
         try:
             yield from self.source.read()
-        except (PipelineError, OSError):
+        except (PipelineError, OSError, MemoryError):
             raise
         except Exception as error:  # readers of three formats meet whatever is in a file
             raise self.report.refuse(f"it can't be read ({type(error).__name__}: {error})") from error

@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files.damaged_npz import raise_fault_of_disk
 from pipeline.files.npz import check_sizes
 from pipeline.readers.npz_file import caps
 from pipeline.readers.text_file import MAX_BYTES, check_size
@@ -37,7 +38,6 @@ DAMAGED_PICKLE = (
     AttributeError,
     EOFError,
     LookupError,
-    MemoryError,
     OSError,
     RecursionError,
     TypeError,
@@ -47,7 +47,7 @@ DAMAGED_PICKLE = (
     zlib.error,
     NotImplementedError,
 )
-"""What a damaged pickle may raise while it is read."""
+"""What a damaged pickle may raise while it is read; an OSError of the disk is raised again."""
 
 _DTYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,4})")
 _TORCH_TYPES = {
@@ -222,6 +222,15 @@ class _Unpickler(pickle._Unpickler):  # type: ignore[name-defined]  # the one in
 
     dispatch[pickle.BUILD[0]] = load_build
 
+    def load_bytearray8(self) -> None:
+        """A bytearray. Raises EOFError before memory is taken where the stream has fewer bytes than it claims."""
+        (length,) = struct.unpack("<Q", self.read(8))
+        if length > self._stream.getbuffer().nbytes:
+            raise EOFError("it was cut off")
+        self.append(bytearray(self.read(length)))
+
+    dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8
+
 
 class _Bytes(BytesIO):
     """A stream whose reads are no longer than it is, whatever the pickle claims."""
@@ -246,11 +255,12 @@ def load_pickle(path: Path) -> Any:
     except NotAllowedError as error:
         raise FileError(path, f"it holds {error}, which is never loaded.", converter(path)) from error
     except DAMAGED_PICKLE as error:
+        raise_fault_of_disk(error)
         raise FileError(path, f"it is not a pickle that can be read: {_short(error)}.") from error
 
 
 def load_torch(path: Path) -> Any:
-    """The tensors and plain containers in a file of `torch.save`. Raises FileError."""
+    """The tensors and plain containers in a file of `torch.save`. Raises FileError, or OSError of the disk."""
     check_size(path)
     try:
         with zipfile.ZipFile(path) as archive:
@@ -266,6 +276,7 @@ def load_torch(path: Path) -> Any:
         do = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
         raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
     except DAMAGED_PICKLE as error:
+        raise_fault_of_disk(error)
         do = "Files of torch before 1.6 are not read; save it again."
         raise FileError(path, f"it is not a file of torch.save that can be read: {_short(error)}.", do) from error
 

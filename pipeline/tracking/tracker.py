@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from pipeline.deployment.policy import Policy, PolicyGains, load_policy
 from pipeline.errors import FileError
-from pipeline.files.damaged_npz import DAMAGED_NPZ
+from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
 from pipeline.robot import Robot
 from pipeline.tracking.task import ACTION_SCALE, OBSERVATION, observation_size
 
@@ -58,6 +58,7 @@ def _read(path: Path, changed_ns: int) -> Tracker:
             }
             scale = float(arrays["action_scale"])
     except (*DAMAGED_NPZ, KeyError, TypeError) as error:
+        raise_fault_of_disk(error)
         raise FileError(path, f"is no tracker ({error}).", "Train one: python -m pipeline.tracking --help.") from error
     if texts["observation"] != OBSERVATION or scale != ACTION_SCALE:
         raise FileError(
