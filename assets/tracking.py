@@ -29,6 +29,7 @@ from pipeline.files import digest, settings
 TRAINED, SHIPPED = "trained here", "ships with the project"
 
 BEFORE_AND_AFTER = (
+    *("speed_before_m_s", "speed_after_m_s", "drift_m"),
     *("slip_before_m_s", "slip_after_m_s", "penetration_before_m", "penetration_after_m"),
     *("jerk_before_rad_s3", "jerk_after_rad_s3", "saturated_after", "contact_changed", "touchdown_shift_s"),
 )
@@ -242,10 +243,11 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
         manifest = compared_with_neighbours(manifest, reference_motions)
         metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
-        metadata |= tracking_metadata(manifest)
+        tracked = tracked_references(manifest, reference_motions)
+        metadata |= tracking_metadata(manifest, tracked)
         if manifest.entries:
             metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
-            metadata["before and after simulation"] = picture(before_and_after(tracked_references(manifest)))
+            metadata["before and after simulation"] = picture(before_and_after(tracked))
             metadata["worst tracked, when they fail"] = picture(
                 worst_tracked(manifest, reference_motions, PROJECT.store, robot)
             )
@@ -254,12 +256,14 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
     return augmented_motions
 
 
-def tracking_metadata(manifest: Manifest) -> dict[str, Any]:
-    """Figures of the nominal rollouts, and the share of disturbed ones that reached their end."""
-    worst = tracked_references(manifest)
+def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
+    """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
+    their end."""
+    from pipeline.tracking.before_after import by_skill
+
     if worst.empty:
         return {"references tracked": 0}
-    rows = worst.to_dict("records")
+    rows, speeds = worst.to_dict("records"), by_skill(worst)
     disturbed = [entry.numbers for entry in manifest.entries if entry.numbers["rollout"] > 0]
     asked = sum(int(row["rollouts"]) - 1 for row in rows)
     complete = sum(bool(numbers["survived"]) for numbers in disturbed)
@@ -270,13 +274,19 @@ def tracking_metadata(manifest: Manifest) -> dict[str, Any]:
         "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
         "disturbed rollouts": f"{complete} of {asked} to the last frame",
         "references, the worst first": table_of(worst, columns),
+        "speed of references and rollouts": table_of(speeds, list(speeds.columns)),
         "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
     }
 
 
-def tracked_references(manifest: Manifest) -> pd.DataFrame:
-    """One row a reference that was rolled out, the worst followed first."""
-    rows = [{"clip": row.clip, **row.numbers} for row in manifest.judged if "survived" in row.numbers]
+def tracked_references(manifest: Manifest, references: Manifest) -> pd.DataFrame:
+    """One row a reference that was rolled out, with its skill, the worst followed first."""
+    skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
+    rows = [
+        {"clip": row.clip, **row.numbers, "skill": skills.get(row.clip, "")}
+        for row in manifest.judged
+        if "survived" in row.numbers
+    ]
     return pd.DataFrame(sorted(rows, key=lambda row: (-row["worst_body_error_m"], row["clip"])))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from pipeline import time_series
 Own = TypeVar("Own", bound="Frames")
 
 
-class Frames:
+class Frames(ABC):
     """Base of the frozen dataclasses of clips: `fps`, `frame_count`, and arrays of one row a frame.
 
     Booleans are labels; names with `quat` are rotations; other arrays are quantities. A nested object with a method
@@ -23,8 +24,9 @@ class Frames:
     """Frames per second [Hz]."""
 
     @property
+    @abstractmethod
     def frame_count(self) -> int:
-        raise NotImplementedError
+        """Number of frames."""
 
     @property
     def duration_s(self) -> float:

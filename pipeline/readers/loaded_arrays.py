@@ -45,12 +45,12 @@ class LoadedArrays(ArrayFile):
 
 
 def open_pickle(path: Path) -> LoadedArrays:
-    """The one motion in a pickle. Raises FileError."""
+    """The one motion in a pickle. Raises FileError, or OSError of the disk."""
     return _opened(path, load_pickle)
 
 
 def open_torch(path: Path) -> LoadedArrays:
-    """The one motion in a file of `torch.save`. Raises FileError."""
+    """The one motion in a file of `torch.save`. Raises FileError, or OSError of the disk."""
     return _opened(path, load_torch)
 
 

@@ -1,12 +1,14 @@
 """What simulation changed: the same figures of a reference and of the rollout that tracks it, and how contacts moved.
 
-A reference has no torques, so saturation is the rollout's alone.
+A reference has no torques, so saturation is the rollout's alone. Speed and drift are here because the tracking errors
+are measured at the robot's own place and heading, where a rollout that moves at another speed has none.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool
+import pandas as pd
+from jaxtyping import Bool, Float
 
 from pipeline import time_series
 from pipeline.clips.outcome import Number
@@ -16,8 +18,11 @@ from pipeline.quality.retargeting import joint_jerk
 from pipeline.quality.sole import sole_motion
 from pipeline.robot import Robot
 
-AT_LIMIT = 0.99
-"""A motor is saturated above this share of its torque limit, as in data/feasibility.yaml."""
+ROUNDING = 1e-6
+"""Relative; a motor whose torque is this near to its limit was at it throughout the control step."""
+
+CHORD_S = 0.5
+"""Speed is that along chords of the root's path of this length, about a step, so that sway does not count [s]."""
 
 MATCHED_S = 0.2
 """A touchdown of a rollout belongs to one of its reference that is at most this far away [s]."""
@@ -26,20 +31,24 @@ MATCHED_S = 0.2
 def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict[str, Number]:
     """Figures of a rollout and of the same frames of its reference; None where there is nothing to measure.
 
+    `speed_*_m_s`: horizontal speed of the root along its path
+    `drift_m`: horizontal distance of the root from the reference at the last frame; both begin at the same place
     `slip_*_m_s`: 95th percentile of the horizontal speed of the lowest sole corner of feet in contact
     `penetration_*_m`: largest depth of a sole corner below the ground
     `jerk_*_rad_s3`: mean over frames and controlled joints of the absolute third difference
-    `saturated_after`: share of frames at the torque limit, of the joint that has most
+    `saturated_after`: share of frames at the torque limit throughout, of the joint that has most
     `contact_changed`: share of foot-frames whose contact differs from the reference's label
     `touchdown_shift_s`: mean of how much later (or earlier, below 0) the rollout's feet touch down
     """
     found: dict[str, Number] = {}
     for when, clip in (("before", reference), ("after", rollout)):
+        found[f"speed_{when}_m_s"] = path_speed(clip.root_pos_w, clip.fps)
         sole = sole_motion(clip, robot)
         slip = None if clip.contacts is None else lowest_corner_slip(sole, clip.contacts).p95
         found[f"slip_{when}_m_s"] = slip
         found[f"penetration_{when}_m"] = max(0.0, -float(sole.height.min()))
         found[f"jerk_{when}_rad_s3"] = joint_jerk(clip, robot.controlled)
+    found["drift_m"] = float(np.linalg.norm((rollout.root_pos_w[-1] - reference.root_pos_w[-1])[:2]))
     found["saturated_after"] = _saturated(rollout, robot)
     found["contact_changed"], found["touchdown_shift_s"] = None, None
     if reference.contacts is not None and rollout.contacts is not None:
@@ -47,6 +56,27 @@ def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict
         shifts = touchdown_shifts(reference.contacts, rollout.contacts, rollout.fps)
         found["touchdown_shift_s"] = float(np.mean(shifts)) if shifts else None
     return found
+
+
+def path_speed(root_pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
+    """Mean horizontal speed along chords of `CHORD_S` [m/s]; frames after the last whole chord are left out."""
+    frames = min(round(CHORD_S * fps), len(root_pos_w) - 1)
+    if frames < 1:
+        return 0.0
+    chords = np.diff(root_pos_w[::frames, :2], axis=0)
+    return float(np.linalg.norm(chords, axis=1).mean() * fps / frames)
+
+
+def by_skill(references: pd.DataFrame) -> pd.DataFrame:
+    """Mean speeds and drift of each skill.
+
+    Args:
+        references: one row a reference with `skill`, `speed_before_m_s`, `speed_after_m_s` and `drift_m`
+    """
+    columns = ["speed_before_m_s", "speed_after_m_s", "drift_m"]
+    means = references.groupby("skill")[columns].mean()
+    means.insert(0, "references", references.groupby("skill").size())
+    return means.reset_index()
 
 
 def touchdown_shifts(reference: Bool[np.ndarray, "t 2"], rollout: Bool[np.ndarray, "t 2"], fps: float) -> list[float]:
@@ -71,5 +101,5 @@ def _touchdowns(contact: Bool[np.ndarray, " t"]) -> np.ndarray:
 def _saturated(rollout: RobotClip, robot: Robot) -> float | None:
     if rollout.forces is None:
         return None
-    at_limit = np.abs(rollout.forces.joint_torque) > AT_LIMIT * robot.torque_limit
+    at_limit = np.abs(rollout.forces.joint_torque) >= (1.0 - ROUNDING) * robot.torque_limit
     return float(at_limit.mean(axis=0).max())

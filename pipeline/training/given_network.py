@@ -88,6 +88,11 @@ def _read(path: Path) -> dict[str, np.ndarray]:
             return {name: arrays[name] for name in arrays.files}
     except OSError as error:
         raise TrainingError(f"{path}: can't be read ({error.strerror or error}). Name the npz of a policy.") from error
+    except MemoryError as error:
+        raise TrainingError(
+            f"{path}: needs more memory than is free. End what else runs here, or take another file: this one may "
+            "state wrong sizes."
+        ) from error
     except Exception as error:  # a damaged archive raises whatever a parser on its way does
         raise TrainingError(f"{path}: is no npz of numbers ({error}).") from error
 

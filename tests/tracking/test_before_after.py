@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pipeline.robot import Robot
-from pipeline.tracking.before_after import before_after, touchdown_shifts
+from pipeline.tracking.before_after import before_after, by_skill, path_speed, touchdown_shifts
 from pipeline.viewing.tracking_plots import before_and_after
 from tests.factories.robot_clips import standing
 from tests.factories.simulated_clip import simulated_standing
@@ -60,3 +60,27 @@ def test_the_picture_needs_no_figure_to_be_there():
     some = {"penetration_before_m": 0.0, "penetration_after_m": 0.01, "jerk_before_rad_s3": 1.0}
     row = {**nothing, **some, "jerk_after_rad_s3": 2.0, "clip": "walk", "skill": "walk"}
     assert before_and_after(pd.DataFrame([row])).startswith(b"\x89PNG")
+
+
+def test_a_rollout_that_moves_at_another_speed_has_its_drift(robot: Robot):
+    """The tracking errors see nothing of it: they are measured at the robot's own place."""
+    still = standing(robot, seconds=2.0)
+    time_s = np.arange(still.frame_count) / still.fps
+    sway = 0.03 * np.sin(2.0 * np.pi * 2.0 * time_s)  # one period a chord
+    reference, rollout = (
+        dataclasses.replace(still, root_pos_w=still.root_pos_w + np.stack([v * time_s, sway, 0 * sway], axis=1))
+        for v in (1.5, 1.0)
+    )
+    found = before_after(reference, rollout, robot)
+    assert found["speed_before_m_s"] == pytest.approx(1.5, abs=1e-6)
+    assert found["speed_after_m_s"] == pytest.approx(1.0, abs=1e-6)
+    assert found["drift_m"] == pytest.approx(0.5 * time_s[-1])
+    assert path_speed(still.root_pos_w[:1], still.fps) == 0.0
+    table = by_skill(pd.DataFrame([{**found, "skill": "run"}, {**found, "speed_after_m_s": 2.0, "skill": "run"}]))
+    assert table.to_dict("records")[0] == {
+        "skill": "run",
+        "references": 2,
+        "speed_before_m_s": pytest.approx(1.5),
+        "speed_after_m_s": pytest.approx(1.5),
+        "drift_m": pytest.approx(found["drift_m"]),
+    }

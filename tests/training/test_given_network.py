@@ -17,7 +17,7 @@ from pipeline.training.amp_ppo import FIRST_RATE
 from pipeline.training.bundle import read_bundle
 from pipeline.training.command import main
 from pipeline.training.export_policy import main as export
-from pipeline.training.given_network import moved_towards
+from pipeline.training.given_network import arrays_of, moved_towards
 from pipeline.training.presets import preset
 from pipeline.training.run import RunRequest, TrainingRun
 from tests.factories.training_bundle import small_bundle
@@ -219,3 +219,12 @@ def test_a_policy_is_moved_towards_another(folder, shipped, tmp_path):
         write_policy(tmp_path / "other.npz", {**shipped, **changed})
         with pytest.raises(TrainingError, match=told):
             moved_towards(own, tmp_path / "other.npz", share, robot)
+
+
+def test_a_shortage_of_memory_is_not_called_damage(tmp_path, monkeypatch):
+    def short(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(np, "load", short)
+    with pytest.raises(TrainingError, match=r"policy\.npz: needs more memory than is free"):
+        arrays_of(tmp_path / "policy.npz")
