@@ -10,7 +10,6 @@ import numpy as np
 
 from pipeline.errors import FileError
 
-
 LARGEST = 1e9
 """Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import math
 import typing
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any, ClassVar, TypeVar
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, read_csv_text
+from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
 
 
@@ -212,10 +211,9 @@ def _parse(
 
 def _number(text: str) -> float | None:
     try:
-        value = float(text)
+        return plain_number(text)
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
 
 
 def _repeated(path: Path, rows: list[Any]) -> list[Fault]:

@@ -99,4 +99,4 @@ def _status(key: str) -> str:
 
 def is_sentence(text: str, name: str) -> bool:
     """Whether a refusal is one readable line that names the file."""
-    return name in text and "\n" not in text.strip() and "Traceback" not in text and 10 < len(text) < 20_000
+    return name in text and "\n" not in text.strip() and "Traceback" not in text and 10 < len(text) < 10_000

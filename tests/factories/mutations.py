@@ -12,8 +12,20 @@ ODD_NUMBERS = (
     *("１２".encode(), "٣".encode(), b"true", b"1e-400", b"9" * 400, b"{}", b"[]", b"'0'", b"-0", b"1 2", b"+"),
 )
 ODD_TEXTS = (
-    *(b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"\t", b"\"", b"'", b"#", b"<script>alert(1)</script>", b"../../x"),
-    *("\u202e".encode(), b"\n\n", b":", b"{", b"}", b"[", b"- ", b"&a ", b"*a", b"!!python/name:os.system", b"y" * 150_000),
+    *(b"\x00", b"\xff", b"\xef\xbb\xbf", b"\r", b"\t", b'"', b"'", b"#", b"<script>alert(1)</script>", b"../../x"),
+    *(
+        "\u202e".encode(),
+        b"\n\n",
+        b":",
+        b"{",
+        b"}",
+        b"[",
+        b"- ",
+        b"&a ",
+        b"*a",
+        b"!!python/name:os.system",
+        b"y" * 150_000,
+    ),
 )
 
 
@@ -26,7 +38,9 @@ def mutated_bytes(data: bytes, rng: np.random.Generator) -> tuple[bytes, str]:
     if kind in ("flip", "replace"):
         changed = bytearray(data)
         for place in rng.integers(0, len(data), size=int(rng.integers(1, 6))).tolist():
-            changed[place] = changed[place] ^ (1 << int(rng.integers(0, 8))) if kind == "flip" else int(rng.integers(256))
+            changed[place] = (
+                changed[place] ^ (1 << int(rng.integers(0, 8))) if kind == "flip" else int(rng.integers(256))
+            )
         return bytes(changed), kind
     made = {
         "remove": data[:start] + data[start + length :],

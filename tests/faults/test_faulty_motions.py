@@ -5,7 +5,6 @@ import io
 import json
 import re
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
@@ -74,7 +73,9 @@ def test_the_command_prints_one_sentence_or_the_clip_and_no_traceback(tmp_path, 
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
             code = main(["inspect", str(path), "--json"])
         lines = errors.getvalue().splitlines()
-        refused = code == 1 and len(lines) == 1 and lines[0].startswith("booster-lab: ") and path.parent.name in lines[0]
+        refused = (
+            code == 1 and len(lines) == 1 and lines[0].startswith("booster-lab: ") and path.parent.name in lines[0]
+        )
         if not (code == 0 and out.getvalue().startswith("{") if mutant.want != REFUSED else refused):
             faults.append(f"{mutant.name}: exit {code}, {errors.getvalue()[:300]}")
     assert not faults, "\n".join(["", *faults])
