@@ -61,6 +61,9 @@ FAULTS = {
     "examples of unequal number": lambda arrays: arrays.update(
         golden_observation=np.zeros((3, arrays["mean"].size)), golden_action=np.zeros((2, 21))
     ),
+    "examples of another network": lambda arrays: arrays.update(
+        golden_observation=np.zeros((2, arrays["mean"].size)), golden_action=np.full((2, 21), 9.0)
+    ),
     "0-d examples": lambda arrays: arrays.update(golden_observation=np.array(1.0), golden_action=np.array(1.0)),
 }
 
