@@ -1,4 +1,4 @@
-"""Tables and licence files with a planted fault: one file is one reason, named with its line, and the rest goes on."""
+"""Tables and licence files with a planted fault: one file is one reason with its line; the others are processed."""
 
 import json
 import shutil
