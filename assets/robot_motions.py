@@ -146,12 +146,13 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         from pipeline.feasibility.command_space import by_command
         from pipeline.feasibility.criteria_table import split
         from pipeline.robot import load_robot
+        from pipeline.robot.size import scaled
         from pipeline.selection import Curation
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
+        values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
         commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
         kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
         candidates = candidate_motions(augmented_motions, reference_motions, kind)
