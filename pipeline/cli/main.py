@@ -10,6 +10,7 @@ from pipeline.cli import (
     cross_engine_command,
     database_command,
     export_command,
+    import_robot_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -43,6 +44,7 @@ COMMANDS = (
     sources_command,
     view_command,
     webots_command,
+    import_robot_command,
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,14 +69,15 @@ def config_text(config: Config) -> str:
     for field in dataclasses.fields(Config):
         value = getattr(config, field.name)
         if not isinstance(value, dict):
-            lines.append(f"{field.name} = {json.dumps(value, ensure_ascii=False)}")
+            lines.append(f"{field.name} = {json.dumps(value)}")
     for table in ("colours", "human_links"):
         lines += ["", f"[{table}]"]
-        pairs = getattr(config, table).items()
-        lines += [
-            f"{json.dumps(key, ensure_ascii=False)} = {json.dumps(value, ensure_ascii=False)}" for key, value in pairs
-        ]
+        lines += [f"{_key(key)} = {json.dumps(value)}" for key, value in getattr(config, table).items()]
     return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def write_robot_folder(folder: Path, description: Description) -> Robot:

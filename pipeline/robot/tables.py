@@ -201,7 +201,7 @@ def table_text(kind: type[R], rows: Sequence[R]) -> str:
 def _cell(value: str | bool | float) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return value if isinstance(value, str) else repr(value).removesuffix(".0")
+    return value if isinstance(value, str) else repr(float(value)).removesuffix(".0")
 
 
 def _parse(

@@ -64,9 +64,8 @@ def find_body(model: MakerModel) -> Body:
     if len(pairs) < 2:
         found = ", ".join(model.links[limb.links[0]].name for limb in limbs) or "none"
         problem = f"two legs and two arms of at least {BEND + 1} joints are not found; limbs begin at: {found}."
-        raise FileError(
-            model.path, problem, "Left and right must mirror each other in the x-z plane, all joints at zero."
-        )
+        do = "Left and right must mirror each other in the x-z plane, all joints at zero."
+        raise FileError(model.path, problem, do)
     legs, arms = pairs[0], pairs[1]
     used = {link for pair in (legs, arms) for limb in pair for link in limb.links}
     trunk, pelvis = (_parent(model, pair) for pair in (arms, legs))

@@ -29,4 +29,4 @@ def rpy_of(quat: Float[np.ndarray, 4]) -> tuple[float, ...]:
     steps = np.round(angles / (np.pi / 2))
     near = np.abs(angles - steps * np.pi / 2) < RIGHT_ANGLE
     exact = [step * (np.pi / 2) if right else angle for angle, step, right in zip(angles, steps, near, strict=True)]
-    return tuple(value if right else rounded([value])[0] for value, right in zip(exact, near.tolist(), strict=True))
+    return tuple(float(value) + 0.0 if right else rounded([value])[0] for value, right in zip(exact, near, strict=True))

@@ -148,9 +148,8 @@ def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) 
                 default_pos=number("default_pos", joint, None, min(max(0.0, lower), upper)),
             )
         )
-    todo += [
-        f"joints.csv, {column}: {_HOW[column]} ({_several(names, len(rows))})." for column, names in proposed.items()
-    ]
+    for column, names in proposed.items():
+        todo.append(f"joints.csv, {column}: {_HOW[column]} ({_several(names, len(rows))}).")
     held = [row.joint for row in rows if not row.controlled and row.joint not in stated.controlled]
     if held:
         todo.append(f"joints.csv, controlled: the policy is proposed not to move {', '.join(held)}.")
@@ -229,7 +228,7 @@ def _with_fingers(model: MakerModel, limb: Limb) -> list[int]:
 def _about(model: MakerModel, body: Body, sites: ProposedSites, fitted: tuple[str, ...]) -> list[str]:
     names = [model.links[index].name for index in (body.trunk, body.pelvis)]
     todo = [
-        f"robot.toml, human_links: trunk '{names[0]}', pelvis '{names[1]}', and thigh, shank, upper arm and forearm are "
+        f"robot.toml, human_links: trunk '{names[0]}', pelvis '{names[1]}', thigh, shank, upper arm and forearm are "
         "proposed from the tree: look at them and at mirror_names.",
         *sites.to_check,
     ]

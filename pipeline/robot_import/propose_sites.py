@@ -71,9 +71,9 @@ def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
     low, high, bottom = _sole(source, foot)
     said = f"derived: bottom of the foot's shapes in {source.path.name}"
     places: Places = {f"{side}_sole_centre": (foot, np.array([*(0.5 * (low + high)), bottom]), said)}
-    for corner, x, y in zip(
-        CORNERS, (high[0], high[0], low[0], low[0]), (high[1], low[1], low[1], high[1]), strict=True
-    ):
+    ends = {"front": high[0], "rear": low[0], "left": high[1], "right": low[1]}
+    for corner in CORNERS:
+        x, y = (ends[part] for part in corner.split("_"))
         places[f"{side}_sole_{corner}"] = (foot, np.array([x, y, bottom]), said)
     places[f"{side}_ankle"] = (foot, np.zeros(3), "derived: origin of the last ankle joint")
     places[f"{side}_hip"] = (model.links[leg.links[1]].name, np.zeros(3), "derived: origin of the second hip joint")

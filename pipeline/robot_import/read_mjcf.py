@@ -94,7 +94,7 @@ def _root(path: Path, model: mujoco.MjModel) -> int:
 
 
 def _owners(path: Path, model: mujoco.MjModel, root: int) -> dict[int, int]:
-    """Each body of the robot with the movable body that it belongs to. Raises FileError for joints that are no hinges."""
+    """Each body of the robot with the movable body that it belongs to. Raises FileError for joints but one hinge."""
     owner = {root: root}
     for body in range(root + 1, model.nbody):
         parent = int(model.body_parentid[body])

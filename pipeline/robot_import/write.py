@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import shutil
 import tempfile
 from pathlib import Path
 
 from pipeline.errors import FileError
-from pipeline.robot import Robot
+from pipeline.robot import Robot, load_robot
 from pipeline.robot.adapted import write_robot_folder
 from pipeline.robot_import.propose import Proposal
 
@@ -29,15 +27,5 @@ def write_folder(folder: Path, proposal: Proposal, readme: str) -> Robot:
         description = dataclasses.replace(proposal.description, folder=part)
         write_robot_folder(part, description)
         (part / README).write_text(readme, encoding="utf-8")
-        os.replace(part, folder)
-    return _loaded(folder)
-
-
-def _loaded(folder: Path) -> Robot:
-    from pipeline.robot import load_robot
-
-    try:
-        return load_robot(folder)
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
+        part.replace(folder)
+    return load_robot(folder)
