@@ -36,9 +36,10 @@ def read_mjcf(path: Path) -> MakerModel:
     bodies = [body for body in range(root, model.nbody) if owner.get(body) == body]
     index = {body: position for position, body in enumerate(bodies)}
     frames = {body: _in_owner(model, body, owner) for body in owner}
+    stated = _full_inertias(spec)
     links = []
     for body in bodies:
-        inertia = _lumped(model, [each for each in owner if owner[each] == body], frames)
+        inertia = _lumped(model, [each for each in owner if owner[each] == body], frames, stated)
         parent = model.body_parentid[body]
         placement = pinocchio.SE3.Identity() if body == root else frames[parent] * _placement(model, body)
         links.append(
@@ -131,11 +132,24 @@ def _in_owner(model: mujoco.MjModel, body: int, owner: dict[int, int]) -> pinocc
     return placement
 
 
-def _lumped(model: mujoco.MjModel, bodies: list[int], frames: dict[int, pinocchio.SE3]) -> pinocchio.Inertia:
+def _full_inertias(spec: mujoco.MjSpec) -> dict[str, np.ndarray]:
+    """The inertia matrices that the file states, by body; compiling turns them to principal axes, to some digits."""
+    found = {}
+    for body in spec.bodies:
+        if body.name and np.isfinite(body.fullinertia).all() and np.any(body.fullinertia):
+            xx, yy, zz, xy, xz, yz = body.fullinertia
+            found[body.name] = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return found
+
+
+def _lumped(
+    model: mujoco.MjModel, bodies: list[int], frames: dict[int, pinocchio.SE3], stated: dict[str, np.ndarray]
+) -> pinocchio.Inertia:
     total = pinocchio.Inertia.Zero()
     for body in bodies:
         turn = Rotation.from_quat(np.roll(model.body_iquat[body], -1)).as_matrix()
-        about = turn @ np.diag(model.body_inertia[body]) @ turn.T
+        principal = turn @ np.diag(model.body_inertia[body]) @ turn.T
+        about = stated.get(model.body(body).name, principal)
         own = pinocchio.Inertia(float(model.body_mass[body]), np.array(model.body_ipos[body]), about)
         if own.mass > 0.0:
             total = total + frames[body].act(own)
