@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 from pipeline import rotation
 
+MESH_DECIMALS = 4
+"""What is measured from meshes is rounded to 0.1 mm, so that left and right are alike."""
 FLAT = 0.002
 """Points this close to the lowest one belong to the bottom of a foot [m]."""
 ROUND = 1.3
@@ -56,7 +58,8 @@ def sole_box(
     bottom, top = float(points[:, 2].min()), float(points[:, 2].max())
     flat = points[points[:, 2] <= bottom + FLAT]
     low, high = flat.min(axis=0)[:2], flat.max(axis=0)[:2]
-    height = 0.25 * (top - bottom)
+    bottom = round(bottom, MESH_DECIMALS)
+    height = round(0.25 * (top - bottom), MESH_DECIMALS)
     centre = np.array([*(0.5 * (low + high)), bottom + height])
     half_x, half_y = (0.5 * (high - low)).tolist()
     return centre, (half_x, half_y, height)

@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from pipeline import rotation
+
 DIGITS = 10
 """Significant digits; more are rounding of a file's own."""
 ZERO = 1e-10
@@ -19,6 +21,18 @@ RIGHT_ANGLE = 1e-4
 def rounded(values: Iterable[float]) -> tuple[float, ...]:
     """To `DIGITS` significant digits, without rounding noise about zero."""
     return tuple(0.0 if abs(value) < ZERO else float(f"{value:.{DIGITS}g}") for value in values)
+
+
+def round_axis(quat: Float[np.ndarray, 4]) -> Float[np.ndarray, 4]:
+    """The smallest turn (wxyz) to the long axis of a cylinder or capsule, whose ends and angle about it are alike."""
+    axis = rotation.rotate(quat, np.array([0.0, 0.0, 1.0]))
+    x, y, z = np.where(np.abs(axis) < RIGHT_ANGLE, 0.0, axis).tolist()
+    if z < 0.0 or (z == 0.0 and (y > 0.0 or (y == 0.0 and x < 0.0))):
+        x, y, z = -x, -y, -z
+    length = np.hypot(x, y)
+    if length == 0.0:
+        return rotation.IDENTITY
+    return rotation.from_rotvec(np.arctan2(length, z) * np.array([-y, x, 0.0]) / length)
 
 
 def rpy_of(quat: Float[np.ndarray, 4]) -> tuple[float, ...]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline import rotation
 from pipeline.robot.tables import ShapeRow
 from pipeline.robot_import.limbs import Body
 from pipeline.robot_import.maker_model import MakerModel, MakerShape
-from pipeline.robot_import.meshes import primitive_of, sole_box
-from pipeline.robot_import.numbers import rounded, rpy_of
+from pipeline.robot_import.meshes import MESH_DECIMALS, primitive_of, sole_box
+from pipeline.robot_import.numbers import round_axis, rounded, rpy_of
 
 COLOURS = {"shell": (0.86, 0.87, 0.88), "sole": (0.35, 0.36, 0.4)}
 SUFFIXES = ("_collision", "_visual")
@@ -73,9 +74,9 @@ def _fitted(shape: MakerShape, is_foot: bool) -> MakerShape:
         kind=kind,
         collides=shape.collides,
         shown=True,
-        pos=pos,
+        pos=pos.round(MESH_DECIMALS),
         quat=quat,
-        size=size,
+        size=tuple(round(float(value), MESH_DECIMALS) for value in size),
     )
 
 
@@ -90,7 +91,8 @@ def _row(line: int, shape: MakerShape, role: str, colour: str, rows: list[ShapeR
             number += 1
         name = f"{stem}_{number}"
     x, y, z = rounded(shape.pos)
-    roll, pitch, yaw = rpy_of(shape.quat)
+    turns = {"sphere": rotation.IDENTITY, "box": shape.quat}
+    roll, pitch, yaw = rpy_of(turns[shape.kind] if shape.kind in turns else round_axis(shape.quat))
     size_a, size_b, size_c = (*rounded(shape.size), 0.0, 0.0)[:3]
     return ShapeRow(
         line=line,

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
 from pipeline.robot_import.maker_model import MakerModel, corner_points
-from pipeline.robot_import.meshes import FLAT
+from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
 from pipeline.robot_import.numbers import rounded
 
 SIDES = ("left", "right")
@@ -88,6 +88,8 @@ def _sole(source: MakerModel, foot: str) -> tuple[Float[np.ndarray, 2], Float[np
     points = np.vstack([corner_points(shape) for shape in shapes] or [np.zeros((1, 3))])
     bottom = float(points[:, 2].min())
     flat = points[points[:, 2] <= bottom + FLAT][:, :2]
+    if any(shape.points is not None for shape in shapes):
+        flat, bottom = flat.round(MESH_DECIMALS), round(bottom, MESH_DECIMALS)
     return flat.min(axis=0), flat.max(axis=0), bottom
 
 
@@ -124,5 +126,5 @@ def _hand(source: MakerModel, link: str) -> tuple[np.ndarray, np.ndarray]:
             near[axis] -= np.sign(reach) * shape.size[0]
             return shape.pos, near
     hand = np.zeros(3)
-    hand[axis] = reach
-    return hand, WRIST * hand
+    hand[axis] = round(float(reach), MESH_DECIMALS)
+    return hand, (WRIST * hand).round(MESH_DECIMALS)
