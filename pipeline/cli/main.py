@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from pipeline.cli import (
+    check_robot_command,
     cross_engine_command,
     database_command,
     export_command,
@@ -45,6 +46,7 @@ COMMANDS = (
     view_command,
     webots_command,
     import_robot_command,
+    check_robot_command,
 )
 
 
