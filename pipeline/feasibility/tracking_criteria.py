@@ -23,7 +23,7 @@ from pipeline.feasibility.over_time import windowed_mean
 from pipeline.feasibility.reference import CONTENT
 from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
 from pipeline.files.ranges import Range
-from pipeline.files.sourced import Unit
+from pipeline.files.sourced import LENGTH, Unit
 from pipeline.quality.percentile import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
@@ -32,7 +32,7 @@ GROUP = "tracking stability"
 NOT_CUT = "no rollout of KP4"
 
 _Angle = Annotated[float, Unit("rad"), Range(0.0, 3.2, open_low=True)]
-_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True)]
+_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True), LENGTH]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from pipeline.clips.outcome import Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
+from pipeline.robot.size import scaled
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.before_after import before_after
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
@@ -50,6 +51,7 @@ def process(
     if clip.fps != CONTROL_HZ or clip.frame_count < 3:
         got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
         raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
+    settings = scaled(settings, robot)
     plant, policy = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
     plain = numbers.get("variant") in UNDISTURBED_VARIANTS
     count = settings.disturbed if plain else settings.disturbed_variants
