@@ -115,6 +115,7 @@ def _pieces(
             "followed_share": min(followed, 1.0),
             "body_error_m": float(error.body.mean()),
             "joint_error_rad": float(error.joint.mean()),
+            "path_error_m": float(error.path.mean()),
             **disturbance.numbers(),
         }
         pieces.append(Piece(clip=motion, numbers=numbers))
@@ -131,7 +132,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
     """How well the nominal rollout follows, failing stretches included; what the longest stretch changed."""
     references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
     parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
-    body, joint = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint"))
+    body, joint, path = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint", "path"))
     first = stretches[0]
     longest = max(range(len(stretches)), key=lambda index: references[index].frame_count)
     return {
@@ -140,6 +141,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
         "followed_s": (first.stop - first.start) / CONTROL_HZ,
         "body_error_m": float(body.mean()),
         "joint_error_rad": float(joint.mean()),
+        "path_error_m": float(path.mean()),
         "worst_body_error_m": float(body.max()),
         "worst_at_s": float(np.argmax(body)) / CONTROL_HZ,
     }

@@ -54,7 +54,7 @@ class DisturbanceSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureSettings:
-    """Where tracking has failed, as BeyondMimic ends an episode."""
+    """Where tracking has failed, as an episode of training ends."""
 
     root_height: Annotated[float, Unit("m"), LENGTH]
     """Largest error of the root's height [m]."""
@@ -62,6 +62,8 @@ class FailureSettings:
     """Largest error of the vertical in the root frame, along its z axis."""
     end_height: Annotated[float, Unit("m"), LENGTH]
     """Largest error in height of a foot or hand link [m]."""
+    path: Annotated[float, Unit("m")]
+    """Largest distance of the root from the reference's root [m]."""
     before_s: Annotated[float, Unit("s")]
     """Cut before a failure [s]."""
     restart_s: Annotated[float, Unit("s")]
@@ -73,6 +75,7 @@ class FailureSettings:
             root_height=Range(0.0, 2.0, open_low=True),
             gravity=Range(0.0, 2.0, open_low=True),
             end_height=Range(0.0, 2.0, open_low=True),
+            path=Range(0.0, 10.0, open_low=True),
             before_s=_SECONDS,
             restart_s=_SECONDS,
         )
