@@ -24,8 +24,8 @@ from pipeline.cli import (
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
-    "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it; a walking "
-    "policy held against what is asked of it."
+    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play "
+    "the result; validate a walking policy; import and check a robot."
 )
 
 EPILOG = (

@@ -49,6 +49,7 @@ LENGTH = Scaled(length=1.0)
 SPEED = Scaled(length=0.5)
 SPEED_AND_SHARE = Scaled(length=0.5, first_only=True)
 JERK = Scaled(length=-0.5)
+PER_AREA = Scaled(length=-2.0)
 IMPULSE = Scaled(length=0.5, mass=1.0)
 TORQUE = Scaled(length=1.0, mass=1.0)
 
