@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.option_texts import texts_of
+from pipeline.training.config import texts_of
 
 CONFIG, CURVES, DONE, POLICY = "config.json", "curves.csv", "done.json", "policy.npz"
 OPTION = "use_augmented"
