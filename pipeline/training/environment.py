@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 import torch
@@ -32,6 +32,7 @@ VELOCITY_STEPS = 8
 """Velocities are recorded every so many steps."""
 
 
+@runtime_checkable
 class FollowedClips(Protocol):
     """What distillation adds to the environment: the clip that each robot follows (`distillation/teacher.py`)."""
 

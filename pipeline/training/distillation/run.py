@@ -131,7 +131,8 @@ class DistillationStage(Stage):
     def _limit_normalizer(self) -> None:
         """Let no deviation be below the sensors' noise, nor that of commands below COMMAND_STD."""
         normalizer: Any = self.student.obs_normalizer
-        normalizer._std.copy_(torch.maximum(torch.sqrt(normalizer._var), self._least_std))
+        normalizer._var.copy_(torch.maximum(normalizer._var, torch.square(self._least_std)))
+        normalizer._std.copy_(torch.sqrt(normalizer._var))
 
     def _floor(self, noise: torch.Tensor) -> torch.Tensor:
         least = noise.clone()
