@@ -103,9 +103,9 @@ def tracker_files(project: Project, robot: str) -> Any:
         name = str(numbers["reference"])
         if numbers["rollout"] or not numbers["survived"] or name not in blobs:
             continue
-        pair = [project.store.get_clip(blob, clip) for blob, clip in ((blobs[name], name), (entry.blob, entry.clip))]
-        if all(isinstance(each, RobotClip) for each in pair) and pair[0].frame_count == pair[1].frame_count:
-            clips.append(TrackedClip(reference=pair[0], rollout=pair[1]))
+        reference, rollout = project.store.get_clip(blobs[name], name), project.store.get_clip(entry.blob, entry.clip)
+        if isinstance(reference, RobotClip) and isinstance(rollout, RobotClip):
+            clips.append(TrackedClip(reference=reference, rollout=rollout))
     (facts,) = policy.settings.values()
     return TrackerFiles(network=project.root / facts["folder"] / "tracker.npz", clips=clips)
 

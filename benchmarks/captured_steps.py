@@ -25,13 +25,14 @@ import torch
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from pipeline.training.observations import HISTORY  # noqa: E402
+from pipeline.training.presets import DEFAULT, preset  # noqa: E402
+from pipeline.training.slopes import GRAVITY  # noqa: E402
+
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.training.bundle import read_bundle  # noqa: E402
 from pipeline.training.captured import WARM_UP  # noqa: E402
 from pipeline.training.environment import VELOCITY_STEPS, AmpEnvironment  # noqa: E402
-from pipeline.training.observations import HISTORY  # noqa: E402
-from pipeline.training.presets import DEFAULT, preset  # noqa: E402
-from pipeline.training.slopes import GRAVITY  # noqa: E402
 
 COMPARED = WARM_UP + 8
 """Steps until what both give is compared."""

@@ -177,7 +177,7 @@ def _curve_faults(path: Path) -> Iterator[str]:
     if missing:
         yield f"{path}: has no rows with {', '.join(missing)}. Bring the file back again."
     elif not all(any(_finite(row[name]) for row in rows) for name in COLUMNS):
-        yield f"{path}: has no number in {' or '.join(COLUMNS)}. Train with a discriminator (option 'discriminator.style' above 0)."
+        yield f"{path}: has no number in {' or '.join(COLUMNS)}. Train with discriminator.style above 0."
 
 
 def _finite(text: str | None) -> bool:

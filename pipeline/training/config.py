@@ -146,14 +146,17 @@ class RandomizationConfig:
         least=-1.0,
         most=1.0,
     )
-    noise: float = option(
-        1.0, "factor of the paper's sensor noise", unit="-", source=PAPER_TEXT, least=0.0, most=10.0
-    )
+    noise: float = option(1.0, "factor of the paper's sensor noise", unit="-", source=PAPER_TEXT, least=0.0, most=10.0)
     delay_s: float = option(
         0.04, "largest delay of joint targets", unit="s", source=f"{BARS}: delays", least=0.0, most=0.04
     )
     slope_deg: float = option(
-        8.0, "steepest slope, in a third of the environments", unit="deg", source=f"{BARS}: slopes", least=0.0, most=20.0
+        8.0,
+        "steepest slope, in a third of the environments",
+        unit="deg",
+        source=f"{BARS}: slopes",
+        least=0.0,
+        most=20.0,
     )
     rotor_link_share: float = share(
         0.2, "environments with part of the rotors' inertia on the links", source="policies that fell in DART only"
@@ -168,15 +171,15 @@ class PushesConfig:
         (3.0, 6.0), "time between pushes", unit="s", source="paper: 4 to 8", least=0.02, most=1000.0
     )
     kick_m_s: tuple[float, float] = option(
-        (0.0, 1.8),
-        "sudden change of the base's velocity",
-        unit="m/s",
-        source="60 N s on 32 kg",
-        least=0.0,
-        most=5.0,
+        (0.0, 1.8), "sudden change of the base's velocity", unit="m/s", source="60 N s on 32 kg", least=0.0, most=5.0
     )
     impulse_n_s: tuple[float, float] = option(
-        (0.0, 60.0), "impulse of a 0.1 s force on the trunk", unit="N s", source=f"{BARS}: pushes", least=0.0, most=200.0
+        (0.0, 60.0),
+        "impulse of a 0.1 s force on the trunk",
+        unit="N s",
+        source=f"{BARS}: pushes",
+        least=0.0,
+        most=200.0,
     )
 
 
@@ -191,9 +194,7 @@ class DiscriminatorConfig:
     features: str = option(
         "legs", "features of a frame", unit="word", source="first run on rollouts", words=("all", "legs")
     )
-    frames: int = option(
-        10, "consecutive control steps in a window", unit="count", source="paper: 4", least=2, most=50
-    )
+    frames: int = option(10, "consecutive control steps in a window", unit="count", source="paper: 4", least=2, most=50)
     learning_rate: float = option(1e-4, "learning rate of Adam", unit="-", source=PAPER_TEXT, least=1e-7, most=1e-1)
     gradient_penalty: float = option(
         5.0, "weight of the gradient penalty", unit="-", source="R1; paper: 10", least=0.0, most=1000.0
@@ -224,12 +225,7 @@ class PpoConfig:
         0.01, "divergence that the learning rate adapts to", unit="nat", source=PAPER_TEXT, least=1e-5, most=1.0
     )
     final_kl: float = option(
-        0.004,
-        "the same at the end of the run",
-        unit="nat",
-        source="last checkpoints differ less",
-        least=1e-5,
-        most=1.0,
+        0.004, "the same at the end of the run", unit="nat", source="last checkpoints differ less", least=1e-5, most=1.0
     )
     init_std: float = option(
         0.3,
@@ -267,10 +263,20 @@ class DistillationConfig:
     """DAgger from the tracker."""
 
     iterations: int = option(
-        800, "iterations of 24 control steps; 0: no distilled start", unit="count", source="6 minutes of one H100", least=0, most=1_000_000
+        800,
+        "iterations of 24 control steps; 0: no distilled start",
+        unit="count",
+        source="6 minutes of one H100",
+        least=0,
+        most=1_000_000,
     )
     minutes: float = option(
-        8.0, "distillation ends after this time; 0: iterations alone", unit="min", source="90 in all", least=0.0, most=1e5
+        8.0,
+        "distillation ends after this time; 0: iterations alone",
+        unit="min",
+        source="90 in all",
+        least=0.0,
+        most=1e5,
     )
     speed_tolerance: float = option(
         0.2,

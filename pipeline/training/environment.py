@@ -100,7 +100,9 @@ class AmpEnvironment(ManagerBasedRlEnv):
             torch.from_numpy(np.nan_to_num(values, nan=np.inf)).float().to(device)
             for values in (robot.saturation_effort, robot.no_load_speed)
         )
-        self.context = Context(bundle=bundle, config=config, starts=starts or self._expert_starts(bundle, config, device, seed))
+        self.context = Context(
+            bundle=bundle, config=config, starts=starts or self._expert_starts(bundle, config, device, seed)
+        )
         self.columns = chosen_features(config.discriminator.features, robot).to(device)
         self.ground_m = ROUGHNESS_M if config.simulation.terrain == "rough" else 0.0
         """Height of the highest ground [m]."""

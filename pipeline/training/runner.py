@@ -81,8 +81,9 @@ class AmpStage(Stage):
         algorithm.run_share = share
         self.runner.learn(1)
         self.environment_steps = self.env.common_step_counter
-        amp = algorithm.discriminator
-        figures = amp.figures if amp is not None and amp.figures else dict.fromkeys(FIGURES, float("nan"))
+        figures = dict.fromkeys(FIGURES, float("nan"))
+        if algorithm.discriminator is not None:
+            figures |= algorithm.discriminator.figures
         return {
             **algorithm.take_step_figures(),
             **figures,
@@ -104,18 +105,20 @@ class AmpStage(Stage):
         self._disturb(max(0.0, int(state["iteration"]) / self._iterations))
 
     def line(self, row: dict[str, float]) -> str:
-        pairs = [f"{name} {row[f'{name}_achieved']:.2f}/{row[f'{name}_commanded']:.2f}" for name in ("mid", "top", "side")]
+        pairs = [
+            f"{name} {row[f'{name}_achieved']:.2f}/{row[f'{name}_commanded']:.2f}" for name in ("mid", "top", "side")
+        ]
         return (
             f"task {row['task_reward']:.3f}, style {row['style_reward']:.3f}, D {row['d_expert']:.1f}/"
-            f"{row['d_policy']:.1f}, accuracy {row['accuracy']:.2f}, followed {row['followed']:.2f}, {', '.join(pairs)}, "
-            f"{row['touchdowns_per_min']:.0f} touchdowns/min, {row['falls_per_min']:.2f} falls/min"
+            f"{row['d_policy']:.1f}, accuracy {row['accuracy']:.2f}, followed {row['followed']:.2f}, "
+            f"{', '.join(pairs)}, {row['touchdowns_per_min']:.0f} touchdowns/min, {row['falls_per_min']:.2f} falls/min"
         )
 
     def _disturb(self, share: float) -> None:
         self.env.set_disturbance(ramp(share, self.request.config.schedule.disturbance_ramp))
 
 
-def begin_with(actor: torch.nn.Module, start: dict[str, torch.Tensor]) -> None:
+def begin_with(actor: Any, start: dict[str, torch.Tensor]) -> None:
     """Let the actor begin as a distilled one, its normalizer frozen; the deviation of its actions stays its own."""
     actor.load_state_dict(start, strict=False)
     actor.obs_normalizer.count.fill_(FROZEN)

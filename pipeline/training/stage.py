@@ -122,9 +122,8 @@ class Stage(ABC):
         left = (self._iterations - self.iteration) * took
         if self._minutes:
             left = min(left, 60.0 * self._minutes - row["seconds"])
-        minutes = max(left, 0.0) / 60.0
-        name = self.folder.name
-        return f"iteration {self.iteration} of {self._iterations} of {name}, {row['seconds']:.0f} s, {minutes:.1f} min left"
+        progress = f"iteration {self.iteration} of {self._iterations} of {self.folder.name}"
+        return f"{progress}, {row['seconds']:.0f} s, {max(left, 0.0) / 60.0:.1f} min left"
 
     def _resume(self) -> None:
         path = newest_checkpoint(self.folder / CHECKPOINTS)

@@ -78,7 +78,9 @@ def test_a_gpu_that_is_not_there_is_no_silent_trial(place, monkeypatch):
         asked(place, 1, monkeypatch, device="cuda", gpus=2)
 
 
-@pytest.mark.parametrize("other", [{"seed": 2}, {"preset": "paper"}, {"options": ["discriminator.style=0"]}, {"num_envs": 16}])
+@pytest.mark.parametrize(
+    "other", [{"seed": 2}, {"preset": "paper"}, {"options": ["discriminator.style=0"]}, {"num_envs": 16}]
+)
 def test_another_question_is_another_run(place, monkeypatch, other):
     assert asked(place, 0, monkeypatch).folder == asked(place, 0, monkeypatch).folder
     assert asked(place, 0, monkeypatch).folder != asked(place, 0, monkeypatch, **other).folder
@@ -140,8 +142,8 @@ def test_the_lock_is_the_processs_own_as_well(place, monkeypatch):
 import logging, sys
 from pathlib import Path
 from assets.training_process import Run, train
-run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), preset="p", options={run.options!r}, seed=99,
-          device="cpu", gpus=1, trial=True)
+run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), preset="p", seed=99,
+          options={run.options!r}, device="cpu", gpus=1, trial=True)
 train(run, Path({str(place)!r}), Path({str(place / "lock")!r}), logging.getLogger())
 """
     asset = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)

@@ -35,7 +35,9 @@ def bundle(tmp_path):
 @pytest.fixture
 def runs(tmp_path, bundle):
     """Both arms with two seeds."""
-    return write_arm_runs(tmp_path / "runs", bundle, seeds=(10, 2), discriminator__style=0.4, pushes__impulse_n_s=(0.0, 50.0))
+    return write_arm_runs(
+        tmp_path / "runs", bundle, seeds=(10, 2), discriminator__style=0.4, pushes__impulse_n_s=(0.0, 50.0)
+    )
 
 
 def test_runs_are_read_seed_by_seed_in_the_order_of_the_arms(runs, bundle):
@@ -142,7 +144,10 @@ CONFIGS = {
     ),
     "lacks": (lambda config: config.pop("preset"), "does not say preset. Take what python -m pipeline.training wrote"),
     "form": (lambda config: config.update(changed=[]), "does not say changed. Take what"),
-    "contradicts": (lambda config: config["changed"].update({"discriminator.style": 0.1}), "'changed' and 'options' disagree on discriminator.style"),
+    "contradicts": (
+        lambda config: config["changed"].update({"discriminator.style": 0.1}),
+        "'changed' and 'options' disagree on discriminator.style",
+    ),
     "database": (
         lambda config: config["bundle"].update(database_digest="d2"),
         "was trained on another expert database than the bundle in .* Train on that bundle, or check out",
@@ -189,7 +194,7 @@ def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
         ("iteration,d_rollout\n1,0.5\n", "has no rows with seconds. Bring"),
         ("seconds,d_rollout\n", "has no rows with seconds, d_rollout. Bring"),
         ("", "has no rows with seconds, d_rollout. Bring"),
-        ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with a discriminator"),
+        ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with discriminator.style"),
     ],
 )
 def test_curves_without_the_discriminators_score_are_refused(runs, bundle, text, told):

@@ -113,7 +113,9 @@ CONFIGS = {
 @pytest.fixture(scope="module", params=[*CONFIGS, "distillation"])
 def env(request, tmp_path_factory, root, robot) -> Iterator[AmpEnvironment]:
     distils = request.param == "distillation"
-    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("captured"), root, robot, tracker="passive" if distils else ""))
+    bundle = read_bundle(
+        small_bundle(tmp_path_factory.mktemp("captured"), root, robot, tracker="passive" if distils else "")
+    )
     if distils:
         config = CONFIGS["recipe"]
         assert bundle.teacher is not None

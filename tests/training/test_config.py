@@ -23,7 +23,9 @@ def test_there_are_at_most_fifty_options():
 
 
 def test_every_option_has_a_meaning_a_unit_and_a_source():
-    lacking = [name for name, _, facts in RECIPE.options() if not all(facts[part] for part in ("text", "unit", "source"))]
+    lacking = [
+        name for name, _, facts in RECIPE.options() if not all(facts[part] for part in ("text", "unit", "source"))
+    ]
     assert not lacking
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import mujoco
 import numpy as np
 import pytest
@@ -185,7 +187,7 @@ def test_a_known_good_policy_walks_in_the_environment(bundle, policies):
     speeds = []
     for step in range(140):
         env.velocity_command.give(torch.arange(ENVS), wanted)
-        observation, _, terminated, _, _ = env.step(published(observation["actor"]))
+        observation, _, terminated, _, _ = env.step(published(cast(torch.Tensor, observation["actor"])))
         assert not terminated.any(), f"fell at step {step}"
         if step >= 90:
             speeds.append(env.robot_state.velocity)

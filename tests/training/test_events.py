@@ -113,7 +113,7 @@ def test_pushes_have_all_horizontal_directions_and_lengths():
     push = horizontal(5000, "cpu")
     length = push.norm(dim=1)
     assert (push[:, 2] == 0.0).all()
-    assert SMALLEST_PUSH - 1e-3 <= length.min() and length.max() <= 1.0 + 1e-3
+    assert length.min() >= SMALLEST_PUSH - 1e-3 and length.max() <= 1.0 + 1e-3
     assert push.mean(dim=0).abs().max() < 0.03
 
 

@@ -83,7 +83,11 @@ def test_a_motor_gives_less_the_faster_it_turns_its_own_way():
     limit, stall, no_load = (torch.tensor([value, value]) for value in (60.0, 120.0, 20.0))
     torque = torch.tensor([[10.0, -10.0], [10.0, 10.0], [10.0, 10.0]])
     speed = torch.tensor([[15.0, 15.0], [5.0, 30.0], [0.0, -30.0]])
-    assert rewards.motor_limit(torque, speed, limit, stall, no_load).tolist() == [[30.0, 60.0], [60.0, 6.0], [60.0, 60.0]]
+    assert rewards.motor_limit(torque, speed, limit, stall, no_load).tolist() == [
+        [30.0, 60.0],
+        [60.0, 6.0],
+        [60.0, 60.0],
+    ]
     endless = torch.tensor([torch.inf, torch.inf])
     assert rewards.motor_limit(torque, speed, limit, endless, endless).tolist() == [[60.0, 60.0]] * 3
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.bundle import ExpertFrames
 from pipeline.training.amp.features import FeatureNormalizer, floors
+from pipeline.training.bundle import ExpertFrames
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
 from tests.factories.training_bundle import small_bundle

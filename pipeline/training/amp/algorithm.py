@@ -85,7 +85,9 @@ class AmpPpo(PPO):
         """Share of the variance of the last returns that the critic predicted."""
         envs = config.simulation.num_envs
         style = config.discriminator.style > 0.0
-        self.discriminator = Discriminator(expert, least_std, config.discriminator, envs, self.device) if style else None
+        self.discriminator = (
+            Discriminator(expert, least_std, config.discriminator, envs, self.device) if style else None
+        )
         self.step_figures = torch.zeros(4, device=self.device)
         """Sums since they were last taken: task reward, style reward, D on the policy, steps."""
         self.iteration = 0
@@ -121,7 +123,9 @@ class AmpPpo(PPO):
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, self._config.schedule.disturbance_ramp))
+        return ppo.init_std * (
+            1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, self._config.schedule.disturbance_ramp)
+        )
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""

@@ -1,7 +1,7 @@
 """The discriminator: its network, its two losses, and the style reward.
 
 `wasserstein` (paper): E[D policy] - E[D expert] with a gradient penalty between both (Gulrajani et al. 2017).
-`bce`: binary cross-entropy on logits with an R1 penalty, the squared gradient at expert windows (Mescheder et al. 2018).
+`bce`: binary cross-entropy on logits with R1, the squared gradient at expert windows (Mescheder et al. 2018).
 Above a target accuracy the discriminator takes one gradient step an iteration instead of all, so that it does not run
 ahead of the policy (as StyleGAN2-ADA's target for the discriminator's overfitting; Karras et al. 2020).
 """
@@ -65,7 +65,9 @@ def accuracy(d_expert: torch.Tensor, d_policy: torch.Tensor) -> torch.Tensor:
 class Discriminator:
     """Scores windows; expert ones high, the policy's low."""
 
-    def __init__(self, expert: torch.Tensor, least_std: torch.Tensor, config: DiscriminatorConfig, envs: int, device: str):
+    def __init__(
+        self, expert: torch.Tensor, least_std: torch.Tensor, config: DiscriminatorConfig, envs: int, device: str
+    ):
         self._config = config
         self._expert = expert.to(device)
         self._normalize = FeatureNormalizer(self._expert.flatten(0, 1), least_std)

@@ -63,9 +63,9 @@ class DistillationStage(Stage):
         torch.manual_seed(request.seed)
         self._observation = self.env.reset()[0]["actor"].clone()
         actions, envs = len(bundle.robot.controlled), config.simulation.num_envs
-        self.student = MLPModel(
-            self._group(self._observation), {"actor": ["actor"]}, "actor", actions, **NETWORK
-        ).to(request.device)
+        self.student = MLPModel(self._group(self._observation), {"actor": ["actor"]}, "actor", actions, **NETWORK).to(
+            request.device
+        )
         self._least_std = self._floor(noise_scale(config.randomization.noise, actions))
         self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=RATE)
         self._mirror = Mirror(bundle.robot, request.device)
@@ -156,7 +156,9 @@ class DistillationStage(Stage):
         self.env.common_step_counter = int(state["environment_steps"])
 
     def line(self, row: dict[str, float]) -> str:
-        pairs = [f"{name} {row[f'{name}_achieved']:.2f}/{row[f'{name}_commanded']:.2f}" for name in ("slow", "mid", "turn")]
+        pairs = [
+            f"{name} {row[f'{name}_achieved']:.2f}/{row[f'{name}_commanded']:.2f}" for name in ("slow", "mid", "turn")
+        ]
         return (
             f"error {row['loss']:.4f}, teacher {row['teacher_share']:.2f}, {', '.join(pairs)}, "
             f"{row['falls_per_min']:.2f} falls/min, {row['lost_per_min']:.2f} lost/min"

@@ -68,7 +68,10 @@ def expert_states(
     after = 7 + count + 12
     joint_pos = torch.from_numpy(default).float().to(device).repeat(len(frames), 1)
     joint_vel = torch.zeros_like(joint_pos)
-    joint_pos[:, controlled], joint_vel[:, controlled] = frames[:, 7 : 7 + count], frames[:, after + 6 : after + 6 + count]
+    joint_pos[:, controlled], joint_vel[:, controlled] = (
+        frames[:, 7 : 7 + count],
+        frames[:, after + 6 : after + 6 + count],
+    )
     quat = frames[:, 3:7].clone()
     return StartStates(
         root_pos=frames[:, :3].clone(),
