@@ -70,7 +70,7 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
     ends: dict[str, tuple[float, float]] = {}
     for change in changes:
         name = WIDENED[change.what]
-        low, high = ends.get(name, values[name])
+        low, high = ends[name] if name in ends else values[name]
         new = change.value
         ends[name] = (min(low, new), high) if new < change.before else (low, max(high, new))
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))

@@ -7,9 +7,11 @@ import sys
 from collections.abc import Sequence
 
 from pipeline.cli import (
+    check_robot_command,
     cross_engine_command,
     database_command,
     export_command,
+    import_robot_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -43,6 +45,8 @@ COMMANDS = (
     sources_command,
     view_command,
     webots_command,
+    import_robot_command,
+    check_robot_command,
 )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from pipeline import rotation
 from pipeline.errors import UnknownNameError
-from pipeline.robot.tree import Tree
+from pipeline.robot.tree import Tree, forward
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +91,21 @@ class Robot:
     def controlled_index(self) -> Int[np.ndarray, " c"]:
         """Indices of the controlled joints in `joint_names`."""
         return np.array([self.joint(name) for name in self.controlled])
+
+    @cached_property
+    def leg_length(self) -> float:
+        """Hip to knee, knee to ankle, and the ankle over the sole [m], mean of both legs, to 0.1 mm."""
+        joint_pos = np.zeros((1, len(self.joint_names)))
+        link_pos, link_quat = forward(self.tree, np.zeros((1, 3)), rotation.IDENTITY[None], joint_pos)
+        index = self.tree.site_link
+        site_pos = link_pos[0, index] + rotation.rotate(link_quat[0, index], self.tree.site_pos)
+        legs = []
+        for side, sole in zip(("left", "right"), self.feet, strict=True):
+            parts = (f"{side}_hip", f"{side}_knee", f"{side}_ankle")
+            hip, knee, ankle = (site_pos[self.site(self.human[part])] for part in parts)
+            height = ankle[2] - site_pos[self.site(sole), 2]
+            legs.append(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle) + height)
+        return round(float(np.mean(legs)), 4)
 
     def joint(self, name: str) -> int:
         """Index of a joint. Raises UnknownNameError."""

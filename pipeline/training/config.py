@@ -18,7 +18,6 @@ BARS = "data/validation.yaml"
 def option(
     default: Any,
     text: str,
-    *,
     unit: str,
     source: str,
     least: float | None = None,
@@ -32,29 +31,25 @@ def option(
 
 def share(default: Any, text: str, *, source: str) -> Any:
     """A field of one or two shares, 0 to 1."""
-    return option(default, text, unit="share", source=source, least=0.0, most=1.0)
+    return option(default, text, "share", source, 0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulationConfig:
     """Environments, and how their episodes begin and end."""
 
-    num_envs: int = option(
-        4096, "environments of each process", unit="count", source="fills one H100", least=1, most=65536
-    )
-    terrain: str = option(
-        "plane", "ground: a plane or a heightfield", unit="word", source=PAPER_TEXT, words=("plane", "rough")
-    )
+    num_envs: int = option(4096, "environments of each process", "count", "fills one H100", 1, 65536)
+    terrain: str = option("plane", "ground: a plane or a heightfield", "word", PAPER_TEXT, words=("plane", "rough"))
     reference_share: float = share(
         0.85, "episodes that begin at an expert frame; the others at the default pose", source=PAPER_TEXT
     )
     stall_s: float = option(
         0.8,
         "an episode ends after the command was ignored for so long; 0: never",
-        unit="s",
-        source="without it robots stand and collect style reward",
-        least=0.0,
-        most=20.0,
+        "s",
+        "without it robots stand and collect style reward",
+        0.0,
+        20.0,
     )
 
 
@@ -66,12 +61,7 @@ class CommandsConfig:
     single_axis_share: float = share(0.45, "commands on one axis alone", source="the suite's single commands")
     fast_share: float = share(0.20, "commands of 1 to 2 m/s forward", source="paper: 0.35")
     fast_yaw: float = option(
-        0.5,
-        "largest yaw rate of half of the fast commands",
-        unit="rad/s",
-        source="curves of the suite",
-        least=0.0,
-        most=3.0,
+        0.5, "largest yaw rate of half of the fast commands", "rad/s", "curves of the suite", 0.0, 3.0
     )
     slew_share: float = share(
         0.5, "environments whose command changes at 1 m/s^2 and 1 rad/s^2; others: at once", source="the deployment"
@@ -89,41 +79,29 @@ class CommandsConfig:
 class RewardsConfig:
     """Weights of the reward terms in which the recipe differs from the paper; `mdp/rewards.py` has all of them."""
 
-    track_axes: float = option(
-        0.0, "kernel of the velocity error on each axis", unit="1/s", source="paper: 3", least=0.0
-    )
+    track_axes: float = option(0.0, "kernel of the velocity error on each axis", "1/s", "paper: 3", 0.0)
     track_all: float = option(
-        9.0,
-        "kernel of the averaged velocity error on all axes at once",
-        unit="1/s",
-        source="sum of the paper's three weights",
-        least=0.0,
+        9.0, "kernel of the averaged velocity error on all axes at once", "1/s", "sum of the paper's three weights", 0.0
     )
     track_mean: float = option(
-        2.0,
-        "narrow kernel of the averaged velocity error",
-        unit="1/s",
-        source="the bar of 0.05 m/s mean error",
-        least=0.0,
+        2.0, "narrow kernel of the averaged velocity error", "1/s", "the bar of 0.05 m/s mean error", 0.0
     )
     progress: float = option(
-        3.0, "share of the commanded velocity that is reached", unit="1/s", source="kernels are flat far off", least=0.0
+        3.0, "share of the commanded velocity that is reached", "1/s", "kernels are flat far off", 0.0
     )
     stand_still: float = option(
-        -1.0, "feet off the ground at the command to stand", unit="1/s", source=f"{BARS}: no step", most=0.0
+        -1.0, "feet off the ground at the command to stand", "1/s", f"{BARS}: no step", most=0.0
     )
-    power: float = option(
-        -0.004, "mechanical power of the joints", unit="1/J", source="power of the references", most=0.0
-    )
-    feet_slide: float = option(-2.0, "slip of feet in contact", unit="1/m", source="paper: -0.25", most=0.0)
+    power: float = option(-0.004, "mechanical power of the joints", "1/J", "power of the references", most=0.0)
+    feet_slide: float = option(-2.0, "slip of feet in contact", "1/m", "paper: -0.25", most=0.0)
     saturation: float = option(
-        -3.0, "torque beyond 0.85 of what a motor can give", unit="1/s", source=f"{BARS}: saturation", most=0.0
+        -3.0, "torque beyond 0.85 of what a motor can give", "1/s", f"{BARS}: saturation", most=0.0
     )
     joint_limits: str = option(
         "excess",
         "what is penalized at joint limits: each joint beyond, or by how much",
-        unit="word",
-        source="paper: indicator",
+        "word",
+        "paper: indicator",
         words=("excess", "indicator"),
     )
 
@@ -132,31 +110,20 @@ class RewardsConfig:
 class RandomizationConfig:
     """What differs between environments and episodes."""
 
-    friction: tuple[float, float] = option(
-        (0.4, 1.2), "friction of the ground", unit="-", source=PAPER_TEXT, least=0.0, most=3.0
-    )
-    gains: tuple[float, float] = option(
-        (0.9, 1.1), "factor of stiffness and of damping", unit="-", source=PAPER_TEXT, least=0.1, most=3.0
-    )
+    friction: tuple[float, float] = option((0.4, 1.2), "friction of the ground", "-", PAPER_TEXT, 0.0, 3.0)
+    gains: tuple[float, float] = option((0.9, 1.1), "factor of stiffness and of damping", "-", PAPER_TEXT, 0.1, 3.0)
     trunk_density: tuple[float, float] = option(
         (-0.05, 0.1),
         "half the logarithm of the factor of the trunk's mass and inertia",
-        unit="-",
-        source=PAPER_TEXT,
-        least=-1.0,
-        most=1.0,
+        "-",
+        PAPER_TEXT,
+        -1.0,
+        1.0,
     )
-    noise: float = option(1.0, "factor of the paper's sensor noise", unit="-", source=PAPER_TEXT, least=0.0, most=10.0)
-    delay_s: float = option(
-        0.04, "largest delay of joint targets", unit="s", source=f"{BARS}: delays", least=0.0, most=0.04
-    )
+    noise: float = option(1.0, "factor of the paper's sensor noise", "-", PAPER_TEXT, 0.0, 10.0)
+    delay_s: float = option(0.04, "largest delay of joint targets", "s", f"{BARS}: delays", 0.0, 0.04)
     slope_deg: float = option(
-        8.0,
-        "steepest slope, in a third of the environments",
-        unit="deg",
-        source=f"{BARS}: slopes",
-        least=0.0,
-        most=20.0,
+        8.0, "steepest slope, in a third of the environments", "deg", f"{BARS}: slopes", 0.0, 20.0
     )
     rotor_link_share: float = share(
         0.2, "environments with part of the rotors' inertia on the links", source="policies that fell in DART only"
@@ -167,19 +134,12 @@ class RandomizationConfig:
 class PushesConfig:
     """Pushes; two numbers are the largest one before and after the disturbances' ramp."""
 
-    interval_s: tuple[float, float] = option(
-        (3.0, 6.0), "time between pushes", unit="s", source="paper: 4 to 8", least=0.02, most=1000.0
-    )
+    interval_s: tuple[float, float] = option((3.0, 6.0), "time between pushes", "s", "paper: 4 to 8", 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
-        (0.0, 1.8), "sudden change of the base's velocity", unit="m/s", source="60 N s on 32 kg", least=0.0, most=5.0
+        (0.0, 1.8), "sudden change of the base's velocity", "m/s", "60 N s on 32 kg", 0.0, 5.0
     )
     impulse_n_s: tuple[float, float] = option(
-        (0.0, 60.0),
-        "impulse of a 0.1 s force on the trunk",
-        unit="N s",
-        source=f"{BARS}: pushes",
-        least=0.0,
-        most=200.0,
+        (0.0, 60.0), "impulse of a 0.1 s force on the trunk", "N s", f"{BARS}: pushes", 0.0, 200.0
     )
 
 
@@ -188,31 +148,23 @@ class DiscriminatorConfig:
     """The adversarial motion prior."""
 
     style: float = share(0.5, "share of the style reward in the blend; 0: no discriminator", source="paper: 0.3")
-    loss: str = option(
-        "bce", "loss", unit="word", source="D stayed within 1.6 on rollouts", words=("wasserstein", "bce")
-    )
-    features: str = option(
-        "legs", "features of a frame", unit="word", source="first run on rollouts", words=("all", "legs")
-    )
-    frames: int = option(10, "consecutive control steps in a window", unit="count", source="paper: 4", least=2, most=50)
-    learning_rate: float = option(1e-4, "learning rate of Adam", unit="-", source=PAPER_TEXT, least=1e-7, most=1e-1)
-    gradient_penalty: float = option(
-        5.0, "weight of the gradient penalty", unit="-", source="R1; paper: 10", least=0.0, most=1000.0
-    )
-    updates: int = option(
-        8, "most gradient steps an iteration", unit="count", source="twice PPO's mini-batches", least=1, most=100
-    )
+    loss: str = option("bce", "loss", "word", "D stayed within 1.6 on rollouts", words=("wasserstein", "bce"))
+    features: str = option("legs", "features of a frame", "word", "first run on rollouts", words=("all", "legs"))
+    frames: int = option(10, "consecutive control steps in a window", "count", "paper: 4", 2, 50)
+    learning_rate: float = option(1e-4, "learning rate of Adam", "-", PAPER_TEXT, 1e-7, 1e-1)
+    gradient_penalty: float = option(5.0, "weight of the gradient penalty", "-", "R1; paper: 10", 0.0, 1000.0)
+    updates: int = option(8, "most gradient steps an iteration", "count", "twice PPO's mini-batches", 1, 100)
     target_accuracy: float = share(
         0.85, "above this accuracy it takes one gradient step an iteration; 1: never", source="bar: at most 0.9"
     )
     by_command: bool = option(
         True,
         "draw expert windows and start frames with the distribution of the policy's commands",
-        unit="yes/no",
-        source="paper: by MotionWeight alone",
+        "yes/no",
+        "paper: by MotionWeight alone",
     )
     use_augmented: bool = option(
-        True, "use mirrored, time-scaled and perturbed clips", unit="yes/no", source="augmentation_ablation"
+        True, "use mirrored, time-scaled and perturbed clips", "yes/no", "augmentation_ablation"
     )
 
 
@@ -220,20 +172,11 @@ class DiscriminatorConfig:
 class PpoConfig:
     """PPO of rsl_rl; what is not here is rsl_rl's default or in `runner.py`."""
 
-    entropy: float = option(0.001, "weight of the entropy", unit="-", source="paper: 0.005", least=0.0, most=1.0)
-    desired_kl: float = option(
-        0.01, "divergence that the learning rate adapts to", unit="nat", source=PAPER_TEXT, least=1e-5, most=1.0
-    )
-    final_kl: float = option(
-        0.004, "the same at the end of the run", unit="nat", source="last checkpoints differ less", least=1e-5, most=1.0
-    )
+    entropy: float = option(0.001, "weight of the entropy", "-", "paper: 0.005", 0.0, 1.0)
+    desired_kl: float = option(0.01, "divergence that the learning rate adapts to", "nat", PAPER_TEXT, 1e-5, 1.0)
+    final_kl: float = option(0.004, "the same at the end of the run", "nat", "last checkpoints differ less", 1e-5, 1.0)
     init_std: float = option(
-        0.3,
-        "deviation of the actions at the start",
-        unit="-",
-        source="around a distilled start; paper: 0.6",
-        least=1e-3,
-        most=3.0,
+        0.3, "deviation of the actions at the start", "-", "around a distilled start; paper: 0.6", 1e-3, 3.0
     )
     final_std: float = share(
         0.5, "largest deviation at the end, by that at the start", source="exploration quickens steps"
@@ -244,12 +187,8 @@ class PpoConfig:
 class ScheduleConfig:
     """Length of AMP + PPO, and ramps as shares of it."""
 
-    iterations: int = option(
-        3000, "iterations of 24 control steps", unit="count", source="22 minutes of one H100", least=1, most=1_000_000
-    )
-    minutes: float = option(
-        35.0, "training ends after this time; 0: iterations alone", unit="min", source="90 in all", least=0.0, most=1e5
-    )
+    iterations: int = option(3000, "iterations of 24 control steps", "count", "22 minutes of one H100", 1, 1_000_000)
+    minutes: float = option(35.0, "training ends after this time; 0: iterations alone", "min", "90 in all", 0.0, 1e5)
     style_ramp: tuple[float, float] = share(
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
@@ -265,26 +204,19 @@ class DistillationConfig:
     iterations: int = option(
         800,
         "iterations of 24 control steps; 0: no distilled start",
-        unit="count",
-        source="6 minutes of one H100",
-        least=0,
-        most=1_000_000,
+        "count",
+        "6 minutes of one H100",
+        0,
+        1_000_000,
     )
-    minutes: float = option(
-        8.0,
-        "distillation ends after this time; 0: iterations alone",
-        unit="min",
-        source="90 in all",
-        least=0.0,
-        most=1e5,
-    )
+    minutes: float = option(8.0, "distillation ends after this time; 0: iterations alone", "min", "90 in all", 0.0, 1e5)
     speed_tolerance: float = option(
         0.2,
         "a clip whose rollout is slower or faster than its reference by more is left out",
-        unit="m/s",
-        source="a tracker moved at 0.19 where its reference moved at 0.40",
-        least=0.0,
-        most=10.0,
+        "m/s",
+        "a tracker moved at 0.19 where its reference moved at 0.40",
+        0.0,
+        10.0,
     )
 
 

@@ -1,8 +1,8 @@
 """A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with nothing but mjlab's stack.
 
-A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is what it is in
-`pipeline/validation`, whose own walk has more conditions and is compared with this one in a test. No PyTorch is imported
-here: the processes that walk start quickly and need little memory.
+A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is defined as in
+`pipeline/validation`, whose own walk has more conditions and is compared with this one in a test. No PyTorch is
+imported here, so that processes that walk start quickly and need little memory.
 """
 
 from __future__ import annotations

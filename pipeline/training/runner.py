@@ -81,12 +81,10 @@ class AmpStage(Stage):
         algorithm.run_share = share
         self.runner.learn(1)
         self.environment_steps = self.env.common_step_counter
-        figures = dict.fromkeys(FIGURES, float("nan"))
-        if algorithm.discriminator is not None:
-            figures |= algorithm.discriminator.figures
+        amp: dict[str, float] = {} if algorithm.discriminator is None else algorithm.discriminator.figures
         return {
             **algorithm.take_step_figures(),
-            **figures,
+            **{name: amp.get(name, float("nan")) for name in FIGURES},
             **self.env.record.take(self.env.step_dt),
             "style_share": algorithm.style_share(),
             "disturbance": float(self.env.disturbance),
