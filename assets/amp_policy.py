@@ -35,6 +35,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
 
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
+    deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
 
     @dg.asset(**declared(plan, "pytorch", deps=deps))
     @plainly
@@ -60,6 +61,10 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}
 """Approved range -> option of training."""
+
+
+TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
+"""Assets that distillation is made of: references, the tracker's rollouts of them, and the tracker."""
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
@@ -92,7 +97,7 @@ def tracker_files(project: Project, robot: str) -> Any:
     from pipeline.expert.training_bundle import TrackedClip, TrackerFiles
 
     keys = {plan.name: plan.key.to_user_string() for plan in robot_plans(robot)}
-    names = [keys[name] for name in ("reference_motions", "augmented_motions", "tracking_policy")]
+    names = [keys[name] for name in TRACKED]
     if not all(project.store.manifest_path(name).is_file() for name in names):
         return None
     references, rollouts, policy = (project.store.load(name) for name in names)
@@ -106,8 +111,9 @@ def tracker_files(project: Project, robot: str) -> Any:
         reference, rollout = project.store.get_clip(blobs[name], name), project.store.get_clip(entry.blob, entry.clip)
         if isinstance(reference, RobotClip) and isinstance(rollout, RobotClip):
             clips.append(TrackedClip(reference=reference, rollout=rollout))
-    (facts,) = policy.settings.values()
-    return TrackerFiles(network=project.root / facts["folder"] / "tracker.npz", clips=clips)
+    for facts in policy.settings.values():
+        return TrackerFiles(network=project.root / facts["folder"] / "tracker.npz", clips=clips)
+    return None
 
 
 def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> None:

@@ -124,7 +124,9 @@ CRITERIA = (
     Criterion(
         "tracking_end_height", GROUP, "tracking.end_height", "m", "largest difference in height of a hand or sole"
     ),
-    Criterion("tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path, place and heading fitted"),
+    Criterion(
+        "tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path, place and heading fitted"
+    ),
 )
 
 
