@@ -68,7 +68,10 @@ TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
-    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one."""
+    """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one.
+
+    The largest kick grows by the same share as the approved one, since presets have different ones.
+    """
     from pipeline.training.config import preset
 
     values = preset(preset_name).values()
@@ -76,7 +79,7 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
     for change in changes:
         name = WIDENED[change.what]
         low, high = ends[name] if name in ends else values[name]
-        new = change.value
+        new = high * change.value / change.before if change.what == "push_speed" else change.value
         ends[name] = (min(low, new), high) if new < change.before else (low, max(high, new))
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
 

@@ -83,10 +83,10 @@ class DistillationStage(Stage):
             group["lr"] = rate
         fits = self.iteration < NORMALIZER_ITERATIONS
         guided = 1.0 if fits else max(0.0, 1.0 - share / GUIDED_SHARE)
+        loss = self._act(guided, fits)
+        if fits:
+            self._limit_normalizer()
         with fast_matmul(self.request.device):
-            loss = self._act(guided, fits)
-            if fits:
-                self._limit_normalizer()
             fit = self._learn()
         self.environment_steps = self.env.common_step_counter
         record = self.env.record.take(self.env.step_dt)
