@@ -80,7 +80,11 @@ def digest_of_policies(project: Project, robot: str) -> str:
 
 
 SHARED = (
-    Plan(name="motion_catalog", packages=("catalog", "readers"), settings_files=("catalog.yaml", "sources.yaml")),
+    Plan(
+        name="motion_catalog",
+        packages=("catalog", "readers", "hardware_logs"),
+        settings_files=("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
+    ),
     Plan(name="selected_motions", packages=("selection",), settings_files=("curation.yaml",)),
     Plan(name="repaired_motions", packages=("repair",), settings_files=("repair.yaml",)),
 )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 from pipeline.cli.database_clip import read_database_clip
+from pipeline.cli.naming_argument import add_naming
 from pipeline.cli.project import find_project
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import ARCHIVES, check_database, dataset_card
@@ -28,6 +30,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--format", choices=(*ARCHIVES, "card"), required=True, help="what to write")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder to write into")
     parser.add_argument("--skill", metavar="NAME", nargs="+", default=[], help="clips of these skills alone")
+    add_naming(parser)
     parser.set_defaults(run=run)
 
 
@@ -48,10 +51,12 @@ def run(parsed: argparse.Namespace) -> int:
     written = 0
     if parsed.format != "card":
         robot = find_project().robot(contents.manifest["robot"])
+        named = robot.in_naming(parsed.naming) if parsed.naming else robot
         encode = ARCHIVES[parsed.format]
         for file in rows["file"]:
             clip, _ = read_database_clip(current(parsed.database) / file, robot)
-            atomic.write_bytes(parsed.out / Path(file).with_suffix(".npz"), encode(clip, robot))
+            renamed = dataclasses.replace(clip, joint_names=named.joint_names)
+            atomic.write_bytes(parsed.out / Path(file).with_suffix(".npz"), encode(renamed, named))
             written += 1
     atomic.write_text(parsed.out / CARD, dataset_card(contents))
     print(f"{written} clips and {CARD} in {parsed.out}")

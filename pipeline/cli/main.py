@@ -24,8 +24,8 @@ from pipeline.cli import (
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
-    "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it; a walking "
-    "policy held against what is asked of it."
+    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play "
+    "the result; validate a walking policy; import and check a robot."
 )
 
 EPILOG = (
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command. 0: done, 1: it could not be done (one sentence on stderr), 2: wrong usage."""
     try:
         parsed = parser().parse_args(arguments)
-    except SystemExit as stop:  # argparse has told what is wrong, or shown the help
+    except SystemExit as stop:  # argparse has printed what is wrong, or shown the help
         return int(stop.code or 0)
     try:
         return parsed.run(parsed)

@@ -1,9 +1,9 @@
 """Criteria of tracking: how far a rollout is from the motion that it tracked, and whether it comes back.
 
-Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading. Root height,
-the vertical in the root's frame and the heights of hands and soles are compared as BeyondMimic does where it ends an
-episode. The root's path is compared after the horizontal shift and turn that fit it best, so that place and heading do
-not count, but a step that is too short does.
+Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading. Root
+height, the vertical in the root's frame and the heights of hands and soles are compared as BeyondMimic does where it
+ends an episode. The root's path is compared after the horizontal shift and turn that fit it best, so that place and
+heading do not count, but a step that is too short does.
 """
 
 from __future__ import annotations
@@ -124,9 +124,7 @@ CRITERIA = (
     Criterion(
         "tracking_end_height", GROUP, "tracking.end_height", "m", "largest difference in height of a hand or sole"
     ),
-    Criterion(
-        "tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path, place and heading fitted"
-    ),
+    Criterion("tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path after the best fit"),
 )
 
 

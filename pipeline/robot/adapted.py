@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
+from pipeline.robot.aliases import ALIASES
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
 from pipeline.robot.description import CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
@@ -85,6 +86,8 @@ def write_robot_folder(folder: Path, description: Description) -> Robot:
     built = build_robot(dataclasses.replace(description, folder=folder))
     for name, text in description.contents.items():
         atomic.write_text(folder / name, text)
+    if description.aliases_text:
+        atomic.write_text(folder / ALIASES, description.aliases_text)
     for path, text in model_files(folder, built).items():
         atomic.write_text(path, text)
     return load_robot(folder)

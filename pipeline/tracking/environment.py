@@ -28,8 +28,8 @@ MOTION = "motion"
 """Name of the command term, as in mjlab's task."""
 
 PATH_WEIGHT = 1.0
-"""Weight of the reward for the root's position. mjlab's 0.5, without an end of the episode at `PATH_M`, gave a tracker that
-kept the posture of fast, sideways and backward clips and moved at half of their speed."""
+"""Weight of the reward for the root's position. mjlab's 0.5, without an end of the episode at `PATH_M`, gave a tracker
+that kept the posture of fast, sideways and backward clips and moved at half of their speed."""
 
 
 class TrackingEnvironment(ManagerBasedRlEnv):

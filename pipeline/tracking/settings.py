@@ -62,7 +62,7 @@ class FailureSettings:
     """Largest error of the vertical in the root frame, along its z axis."""
     end_height: Annotated[float, Unit("m"), LENGTH]
     """Largest error in height of a foot or hand link [m]."""
-    path: Annotated[float, Unit("m")]
+    path: Annotated[float, Unit("m"), LENGTH]
     """Largest distance of the root from the reference's root [m]."""
     before_s: Annotated[float, Unit("s")]
     """Cut before a failure [s]."""

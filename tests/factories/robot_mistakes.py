@@ -112,8 +112,8 @@ MISTAKES = {
         both(
             cell("joints.csv", "Left_Elbow_Yaw", "default_pos", "-2.1"),
             cell("joints.csv", "Right_Elbow_Yaw", "default_pos", "2.1"),
-            cell("joints.csv", "Left_Elbow_Pitch", "default_pos", "-1.6"),
-            cell("joints.csv", "Right_Elbow_Pitch", "default_pos", "-1.6"),
+            cell("joints.csv", "Left_Elbow_Pitch", "default_pos", "1.5"),
+            cell("joints.csv", "Right_Elbow_Pitch", "default_pos", "1.5"),
         ),
         "collision",
         "left_hand_link",

@@ -11,17 +11,18 @@ import pytest
 from pipeline.failures.settings import FailureSettings
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.files import settings
-from pipeline.robot import Robot, load_robot
+from pipeline.retarget import RetargetSettings
+from pipeline.robot import Robot
 from pipeline.robot.size import scaled, size_of
 from pipeline.simulation.run import fall_height
 from pipeline.tracking.settings import TrackingSettings
 
-FILES = {"feasibility.yaml": FeasibilitySettings, "tracking.yaml": TrackingSettings, "failures.yaml": FailureSettings}
-
-
-@pytest.fixture
-def t1() -> Robot:
-    return load_robot("t1")
+FILES = {
+    "feasibility.yaml": FeasibilitySettings,
+    "tracking.yaml": TrackingSettings,
+    "failures.yaml": FailureSettings,
+    "retarget.yaml": RetargetSettings,
+}
 
 
 @pytest.fixture
@@ -83,3 +84,13 @@ def test_the_leg_is_hip_to_knee_to_ankle_to_sole(t1: Robot):
     thigh = np.hypot(0.081854 + 0.134, 0.014)
     shank = np.hypot(0.28 + 0.012, 0.00025)
     assert t1.leg_length == pytest.approx(thigh + shank + 0.0432508, abs=5e-5)
+
+
+def test_weights_of_distances_count_a_share_of_the_leg_alike(smaller: Robot, root: Path):
+    whole = settings.read(root / "data/retarget.yaml", RetargetSettings)
+    found = scaled(whole, smaller)
+    error = 0.01
+    cost = whole.weights.stance_position * error**2
+    assert found.weights.stance_position * (0.64 * error) ** 2 == pytest.approx(cost, rel=1e-3)
+    assert found.weights.legs == whole.weights.legs
+    assert found.feet.spacing == pytest.approx(0.64 * whole.feet.spacing, rel=1e-3)
