@@ -25,6 +25,7 @@ from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.training_process import TrainingFailedError, gpus_here, train
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
+from pipeline.tracking.task import ITERATIONS
 
 TRAINED, SHIPPED = "trained here", "ships with the project"
 
@@ -50,8 +51,9 @@ class TrackerConfig(dg.Config):
     num_envs: int = 0
     """Of each GPU; 0: 4096, or 8 in a trial."""
     iterations: int = 0
-    """0: as many as the minutes allow, or 2 in a trial."""
-    minutes: float = 20.0
+    """0: those of the tracker that ships (pipeline/tracking/task.py), or 2 in a trial."""
+    minutes: float = 30.0
+    """Training ends after so many, whatever the iterations."""
     seed: int = 1
 
 
@@ -160,7 +162,7 @@ def served_tracker(project: Project, robot: str) -> tuple[Path, str] | None:
 
 
 def no_tracker(robot: str) -> str:
-    """What is said where a robot has no tracker."""
+    """The message where a robot has no tracker."""
     job = job_of("train_tracker", robot)
     return (
         f"there is no tracker of '{robot}': none ships, and none was trained here. The database is made of references "
@@ -227,7 +229,7 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
         "device": device,
         "gpus": 1 if trial else config.gpus,
         "num_envs": config.num_envs or (8 if trial else 4096),
-        "iterations": config.iterations or (2 if trial else 10_000),
+        "iterations": config.iterations or (2 if trial else ITERATIONS),
         "minutes": config.minutes,
         "seed": config.seed,
     }

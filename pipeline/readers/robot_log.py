@@ -1,8 +1,9 @@
 """A robot's log (MCAP, as the robot and the virtual robot write it) as a robot motion.
 
-A log has joints and the trunk's attitude, but no position: the odometer is planar and biased. The root is therefore placed
-by leg odometry: the lowest corner of the soles is on the ground and stays where it is from one frame to the next. This holds
-for standing and walking; in the flight phase of a run the lowest corner moves, and the path is too short there.
+A log has joints and the trunk's attitude, but no position: the odometer is planar and biased. The root is therefore
+placed by leg odometry: the lowest corner of the soles is on the ground and stays where it is from one frame to the
+next. This holds for standing and walking; in the flight phase of a run the lowest corner moves, and the path is too
+short there.
 """
 
 from __future__ import annotations
