@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -142,7 +143,7 @@ def _link(first: MakerLink, second: MakerLink) -> list[Difference]:
 _JOINT = (("lower", "rad"), ("upper", "rad"), ("torque", "N m"), ("speed", "rad/s"), ("armature", "kg m^2"))
 
 
-def _equal(first: object, second: object) -> bool:
+def _equal(first: Any, second: Any) -> bool:
     if first is None or second is None or isinstance(first, str):
         return first == second
     one, other = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
