@@ -169,9 +169,7 @@ class MessageFlow:
         """The first message of `/low_state`: the robot is known."""
         assert self._joints.count is not None
         self.layout = self.layouts[self._joints.count]
-        self._ankles = np.array(
-            [i for i, name in enumerate(self.layout.joint_names) if "Ankle" in name], dtype=np.int64
-        )
+        self._ankles = self.layout.ankles
         self._regular = Regular(self.settings.time, len(self.layout.joint_names))
         self._plausible = Plausible(self.settings.plausible, self.layout)
         self._sensors = SensorWatch(self.layout, self.settings.plausible.frozen_s)
