@@ -50,7 +50,7 @@ class Twin:
     """By its twin."""
     simulation_fell: bool
     cycles: tuple[Comparison, ...]
-    """The trial's legs held against the simulation's."""
+    """The trial's leg joints compared with the simulation's."""
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:

@@ -10,9 +10,18 @@ import numpy as np
 
 from pipeline.errors import FileError
 
+LARGEST = 1e9
+"""Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
+
+
+def known_numbers(values: np.ndarray) -> np.ndarray:
+    """The numbers of a file, NaN in place of what is not finite or larger than `LARGEST`."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) <= LARGEST, values, np.nan)
+
 
 class ArrayFile(ABC):
-    """What a file of named arrays holds."""
+    """Named arrays of a file."""
 
     path: Path
     shapes: Mapping[str, tuple[int, ...]]
@@ -31,7 +40,7 @@ class ArrayFile(ABC):
         return next((name for name in names if name in self.shapes), None)
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
+        """A float array whose shape is `shape` (None: any length); what is not finite or too large becomes NaN."""
         value = self.array(name)
         fits = len(shape) == value.ndim and all(
             wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
@@ -42,7 +51,14 @@ class ArrayFile(ABC):
                 f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
             )
             raise FileError(self.path, problem)
-        return np.where(np.isfinite(value), value, np.nan)
+        return known_numbers(value)
+
+    def refuse_other_length(self, name: str, than: str, frames: int) -> None:
+        """Raises FileError where the array `name` is there and has not `frames` rows as the array `than` has."""
+        shape = self.shapes.get(name, (frames,))
+        if not shape or shape[0] != frames:
+            problem = f"'{name}' has {shape[0] if shape else 'no'} rows and '{than}' has {frames}."
+            raise FileError(self.path, problem, "Frames were lost or added; export it again.")
 
     def number(self, name: str) -> float:
         """An array of one finite number."""

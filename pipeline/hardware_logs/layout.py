@@ -42,7 +42,7 @@ def layout_of(robot: Robot) -> Layout:
 def layouts(robots: Iterable[Robot]) -> dict[int, Layout]:
     """Layouts of robots by number of joints.
 
-    Raises ValueError for two robots with as many joints: a log could not be told to be of one.
+    Raises ValueError for two robots with as many joints: the robot of a log would be ambiguous.
     """
     found: dict[int, Layout] = {}
     for each in map(layout_of, robots):

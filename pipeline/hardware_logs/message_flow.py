@@ -250,5 +250,5 @@ class MessageFlow:
         if self.layout is not None:
             counts["messages have the time of another and are left out"] = self._regular.duplicates
             counts["messages come too late and are left out"] = self._regular.late
-        said = [f"{count} {what}." for what, count in counts.items() if count]
-        return said + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])
+        notes = [f"{count} {what}." for what, count in counts.items() if count]
+        return notes + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])

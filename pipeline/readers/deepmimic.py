@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import FileError
+from pipeline.files.array_file import known_numbers
 from pipeline.readers.poses import StoredPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion, forward_kinematics
@@ -95,7 +96,7 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
         if not all(isinstance(entry, (int, float)) and not isinstance(entry, bool) for entry in frame):
             raise FileError(path, f"frame {index} holds something that is not a number.")
     rows = np.array(frames, dtype=float)
-    return np.where(np.isfinite(rows), rows, np.nan)
+    return known_numbers(rows)
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import json
 import struct
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files.array_file import known_numbers
 from pipeline.readers.text_file import MAX_NUMBERS, check_size
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -66,10 +66,11 @@ class GltfFile:
         raw = np.lib.stride_tricks.as_strided(
             np.frombuffer(data, dtype="u1")[start:], (count, size), (stride, 1), writeable=False
         )
-        values = np.ascontiguousarray(raw).view(kind).astype(float)
+        with np.errstate(invalid="ignore"):  # signalling NaN
+            values = np.ascontiguousarray(raw).view(kind).astype(float)
         if accessor.get("normalized") and kind != "<f4":
             values = np.maximum(values / float(np.iinfo(kind).max), -1.0)
-        return np.where(np.isfinite(values), values, np.nan)
+        return known_numbers(values)
 
 
 def _whole(value: Any) -> int:
@@ -120,7 +121,7 @@ def _buffer(path: Path, buffer: dict[str, Any], inner: bytes | None, number: int
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2], validate=True)
-        except binascii.Error as error:
+        except ValueError as error:
             raise FileError(path, f"buffers[{number}] is not base64.") from error
     beside = path.parent / uri
     if "/" in uri or "\\" in uri or "\0" in uri or beside.is_symlink() or not beside.is_file():

@@ -13,10 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files.array_file import known_numbers
 from pipeline.readers.robot_motion import RobotMotion
 from pipeline.readers.text_file import MAX_FRAMES, read_lines, to_float
 
 ROOT = 7
+MAX_RATE_ERROR = 0.02
+"""Largest deviation of the stated rate from that of the times, as a share of it."""
 
 
 def read_robot_csv(path: Path) -> RobotMotion:
@@ -32,11 +35,11 @@ def read_robot_csv(path: Path) -> RobotMotion:
     width = len(header or rows[0][1])
     if width <= ROOT:
         raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=1)
-    values = np.array([_numbers(path, number, cells, width) for number, cells in rows])
+    values = known_numbers(np.array([_numbers(path, number, cells, width) for number, cells in rows]))
     fps = _commented_fps(comments)
     if header is not None and "time_s" in header:
         time_s = values[:, header.index("time_s")]
-        fps = fps or _rate(path, time_s)
+        fps = _one_rate(path, fps, _rate(path, time_s))
         values = np.delete(values, header.index("time_s"), axis=1)
         header = [name for name in header if name != "time_s"]
     columns = [3, 4, 5, 6] if header is None else _quaternion_columns(path, header)
@@ -71,9 +74,8 @@ def _numbers(path: Path, line: int, cells: list[str], width: int) -> list[float]
     try:
         values = [to_float(cell) for cell in cells]
     except ValueError as error:
-        problem = f"{error}.".replace("could not convert string to float", "not a number")
-        raise FileError(path, problem, line=line) from error
-    return [value if np.isfinite(value) else float("nan") for value in values]
+        raise FileError(path, f"{error}.", line=line) from error
+    return values
 
 
 def _commented_fps(comments: list[str]) -> float | None:
@@ -89,6 +91,14 @@ def _rate(path: Path, time_s: np.ndarray) -> float:
     if not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s):
         raise FileError(path, "the times in 'time_s' are not evenly spaced.")
     return float(1.0 / np.mean(step_s))
+
+
+def _one_rate(path: Path, commented: float | None, timed: float) -> float:
+    """The rate [Hz] of the comment, which that of the times must be. Raises FileError."""
+    if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
+        problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
+        raise FileError(path, problem, "Remove or correct one of them.")
+    return commented or timed
 
 
 def _quaternion_columns(path: Path, header: list[str]) -> list[int]:

@@ -149,7 +149,9 @@ def _equal(first: Any, second: Any) -> bool:
     if first is None or second is None or isinstance(first, str):
         return first == second
     one, other = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    scale = float(np.abs([one, other]).max()) if one.size > 1 else 0.0
+    if one.shape != other.shape:
+        return False
+    scale = float(max(np.abs(one).max(), np.abs(other).max())) if one.size > 1 else 0.0
     return bool(np.allclose(one, other, rtol=RELATIVE, atol=max(ABSOLUTE, RELATIVE * scale)))
 
 
