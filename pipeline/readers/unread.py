@@ -8,7 +8,6 @@ from pipeline.errors import FileError
 
 CONVERT: dict[str, str] = {
     ".fbx": "Import it into Blender and export it as BVH or glTF.",
-    ".c3d": "Markers without a skeleton: solve them in the capture program (Nexus, Motive, Seeker) and export BVH.",
     ".mvnx": "Export it from Xsens MVN as BVH, or as FBX and convert that.",
     ".mvn": "Export it from Xsens MVN as BVH.",
     ".trc": "Markers without a skeleton: solve them in the capture program and export BVH.",
