@@ -43,6 +43,8 @@ DAMAGED_C3D = (
 )
 """What the library raises on damaged files."""
 
+FARTHEST = 1e7
+"""A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
 MEASURED_FRAMES = 4096
 """Frames from which the lengths of bones are taken."""
 
@@ -182,11 +184,12 @@ def _frame_count(path: Path, reader: c3d.Reader) -> int:
 def _read_points(
     path: Path, reader: c3d.Reader, columns: tuple[int, ...], values: Float[np.ndarray, "t c"]
 ) -> None:
-    """Read all frames. A point that the system did not see has a negative residual, or lies at zero."""
+    """Read all frames. A point that the system did not see has a negative residual, or is at zero or far away."""
     count = 0
     for count, (_, points, _) in enumerate(reader.read_frames(copy=False, analog_transform=False), start=1):
         place = points[list(columns)]
-        gone = (place[:, 3] < 0.0) | ~place[:, :3].any(axis=1)
+        size = np.abs(place[:, :3]).max(axis=1)
+        gone = (place[:, 3] < 0.0) | (size == 0.0) | (size > FARTHEST)
         values[count - 1] = np.where(gone[:, None], np.nan, place[:, :3]).reshape(-1)
     if count < len(values):
         problem = f"the header declares {len(values)} frames, the file holds {count}."

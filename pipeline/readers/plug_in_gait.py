@@ -79,7 +79,8 @@ def body_poses(points: Points) -> tuple[Float[np.ndarray, "t 19 3"], Float[np.nd
     bodies = _from_bones(points) if set(BONES) <= points.keys() else _from_markers(points)
     pos = np.stack([bodies[name][0] for name in BODIES], axis=1)
     axes = np.stack([bodies[name][1] for name in BODIES], axis=1)
-    known = (np.linalg.det(axes) > 0.5) & np.isfinite(pos).all(axis=2)  # points on top of each other span no axes
+    known = np.isfinite(axes).all(axis=(2, 3)) & np.isfinite(pos).all(axis=2)
+    known &= np.linalg.det(np.where(known[:, :, None, None], axes, 0.0)) > 0.5  # points on one line span no axes
     quat = rotation.from_matrix(np.where(known[:, :, None, None], axes, np.eye(3)))
     return np.where(known[:, :, None], pos, np.nan), np.where(known[:, :, None], quat, np.nan)
 

@@ -76,7 +76,6 @@ def test_a_pointer_in_the_place_of_a_file_is_called_one(tmp_path, suffix):
 def test_the_folder_of_many_formats_names_those_that_are_not_read(cases, capsys):
     assert main(["inspect", str(cases / "folder_with_other_formats" / "motions")]) == 0
     out = capsys.readouterr().out
-    for suffix in (".c3d", ".fbx", ".mvnx", ".trc", ".npy"):
-        assert f"{suffix} 1" in out
-    for name in ("take.pkl", "take.pt", "take.glb"):
+    assert "4 files of other formats were not read: .fbx 1, .mvnx 1, .npy 1, .trc 1" in out
+    for name in ("take.pkl", "take.pt", "take.glb", "take.c3d"):
         assert name in out
