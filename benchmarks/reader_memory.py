@@ -28,7 +28,7 @@ import sys
 from pathlib import Path
 from pipeline.readers import Statement, read_motion
 fps = float(sys.argv[2])
-found = read_motion(Path(sys.argv[1]), "clip", Statement(fps=fps or None))
+found = read_motion(Path(sys.argv[1]), "clip", Statement(fps=fps or None, quaternion="xyzw" if "gmr" in sys.argv[1] else None))
 status = Path("/proc/self/status").read_text()
 print(found.clip.frame_count, next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1])
 """

@@ -9,6 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files import page_memory
+
+ROWS_AT_ONCE = 4096
+"""Rows that are converted together: what is in between takes little memory."""
 
 
 class ArrayFile(ABC):
@@ -19,8 +23,13 @@ class ArrayFile(ABC):
     """Shape of each array that can be read: numbers and text, no objects."""
 
     @abstractmethod
+    def stored(self, name: str) -> np.ndarray:
+        """One array as the file stores it. Raises FileError when it is missing, or damaged, or of objects."""
+
     def array(self, name: str) -> np.ndarray:
         """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        value = self.stored(name)
+        return value.astype(float) if value.dtype.kind in "fiu" else value
 
     def has(self, *names: str) -> bool:
         """All of the names are there."""
@@ -32,17 +41,25 @@ class ArrayFile(ABC):
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
         """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
-        value = self.array(name)
+        value = self.stored_numbers(name, *shape)
+        found = page_memory.empty(value.shape)
+        for start in range(0, len(value), ROWS_AT_ONCE):
+            found[start : start + ROWS_AT_ONCE] = finite_rows(value, start, start + ROWS_AT_ONCE)
+        return found
+
+    def stored_numbers(self, name: str, *shape: int | None) -> np.ndarray:
+        """An array of numbers of that shape as the file stores it (`finite_rows`). Raises FileError for any other."""
+        value = self.stored(name)
         fits = len(shape) == value.ndim and all(
             wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
         )
-        if value.dtype.kind != "f" or not fits:
+        if value.dtype.kind not in "fiu" or not fits:
             wanted = "×".join("n" if length is None else str(length) for length in shape)
             problem = (
                 f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
             )
             raise FileError(self.path, problem)
-        return np.where(np.isfinite(value), value, np.nan)
+        return value
 
     def number(self, name: str) -> float:
         """An array of one finite number."""
@@ -57,3 +74,10 @@ class ArrayFile(ABC):
         if value.dtype.kind != "U" or value.ndim != 1:
             raise FileError(self.path, f"'{name}' is not a list of names.")
         return tuple(str(entry) for entry in value)
+
+
+def finite_rows(value: np.ndarray, start: int, stop: int) -> np.ndarray:
+    """Rows [start, stop) of an array of numbers as float64; what is not finite becomes NaN."""
+    rows = value[start:stop].astype(float)
+    rows[~np.isfinite(rows)] = np.nan
+    return rows

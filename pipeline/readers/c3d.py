@@ -22,8 +22,8 @@ from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, PARENTS
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
+from pipeline.files import page_memory
 from pipeline.files.damaged_npz import raise_fault_of_disk
-from pipeline.readers.joint_channels import Rows
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
@@ -56,16 +56,13 @@ class PointPoses:
     names: tuple[str, ...]
     values: Float[np.ndarray, "t c"]
     """Positions of the named points one after another, in the file's unit; NaN where a point is missing."""
-    rows: Rows
-    """The memory of `values`."""
-
     @property
     def frame_count(self) -> int:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
         """Free the memory of the frames before `stop`, which nobody asks for again."""
-        self.rows.forget(stop)
+        page_memory.forget(self.values, stop)
 
     def world(
         self, joints: Sequence[int], start: int, stop: int
@@ -84,11 +81,10 @@ def read_c3d(path: Path) -> RawMotion:
         reader = c3d.Reader(stream)
         columns = _columns(path, _labels(reader))
         frames, rate = _frame_count(path, reader), _rate(path, reader)
-        rows = Rows.empty(frames, 3 * len(columns))
-        values = rows.array(frames)
+        values = page_memory.empty((frames, 3 * len(columns)))
         _read_points(path, reader, tuple(columns.values()), values)
         declared = _text(reader, "POINT", "UNITS")
-    poses = PointPoses(names=tuple(columns), values=values, rows=rows)
+    poses = PointPoses(names=tuple(columns), values=values)
     parents = tuple(BODIES.index(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
     offsets = _rest_offsets(path, poses, parents)
     unit, notes = _unit(declared, offsets)

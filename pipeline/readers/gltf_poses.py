@@ -9,6 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.files import page_memory
+from pipeline.files.array_file import finite_rows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +19,8 @@ class Track:
 
     times: Float[np.ndarray, " k"]
     """[s]"""
-    values: Float[np.ndarray, "k d"]
+    values: np.ndarray
+    """A row (k, d) each key, as the file stores them."""
     step: bool
     """A value is kept until the next key."""
     turns: bool
@@ -27,15 +30,19 @@ class Track:
         """Values at some times: between keys linearly, rotations by slerp, before the first and after the last kept."""
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, max(len(self.times) - 1, 1))
         if len(self.times) == 1:
-            return np.repeat(self.values, len(times), axis=0)
+            return np.repeat(finite_rows(self.values, 0, 1), len(times), axis=0)
         start, stop = self.times[after - 1], self.times[after]
         share = np.clip((times - start) / np.maximum(stop - start, 1e-9), 0.0, 1.0)
-        low, high = self.values[after - 1], self.values[after]
+        low, high = (finite_rows(self.values[keys], 0, len(keys)) for keys in (after - 1, after))
         if self.step:
             return np.where((share >= 1.0)[:, None], high, low)
         if not self.turns:
             return low + (high - low) * share[:, None]
         return rotation.slerp(np.roll(low, 1, axis=1), np.roll(high, 1, axis=1), share)[:, [1, 2, 3, 0]]
+
+    def forget(self, time: float) -> None:
+        """Free the memory of the keys that no time from this one on needs."""
+        page_memory.forget(self.values, int(np.searchsorted(self.times, time, side="right")) - 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,13 +70,18 @@ class NodePoses:
     """Orientation of each node's frame in the bind pose, wxyz."""
     times: Float[np.ndarray, " t"]
     """[s]"""
+    shared: bool
+    """Whether keys of several properties are the same bytes of the file."""
 
     @property
     def frame_count(self) -> int:
         return len(self.times)
 
     def forget(self, stop: int) -> None:
-        """Keep everything: keys are small."""
+        """Free the memory of the keys that are before frame `stop`."""
+        for node in self.nodes if stop < len(self.times) and not self.shared else ():
+            for track in node.tracks.values():
+                track.forget(float(self.times[stop]))
 
     def world(
         self, joints: Sequence[int], start: int, stop: int

@@ -1,0 +1,56 @@
+"""Arrays in memory of their own, which goes back to the system page by page while they are read for the last time."""
+
+from __future__ import annotations
+
+import math
+import mmap
+from io import BufferedIOBase
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+LEAST_BYTES = 1 << 18
+"""Smaller arrays are ordinary ones."""
+READ_BYTES = 1 << 20
+"""Bytes that are read at once."""
+
+
+def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
+    """An array of zeros whose memory is taken as it is written, and given back by `forget` and with the array."""
+    count = math.prod(shape)
+    if count * np.dtype(dtype).itemsize < LEAST_BYTES:
+        return np.zeros(shape, dtype=dtype)
+    memory = mmap.mmap(-1, max(count * np.dtype(dtype).itemsize, mmap.PAGESIZE))
+    return np.frombuffer(memory, dtype=dtype, count=count).reshape(shape)
+
+
+def forget(array: np.ndarray, rows: int) -> None:
+    """Give back the memory of the first rows of an array made by `empty`, or of a contiguous part of one.
+
+    The rows read as zeros from then on. Any other array keeps its memory.
+    """
+    memory = _memory(array)
+    if memory is None or not array.flags.c_contiguous or not array.size or not hasattr(mmap, "MADV_DONTNEED"):
+        return
+    start = array.ctypes.data - np.frombuffer(memory, dtype="u1").ctypes.data
+    first = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
+    stop = (start + min(rows, len(array)) * array.strides[0]) // mmap.PAGESIZE * mmap.PAGESIZE
+    if stop > first:
+        memory.madvise(mmap.MADV_DONTNEED, first, stop - first)
+
+
+def fill(array: np.ndarray, stream: BufferedIOBase) -> None:
+    """Read the bytes of a contiguous array from a stream. Raises EOFError where it has fewer."""
+    flat = memoryview(array.reshape(-1).view("u1"))
+    while len(flat):
+        count = stream.readinto(flat[:READ_BYTES])
+        if not count:
+            raise EOFError("it was cut off")
+        flat = flat[count:]
+
+
+def _memory(array: object) -> mmap.mmap | None:
+    """The memory below an array and the views that it was made through."""
+    while isinstance(array, (np.ndarray, memoryview)):
+        array = array.base if isinstance(array, np.ndarray) else array.obj
+    return array if isinstance(array, mmap.mmap) else None
