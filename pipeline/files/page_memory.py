@@ -20,7 +20,8 @@ def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
     count = math.prod(shape)
     if count * np.dtype(dtype).itemsize < LEAST_BYTES:
         return np.zeros(shape, dtype=dtype)
-    memory = mmap.mmap(-1, max(count * np.dtype(dtype).itemsize, mmap.PAGESIZE))
+    private = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
+    memory = mmap.mmap(-1, count * np.dtype(dtype).itemsize, **private)
     return np.frombuffer(memory, dtype=dtype, count=count).reshape(shape)
 
 

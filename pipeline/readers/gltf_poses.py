@@ -11,6 +11,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.files import page_memory
 from pipeline.files.array_file import finite_rows
+from pipeline.readers.poses import with_ancestors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,20 +90,16 @@ class NodePoses:
         """Positions and orientations of some nodes in frames [start, stop)."""
         times = self.times[start:stop]
         done: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-
-        def pose(index: int) -> tuple[np.ndarray, np.ndarray]:
-            if index not in done:
-                node = self.nodes[index]
-                place = _sampled(node, "translation", node.place, times)
-                quat = rotation.normalize(_sampled(node, "rotation", node.quat[[1, 2, 3, 0]], times)[:, [3, 0, 1, 2]])
-                if node.parent >= 0:
-                    above, turn = pose(node.parent)
-                    place = above + rotation.rotate(turn, place * self.scale[node.parent])
-                    quat = rotation.multiply(turn, quat)
-                done[index] = place, quat
-            return done[index]
-
-        found = [pose(index) for index in joints]
+        for index in with_ancestors(joints, [node.parent for node in self.nodes]):
+            node = self.nodes[index]
+            place = _sampled(node, "translation", node.place, times)
+            quat = rotation.normalize(_sampled(node, "rotation", node.quat[[1, 2, 3, 0]], times)[:, [3, 0, 1, 2]])
+            if node.parent >= 0:
+                above, turn = done[node.parent]
+                place = above + rotation.rotate(turn, place * self.scale[node.parent])
+                quat = rotation.multiply(turn, quat)
+            done[index] = place, quat
+        found = [done[index] for index in joints]
         pos, quat = np.stack([each[0] for each in found], axis=1), np.stack([each[1] for each in found], axis=1)
         return pos, rotation.multiply(quat, rotation.conjugate(self.bind_quat[list(joints)]))
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.files import page_memory
+from pipeline.readers.poses import with_ancestors
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
 
@@ -42,7 +43,7 @@ class ChannelPoses:
         self, joints: Sequence[int], start: int, stop: int
     ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
         """Positions and orientations of some joints in frames [start, stop)."""
-        needed = self._with_ancestors(joints)
+        needed = with_ancestors(joints, self.parents)
         local_pos, local_quat = self._local(needed, self.values[start:stop])
         pos: dict[int, np.ndarray] = {}
         quat: dict[int, np.ndarray] = {}
@@ -54,15 +55,6 @@ class ChannelPoses:
                 pos[joint] = pos[parent] + rotation.rotate(quat[parent], local_pos[column])
                 quat[joint] = rotation.multiply(quat[parent], local_quat[column])
         return np.stack([pos[joint] for joint in joints], axis=1), np.stack([quat[joint] for joint in joints], axis=1)
-
-    def _with_ancestors(self, joints: Sequence[int]) -> list[int]:
-        """The joints and all above them, parents first."""
-        found: set[int] = set()
-        for joint in joints:
-            while joint >= 0 and joint not in found:
-                found.add(joint)
-                joint = self.parents[joint]
-        return sorted(found)
 
     def _local(
         self, joints: list[int], values: Float[np.ndarray, "t c"]

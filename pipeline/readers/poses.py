@@ -142,3 +142,13 @@ def forward_kinematics(
             pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
             quat[joint] = rotation.multiply(quat[parent], quat[joint])
     return np.stack(pos, axis=1), np.stack(quat, axis=1)
+
+
+def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
+    """The joints and all above them, parents first, in a tree whose parents come before their children."""
+    found: set[int] = set()
+    for joint in joints:
+        while joint >= 0 and joint not in found:
+            found.add(joint)
+            joint = parents[joint]
+    return sorted(found)
