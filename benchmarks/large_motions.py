@@ -28,7 +28,9 @@ def write_large(name: str, megabytes: float, folder: Path) -> Path:
 
 def _bvh(folder: Path, size: float) -> Path:
     head, rows = _split(motion_files.bvh(motion_files.upright(FRAMES, seed=1)), "Frame Time")
-    return _repeated(folder / "large.bvh", head, rows, size, lambda text, count: text.replace(f"{FRAMES}\n", f"{count}\n"))
+    return _repeated(
+        folder / "large.bvh", head, rows, size, lambda text, count: text.replace(f"{FRAMES}\n", f"{count}\n")
+    )
 
 
 def _split(text: str, mark: str) -> tuple[str, list[str]]:
@@ -54,7 +56,11 @@ def _amc(folder: Path, size: float) -> Path:
     random = np.random.default_rng(1)
     root = [[0.0, 17.0, 0.02 * frame, 0.0, 0.0, 0.0] for frame in range(FRAMES)]
     frames = [
-        {name: random.uniform(-9, 9, len(dof.split())).round(4).tolist() for name, *_, dof in motion_files.asf_bones() if dof}
+        {
+            name: random.uniform(-9, 9, len(dof.split())).round(4).tolist()
+            for name, *_, dof in motion_files.asf_bones()
+            if dof
+        }
         for _ in range(FRAMES)
     ]
     head, *blocks = motion_files.amc(frames, root).partition("\n1\n")
@@ -122,7 +128,14 @@ def _torch(folder: Path, size: float) -> Path:
 def _isaac_amp(folder: Path, size: float) -> Path:
     walk = read_motion(motion_files.smpl_npz(folder / "short.npz", frames=FRAMES), "clip").clip
     places = {"torso": "chest", "head": "head", "pelvis": "pelvis"}
-    parts = {"upper_arm": "shoulder", "lower_arm": "elbow", "hand": "wrist", "thigh": "hip", "shin": "knee", "foot": "ankle"}
+    parts = {
+        "upper_arm": "shoulder",
+        "lower_arm": "elbow",
+        "hand": "wrist",
+        "thigh": "hip",
+        "shin": "knee",
+        "foot": "ankle",
+    }
     places |= {f"{side}_{part}": f"{side}_{body}" for side in ("left", "right") for part, body in parts.items()}
     times = max(1, int(size / (FRAMES * len(HUMANOID) * 7 * 4)))
     pos = np.stack([walk.pos(places[name]) for name in HUMANOID], axis=1).astype("f4")

@@ -1,4 +1,4 @@
-"""Peak memory of reading one large file of each format, each in a process of its own, against 200 MB + 4 times its size.
+"""Peak memory of reading a large file of each format in a process of its own, against 200 MB + 4 times its size.
 
 Run: python -m benchmarks.reader_memory [--megabytes 50] [--format bvh ...] [--json]
 
@@ -28,7 +28,8 @@ import sys
 from pathlib import Path
 from pipeline.readers import Statement, read_motion
 fps = float(sys.argv[2])
-found = read_motion(Path(sys.argv[1]), "clip", Statement(fps=fps or None, quaternion="xyzw" if "gmr" in sys.argv[1] else None))
+stated = Statement(fps=fps or None, quaternion="xyzw" if "gmr" in sys.argv[1] else None)
+found = read_motion(Path(sys.argv[1]), "clip", stated)
 status = Path("/proc/self/status").read_text()
 print(found.clip.frame_count, next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1])
 """
@@ -60,7 +61,7 @@ def bars_of(name: str, megabytes: float, folder: Path) -> list[Bar]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Peak memory of reading a large file of each format.")
     parser.add_argument("--megabytes", type=float, default=50.0, help="size of the files of all formats (default: 50)")
     parser.add_argument("--format", nargs="+", choices=sorted(WRITERS), default=list(WRITERS), help="these alone")
     parser.add_argument("--json", action="store_true", help="print one object")

@@ -6,7 +6,6 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from io import BufferedIOBase
 
 import numpy as np
 
@@ -113,7 +112,7 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[tuple[int,
     return shape, dtype
 
 
-def _header(stream: BufferedIOBase) -> tuple[tuple[int, ...], bool, np.dtype]:
+def _header(stream: page_memory.Readable) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape of an array, whether its columns come first, and its type."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import mmap
-from io import BufferedIOBase
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -13,6 +13,15 @@ LEAST_BYTES = 1 << 18
 """Smaller arrays are ordinary ones."""
 READ_BYTES = 1 << 20
 """Bytes that are read at once."""
+
+
+@runtime_checkable
+class Readable(Protocol):
+    """A stream of bytes."""
+
+    def read(self, size: int = -1, /) -> bytes:
+        """The next bytes, at most so many; none at the end."""
+        ...
 
 
 def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
@@ -40,17 +49,18 @@ def forget(array: np.ndarray, rows: int) -> None:
         memory.madvise(mmap.MADV_DONTNEED, first, stop - first)
 
 
-def fill(array: np.ndarray, stream: BufferedIOBase) -> None:
+def fill(array: np.ndarray, stream: Readable) -> None:
     """Read the bytes of a contiguous array from a stream. Raises EOFError where it has fewer."""
-    flat = memoryview(array.reshape(-1).view("u1"))
-    while len(flat):
-        count = stream.readinto(flat[:READ_BYTES])
-        if not count:
+    flat, done = array.reshape(-1).view("u1"), 0
+    while done < len(flat):
+        part = stream.read(min(READ_BYTES, len(flat) - done))
+        if not part:
             raise EOFError("it was cut off")
-        flat = flat[count:]
+        flat[done : done + len(part)] = np.frombuffer(part, dtype="u1")
+        done += len(part)
 
 
-def _memory(array: object) -> mmap.mmap | None:
+def _memory(array: Any) -> mmap.mmap | None:
     """The memory below an array and the views that it was made through."""
     while isinstance(array, (np.ndarray, memoryview)):
         array = array.base if isinstance(array, np.ndarray) else array.obj

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 import c3d
 import numpy as np
@@ -56,6 +55,7 @@ class PointPoses:
     names: tuple[str, ...]
     values: Float[np.ndarray, "t c"]
     """Positions of the named points one after another, in the file's unit; NaN where a point is missing."""
+
     @property
     def frame_count(self) -> int:
         return len(self.values)
@@ -119,6 +119,8 @@ def _faults(path: Path) -> Iterator[None]:
 def _labels(reader: c3d.Reader) -> list[str]:
     """Names of the points; lists of more than 255 go on in LABELS2, LABELS3, …"""
     group = reader.get("POINT")
+    if group is None:
+        return []
     names: list[str] = []
     for number in range(1, 1 + reader.point_used // 255 + 1):
         listed = group.get("LABELS" if number == 1 else f"LABELS{number}")
@@ -177,9 +179,7 @@ def _frame_count(path: Path, reader: c3d.Reader) -> int:
     return frames
 
 
-def _read_points(
-    path: Path, reader: c3d.Reader, columns: tuple[int, ...], values: Float[np.ndarray, "t c"]
-) -> None:
+def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], values: Float[np.ndarray, "t c"]) -> None:
     """Read all frames. A point that the system did not see has a negative residual, or is at zero or far away."""
     count = 0
     for count, (_, points, _) in enumerate(reader.read_frames(copy=False, analog_transform=False), start=1):

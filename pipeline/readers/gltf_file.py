@@ -7,9 +7,8 @@ import binascii
 import json
 import struct
 from dataclasses import dataclass
-from io import BufferedIOBase
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -110,7 +109,7 @@ def open_gltf(path: Path) -> GltfFile:
     return GltfFile(path=path, json=value, buffers=buffers)
 
 
-def _chunks(path: Path, stream: BufferedIOBase) -> tuple[bytes, np.ndarray | None]:
+def _chunks(path: Path, stream: BinaryIO) -> tuple[bytes, np.ndarray | None]:
     """JSON and binary chunk of a GLB."""
     size, text, inner, at = path.stat().st_size, None, None, 12
     while at + 8 <= size:

@@ -79,8 +79,9 @@ def body_poses(points: Points) -> tuple[Float[np.ndarray, "t 19 3"], Float[np.nd
     bodies = _from_bones(points) if set(BONES) <= points.keys() else _from_markers(points)
     pos = np.stack([bodies[name][0] for name in BODIES], axis=1)
     axes = np.stack([bodies[name][1] for name in BODIES], axis=1)
-    known = np.isfinite(axes).all(axis=(2, 3)) & np.isfinite(pos).all(axis=2)
-    known &= np.linalg.det(np.where(known[:, :, None, None], axes, 0.0)) > 0.5  # points on one line span no axes
+    finite = np.isfinite(axes).all(axis=(2, 3)) & np.isfinite(pos).all(axis=2)
+    spanned = np.linalg.det(np.where(finite[..., None, None], axes, 0.0)) > 0.5  # not by points on one line
+    known: np.ndarray = finite & spanned
     quat = rotation.from_matrix(np.where(known[:, :, None, None], axes, np.eye(3)))
     return np.where(known[:, :, None], pos, np.nan), np.where(known[:, :, None], quat, np.nan)
 
@@ -140,7 +141,7 @@ def _head(points: Points) -> tuple[np.ndarray, np.ndarray]:
         ahead=points["LFHD"] + points["RFHD"] - points["LBHD"] - points["RBHD"],
     )
     level = rotation.to_matrix(rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), HEAD_BAND_PITCH))
-    return sum(points[name] for name in HEAD_BAND) / 4.0, head @ level
+    return np.mean([points[name] for name in HEAD_BAND], axis=0), head @ level
 
 
 def _leg(points: Points, side: str, sign: float, pelvis: np.ndarray) -> Segments:
@@ -232,7 +233,7 @@ def _elbow(shoulder: np.ndarray, marker: np.ndarray, wrist: np.ndarray, sign: fl
 
 
 def _axes(**directions: np.ndarray) -> Float[np.ndarray, "t 3 3"]:
-    """Rotation matrices whose columns are ahead, left and up, of two of these: the first is kept, the second roughly."""
+    """Rotation matrices (columns ahead, left, up) from two of these; the first is kept, the second made orthogonal."""
     (first, kept), (second, rough) = ((AXES.index(name), each) for name, each in directions.items())
     third = 3 - first - second
     columns = {first: rotation.normalize(kept)}

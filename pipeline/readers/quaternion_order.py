@@ -13,7 +13,10 @@ NORM_MIN, NORM_MAX = 0.99, 1.01
 
 
 def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:
-    """Quaternions (t, ..., 4) of frames from `first` are unit; NaN passes. Raises FileError with the first that is not."""
+    """Check that quaternions (t, ..., 4) of the frames from `first` on are unit; NaN passes.
+
+    Raises FileError with the first frame that is not.
+    """
     norm = np.linalg.norm(quat, axis=-1).reshape(len(quat), -1)
     wrong = np.flatnonzero(((norm < NORM_MIN) | (norm > NORM_MAX)).any(axis=1))
     if len(wrong):

@@ -71,9 +71,7 @@ def _rows(lines: Iterator[str], comments: list[str]) -> Iterator[tuple[int, list
             yield number, _cells(line)
 
 
-def _values(
-    path: Path, rows: Iterator[tuple[int, list[str]]], width: int, lines: int
-) -> Float[np.ndarray, "t c"]:
+def _values(path: Path, rows: Iterator[tuple[int, list[str]]], width: int, lines: int) -> Float[np.ndarray, "t c"]:
     """The numbers of all rows. Raises FileError with the line."""
     values = page_memory.empty((min(lines, path.stat().st_size // (2 * width) + 1, MAX_FRAMES), width))
     count = 0

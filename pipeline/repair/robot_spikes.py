@@ -98,7 +98,7 @@ def find_dropouts(clip: RobotClip, longest_s: float) -> list[Dropout]:
 def _dropouts(
     size: Callable[[np.ndarray], np.ndarray], values: Float[np.ndarray, "t d"], fps: float, least: float, longest: int
 ) -> list[tuple[int, int, float]]:
-    """First frame, frame after the last and largest step of each dropout of a quantity, whose change `size` measures."""
+    """First frame, frame after the last and largest step of each dropout of a quantity; `size` measures a change."""
     steps = np.diff(values, axis=0)  # steps[i] leads from frame i to i + 1
     if len(steps) < LONGEST + 3:
         return []

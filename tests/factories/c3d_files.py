@@ -136,7 +136,9 @@ def write_c3d(path, points, fps, *, unit="mm", declared=None, analog=0, prefix="
     """
     scale = {"mm": 1000.0, "cm": 100.0, "m": 1.0}[unit]
     frames = len(next(iter(points.values())))
-    turned = {prefix + name: scale * (place @ (np.eye(3) if world is None else world).T) for name, place in points.items()}
+    turned = {
+        prefix + name: scale * (place @ (np.eye(3) if world is None else world).T) for name, place in points.items()
+    }
     turned |= {f"{prefix}C_{number}": np.full((frames, 3), float(number)) for number in range(1, further + 1)}
     file = ezc3d.c3d()
     file["parameters"]["POINT"]["RATE"]["value"] = [fps]

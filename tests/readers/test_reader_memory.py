@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.large_motions import WRITERS, write_large
+from benchmarks.large_motions import WRITERS
 from benchmarks.reader_memory import FIXED_MB, TIMES, bars_of
 from pipeline.files import page_memory
 
