@@ -36,15 +36,15 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
-        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.bars import read_validation
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_settings import CrossEngineSettings
         from pipeline.validation.cross_engine_trials import write_failures
         from pipeline.viewing.engine_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
-        bars = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
+        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = judged_policy(config, exported_policy, robot)
         found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
         folder = PROJECT.simulated_failures(robot, "cross_engine")

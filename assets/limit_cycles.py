@@ -32,14 +32,14 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     @plainly
     def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
-        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.bars import read_validation
         from pipeline.validation.limit_cycle_settings import LimitCycleSettings
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
         from pipeline.viewing.engine_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
-        rules = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
+        rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = judged_policy(config, exported_policy, robot)
         names = {judged.digest, *_file_of(exported_policy, judged.digest)}
         found = find(judged.deployed, trials_of(trials, robot, names), values, rules.limit_cycles)

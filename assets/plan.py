@@ -15,6 +15,9 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 FAULTS_TAG = "booster_lab/faults"
 """Tag of a materialization: how many clips were lost to a fault of the stage itself, not to a verdict."""
 
+BARS = ("validation.yaml",)
+"""A robot's thresholds for policies, in its folder."""
+
 FINGERPRINT_DIGITS = 40
 """Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
 
@@ -29,6 +32,8 @@ class Plan:
     """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
     """Files of `data/` that parametrise it."""
+    robot_settings_files: tuple[str, ...] = ()
+    """Files of the robot's folder that parametrise it without being part of its model; a robot may lack them."""
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
     as_they_are: tuple[str, ...] = ()
@@ -47,6 +52,9 @@ class Plan:
     def fingerprint(self, project: Project) -> str:
         """Digest of the code, of the settings as the files say them now, and of the robot's folder."""
         values = [settings.read_yaml(project.settings(name)) for name in self.settings_files]
+        folder = project.robot_folder(self.robot or DEFAULT_ROBOT)
+        own = [path for path in (folder / name for name in self.robot_settings_files) if path.is_file()]
+        values += [settings.read_yaml(path) for path in own]
         robot = digest_of_robot(project, self.robot) if self.robot else None
         parts = [self.name, self.code_version(), values, robot]
         if self.shipped_policies:
@@ -72,7 +80,11 @@ def digest_of_policies(project: Project, robot: str) -> str:
 
 
 SHARED = (
-    Plan(name="motion_catalog", packages=("catalog", "readers"), settings_files=("catalog.yaml", "sources.yaml")),
+    Plan(
+        name="motion_catalog",
+        packages=("catalog", "readers", "hardware_logs"),
+        settings_files=("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
+    ),
     Plan(name="selected_motions", packages=("selection",), settings_files=("curation.yaml",)),
     Plan(name="repaired_motions", packages=("repair",), settings_files=("repair.yaml",)),
 )
@@ -157,6 +169,7 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
             name="limit_cycles",
             packages=("validation", "dart", "deployment", "actuators", "hardware_logs"),
             settings_files=("limit_cycles.yaml", "validation.yaml"),
+            robot_settings_files=BARS,
             robot=robot,
             as_they_are=("hardware_trials",),
         ),
@@ -181,7 +194,13 @@ def export_plans(robot: str) -> dict[str, Plan]:
 def validation_plan(robot: str) -> Plan:
     """What is asked of a robot's policy in MuJoCo."""
     packages = ("validation", "deployment", "actuators", "virtual_robot", "hardware_logs")
-    return Plan(name="mujoco_validation", packages=packages, settings_files=("validation.yaml",), robot=robot)
+    return Plan(
+        name="mujoco_validation",
+        packages=packages,
+        settings_files=("validation.yaml",),
+        robot_settings_files=BARS,
+        robot=robot,
+    )
 
 
 def engine_plans(robot: str) -> tuple[Plan, ...]:
@@ -192,12 +211,14 @@ def engine_plans(robot: str) -> tuple[Plan, ...]:
             name="cross_engine_validation",
             packages=(*walked, "dart", "virtual_robot", "hardware_logs"),
             settings_files=("cross_engine.yaml", "validation.yaml"),
+            robot_settings_files=BARS,
             robot=robot,
         ),
         Plan(
             name="webots_validation",
             packages=(*walked, "webots"),
             settings_files=("webots.yaml", "validation.yaml"),
+            robot_settings_files=BARS,
             robot=robot,
         ),
     )

@@ -39,6 +39,10 @@ class Project:
     def robot_folder(self, robot: str) -> Path:
         return self.root / "robots" / robot
 
+    def bars(self, robot: str) -> Path:
+        """File of a robot's thresholds for policies."""
+        return self.robot_folder(robot) / "validation.yaml"
+
     def settings(self, name: str) -> Path:
         """A settings file in `data/`."""
         return self.data / name

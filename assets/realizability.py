@@ -8,6 +8,7 @@ import dagster as dg
 
 from assets.plan import Plan, named_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.tracking import tracker_file
 from pipeline.batch import Manifest
 from pipeline.files import settings
 
@@ -44,6 +45,7 @@ def realizability_check(plan: Plan, feasible: Manifest, pool: Any) -> tuple[dg.A
 def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
     from pipeline.actuators import read_actuators, torque_envelope
+    from pipeline.errors import FileError
     from pipeline.expert.realizability import accuracy_against_rollouts
     from pipeline.robot import load_robot
     from pipeline.tracking.process import process
@@ -52,7 +54,9 @@ def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> floa
     plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
-    (facts,) = PROJECT.store.load(plans["tracking_policy"].key.to_user_string()).settings.values()
+    tracker = tracker_file(PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
+    if tracker is None:
+        raise FileError(PROJECT.shipped_policies(robot_name) / "tracker", f"there is no tracker of '{robot_name}'.")
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
     other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed, disturbed=1, disturbed_variants=1)
     rollout = partial(
@@ -60,7 +64,7 @@ def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> floa
         settings=other,
         robot=robot,
         envelope=torque_envelope(read_actuators(folder)),
-        tracker=PROJECT.root / facts["folder"] / "tracker.npz",
+        tracker=tracker[0],
     )
     return accuracy_against_rollouts(clips, references, rollout, robot, PROJECT.store, pool, seed)
 

@@ -21,7 +21,7 @@ from assets.reference_motions import motion_variants, reference_motions
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
-from assets.tracking import augmented_motions, tracking_policy
+from assets.tracking import augmented_motions, no_tracker, tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
 
@@ -146,14 +146,18 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         from pipeline.feasibility.command_space import by_command
         from pipeline.feasibility.criteria_table import split
         from pipeline.robot import load_robot
+        from pipeline.robot.size import scaled
         from pipeline.selection import Curation
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
+        values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
         commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
         kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
+        if untracked(augmented_motions, reference_motions) and kind != "references":
+            context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
+            kind = "references"
         candidates = candidate_motions(augmented_motions, reference_motions, kind)
         tracked = references_of(candidates, reference_motions)
         function = partial(process, settings=values, robot=robot, references=tracked)
@@ -166,7 +170,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
         manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata |= told(feedback) | reweighted | write_table(plan, criteria, manifest)
+        metadata |= told(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
@@ -184,6 +188,11 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         return result._replace(check_results=[*result.check_results, check])
 
     return feasible_motions
+
+
+def untracked(rollouts: Manifest, references: Manifest) -> bool:
+    """Whether no reference was rolled out, for want of a tracker."""
+    return bool(references.entries) and not rollouts.judged
 
 
 def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:

@@ -25,6 +25,7 @@ from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.training_process import TrainingFailedError, gpus_here, train
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
+from pipeline.tracking.task import ITERATIONS
 
 TRAINED, SHIPPED = "trained here", "ships with the project"
 
@@ -50,8 +51,9 @@ class TrackerConfig(dg.Config):
     num_envs: int = 0
     """Of each GPU; 0: 4096, or 8 in a trial."""
     iterations: int = 0
-    """0: as many as the minutes allow, or 2 in a trial."""
-    minutes: float = 20.0
+    """0: those of the tracker that ships (pipeline/tracking/task.py), or 2 in a trial."""
+    minutes: float = 30.0
+    """Training ends after so many, whatever the iterations."""
     seed: int = 1
 
 
@@ -102,13 +104,21 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         reference_motions: Manifest,
         adapted_robot: Manifest,
     ):
-        """The policy that tracks references in simulation: trained here when a person asks, or the one that ships."""
+        """The policy that tracks references in simulation: trained here when a person asks, or the one that ships.
+
+        A robot without any has an empty result; its database is then made of references.
+        """
         from pipeline.tracking.tracker_folder import read_card
 
         robot = plan.robot or DEFAULT_ROBOT
         if config.train:
             _train(plan, config, reference_motions, robot, clip_pool, context.log)
-        folder, origin = served_tracker(PROJECT, robot)
+        served = served_tracker(PROJECT, robot)
+        if served is None:
+            why = no_tracker(robot)
+            context.log.warning(why)
+            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why}, [])
+        folder, origin = served
         card = read_card(folder)
         known = set(card.clips)
         unknown = sorted(entry.clip for entry in reference_motions.entries if entry.clip not in known)
@@ -140,21 +150,36 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
     return tracking_policy
 
 
-def served_tracker(project: Project, robot: str) -> tuple[Path, str]:
-    """Folder of the tracker to use, and where it comes from. Raises FileError where there is none."""
-    from pipeline.errors import FileError
-
+def served_tracker(project: Project, robot: str) -> tuple[Path, str] | None:
+    """Folder of the tracker to use, and where it comes from; None where there is none."""
     trained = project.policies(robot) / "tracker"
     if (trained / "card.json").is_file():
         return trained, TRAINED
     shipped = project.shipped_policies(robot) / "tracker"
     if (shipped / "card.json").is_file():
         return shipped, SHIPPED
-    raise FileError(
-        shipped / "card.json",
-        f"there is no tracker of '{robot}': none ships, and none was trained here.",
-        "On a machine with a GPU run the job train_tracker, or set expert_motions: references in data/curation.yaml.",
+    return None
+
+
+def no_tracker(robot: str) -> str:
+    """What is said where a robot has no tracker."""
+    job = job_of("train_tracker", robot)
+    return (
+        f"there is no tracker of '{robot}': none ships, and none was trained here. The database is made of references "
+        f"that no simulation has tested. To make it of rollouts, run the job {job} on a machine with a GPU."
     )
+
+
+def job_of(name: str, robot: str) -> str:
+    """Name of a robot's job; those of the default robot are bare."""
+    return name if robot == DEFAULT_ROBOT else f"{name}_{robot}"
+
+
+def tracker_file(tracking_policy: Manifest) -> tuple[Path, str] | None:
+    """The network of a stored `tracking_policy` and its digest; None where the robot has none."""
+    for facts in tracking_policy.settings.values():
+        return PROJECT.root / facts["folder"] / "tracker.npz", facts["files"]["tracker.npz"]
+    return None
 
 
 def _train(
@@ -204,7 +229,7 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
         "device": device,
         "gpus": 1 if trial else config.gpus,
         "num_envs": config.num_envs or (8 if trial else 4096),
-        "iterations": config.iterations or (2 if trial else 10_000),
+        "iterations": config.iterations or (2 if trial else ITERATIONS),
         "minutes": config.minutes,
         "seed": config.seed,
     }
@@ -235,11 +260,16 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
         robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
         values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
-        (facts,) = tracking_policy.settings.values()
-        tracker = PROJECT.root / facts["folder"] / "tracker.npz"
+        found = tracker_file(tracking_policy)
+        if found is None:
+            why = no_tracker(plan.robot or DEFAULT_ROBOT)
+            context.log.warning(why)
+            empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
+            return materialized(plan, empty, {"references tracked": f"0: {why}"})
+        tracker, content = found
         function = partial(process, settings=values, robot=robot, envelope=envelope, tracker=tracker)
         stage = stage_of(plan, function, values, robot_files=robot.digest)
-        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": facts["files"]["tracker.npz"]})
+        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
         manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
         manifest = compared_with_neighbours(manifest, reference_motions)
         metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
@@ -323,7 +353,7 @@ def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any
     """The job `train_tracker` of each robot (`train_tracker_k1` of another one), started by a person."""
     return [
         dg.define_asset_job(
-            "train_tracker" if robot == DEFAULT_ROBOT else f"train_tracker_{robot}",
+            job_of("train_tracker", robot),
             selection=dg.AssetSelection.assets(plans[robot].key),
             config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": True}}}},
             description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",

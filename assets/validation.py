@@ -14,7 +14,6 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
-from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
 
 PASSED = "required_cells_passed"
@@ -42,7 +41,7 @@ def validation_assets(robot: str) -> list[Any]:
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `mujoco_validation` of a robot."""
     spec = dg.AssetCheckSpec(
-        PASSED, asset=plan.key, description="Every required cell of data/validation.yaml holds all of its bars."
+        PASSED, asset=plan.key, description="Every required cell of the robot's validation.yaml holds all of its bars."
     )
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
@@ -56,15 +55,15 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
         from pipeline.deployment import digest, load_policy
-        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.bars import read_validation
         from pipeline.validation.deployed import deployed
         from pipeline.validation.failed_trials import write_failed_trials
         from pipeline.validation.measure import measure
         from pipeline.validation.suites import cells_of
         from pipeline.validation.verdict import judge
 
-        bars = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
+        bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported_policy)
         one = deployed(PROJECT.adapted_robot(robot), policy)
         measured = measure(one, cells_of(config.suite, one.robot), clip_pool.pool())

@@ -40,15 +40,15 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     @plainly
     def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
-        from pipeline.validation.bars import ValidationSettings
+        from pipeline.validation.bars import read_validation
         from pipeline.validation.derived_bars import allowed_of
         from pipeline.webots.checks import project_faults
         from pipeline.webots.settings import WebotsSettings
         from pipeline.webots.validate import WEBOTS, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
-        rules = settings.read(PROJECT.settings("validation.yaml"), ValidationSettings)
         robot = plan.robot or DEFAULT_ROBOT
+        rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
         judged = judged_policy(config, exported_policy, robot)
         project = _written(robot, judged.deployed, values)
         faults = project_faults(project.world, judged.deployed.robot)

@@ -25,7 +25,7 @@ from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.files import settings as settings_files  # noqa: E402
-from pipeline.validation.bars import ValidationSettings  # noqa: E402
+from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cross_engine import CrossEngineResult, cross_engine, errors_of  # noqa: E402
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.cross_engine_settings import CrossEngineSettings  # noqa: E402
@@ -47,7 +47,7 @@ def main() -> int:
     parser.add_argument("--cells", action="store_true")
     parsed = parser.parse_args()
     values = settings_files.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
-    rules = settings_files.read(ROOT / "data" / "validation.yaml", ValidationSettings)
+    rules = read_validation(ROOT / "data/validation.yaml", ROOT / "robots/t1/validation.yaml")
     pool = ClipPool(workers=parsed.jobs)
     good = deployed(parsed.robot, load_policy(parsed.policy))
     if parsed.policy == PUBLISHED:

@@ -26,8 +26,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
-from pipeline.files import settings  # noqa: E402
-from pipeline.validation.bars import ValidationSettings  # noqa: E402
+from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cells import Cell, command_cells  # noqa: E402
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
@@ -133,7 +132,7 @@ def _near(name: str, difference: float, bound: float) -> Bar:
 
 def fault_bars(good: Deployed, pool: ClipPool) -> list[Bar]:
     """Required cells of the quick suite that each fault fails; none of the policy as it is."""
-    bounds = settings.read(ROOT / "data" / "validation.yaml", ValidationSettings)
+    bounds = read_validation(ROOT / "data/validation.yaml", ROOT / "robots/t1/validation.yaml")
     cells = cells_of(QUICK, good.robot)
 
     def failed(one: Deployed) -> list[str]:

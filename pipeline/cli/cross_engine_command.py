@@ -14,7 +14,6 @@ from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import digest
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
-from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
@@ -29,7 +28,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "cross-engine",
         help="tell whether a policy holds in MuJoCo and DART",
         description="Walk a policy through the grid of data/cross_engine.yaml in MuJoCo, in MuJoCo with the armature "
-        "on the links, and in DART, and hold it against data/validation.yaml. Exit code 0: passed, 3: failed, "
+        "on the links, and in DART, and hold it against the robot's validation.yaml. Exit code 0: passed, 3: failed, "
         "1: could not be done.",
     )
     parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
@@ -46,7 +45,7 @@ def run(parsed: argparse.Namespace) -> int:
     """Walk, judge, tell."""
     project = find_project()
     grid = project.settings("cross_engine.yaml", CrossEngineSettings)
-    bars = project.settings("validation.yaml", ValidationSettings)
+    bars = project.validation(parsed.robot)
     for name in parsed.cells:
         if name not in grid.cells:
             raise UnknownNameError("cell", name, tuple(grid.cells))

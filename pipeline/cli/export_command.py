@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pipeline.cli.naming_argument import add_naming
 from pipeline.cli.project import find_project
 from pipeline.dataset_export import FORMATS, export_database
 from pipeline.dataset_export.export import CARD, LEROBOT
@@ -28,6 +29,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--format", choices=(*FORMATS, CARD_ALONE), required=True, help="what to write")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder to write into")
     parser.add_argument("--skill", metavar="NAME", nargs="+", default=[], help="clips of these skills alone")
+    add_naming(parser)
     parser.set_defaults(run=run)
 
 
@@ -42,6 +44,6 @@ def run(parsed: argparse.Namespace) -> int:
             parsed.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder."
         )
     kind = None if parsed.format == CARD_ALONE else parsed.format
-    written = export_database(parsed.database, kind, find_project().robot, parsed.out, parsed.skill)
+    written = export_database(parsed.database, kind, find_project().robot, parsed.out, parsed.skill, parsed.naming)
     print(f"{written} clips and {CARD} in {parsed.out}")
     return 0

@@ -7,9 +7,11 @@ import sys
 from collections.abc import Sequence
 
 from pipeline.cli import (
+    check_robot_command,
     cross_engine_command,
     database_command,
     export_command,
+    import_robot_command,
     inspect_command,
     retarget_command,
     score_command,
@@ -22,8 +24,8 @@ from pipeline.cli import (
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
-    "Human motion onto the Booster T1: look at a motion file, retarget it, score the result, play it; a walking "
-    "policy held against what is asked of it."
+    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play "
+    "the result; validate a walking policy; import and check a robot."
 )
 
 EPILOG = (
@@ -43,6 +45,8 @@ COMMANDS = (
     sources_command,
     view_command,
     webots_command,
+    import_robot_command,
+    check_robot_command,
 )
 
 

@@ -14,6 +14,7 @@ from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.files import settings
 from pipeline.readers import Source, Statement, sources_in_use, sources_of_environment
 from pipeline.robot import Robot, load_robot
+from pipeline.validation.bars import ValidationSettings, read_validation
 
 MOTIONS_VARIABLE = "BOOSTER_LAB_MOTIONS"
 
@@ -39,12 +40,20 @@ class Project:
         """The settings file `data/<name>` as `kind`."""
         return settings.read(self.root / "data" / name, kind)
 
+    def validation(self, robot: str) -> ValidationSettings:
+        """Rules and the robot's thresholds for policies. Raises UnknownNameError."""
+        return read_validation(self.root / "data" / "validation.yaml", self.robot_folder(robot) / "validation.yaml")
+
     def robot(self, name: str) -> Robot:
         """The robot in `robots/<name>`. Raises UnknownNameError."""
+        return load_robot(self.robot_folder(name))
+
+    def robot_folder(self, name: str) -> Path:
+        """The folder `robots/<name>`. Raises UnknownNameError."""
         names = sorted(path.parent.name for path in (self.root / "robots").glob("*/robot.toml"))
         if name not in names:
             raise UnknownNameError("robot", name, names)
-        return load_robot(self.root / "robots" / name)
+        return self.root / "robots" / name
 
     def source_of(self, path: Path, stated: Statement) -> Source:
         """The source a file belongs to, with what was stated on the command line put over what the source states.

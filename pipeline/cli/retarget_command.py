@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.cli.chain import Chain, reason_line
+from pipeline.cli.naming_argument import add_naming
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.robot_csv import encode_csv
 from pipeline.cli.statement_arguments import add_statement, positive, statement_of
@@ -49,6 +51,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--out", metavar="OUT.csv", type=Path, required=True, help="where to write")
     parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
     parser.add_argument("--fps", metavar="HZ", type=positive, default=CSV_FPS, help="rate of OUT.csv (default: 30)")
+    add_naming(parser)
     add_statement(parser)
     parser.set_defaults(run=run)
 
@@ -60,7 +63,8 @@ def run(parsed: argparse.Namespace) -> int:
     project = find_project()
     robot = project.robot(parsed.robot)
     done = retarget_file(project, parsed.input, statement_of(parsed), robot)
-    clips = [_at_rate(piece, parsed.fps) for piece in done.pieces]
+    named = robot.in_naming(parsed.naming) if parsed.naming else robot
+    clips = [dataclasses.replace(_at_rate(piece, parsed.fps), joint_names=named.joint_names) for piece in done.pieces]
     if not clips:
         why = " ".join(reason.text for reason in done.reasons if reason.effect == "rejected")
         raise FileError(parsed.input, f"nothing of it can be retargeted. {why or 'No frames are left.'}")

@@ -13,7 +13,6 @@ from pipeline.deployment import Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.robot import load_robot
-from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.earlier_logs import refuse_foreign, remove_earlier
 from pipeline.validation.failed_trials import write_failed_trials
@@ -34,7 +33,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "validate",
         help="tell whether a policy passes simulation",
         description="Walk a policy in MuJoCo through commands, pushes, terrain and conditions, and hold what it does "
-        "against data/validation.yaml. Exit code 0: passed, 3: failed, 1: could not be done.",
+        "against robots/<robot>/validation.yaml. Exit code 0: passed, 3: failed, 1: could not be done.",
     )
     parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
     parser.add_argument("--robot", metavar="NAME", default="t1", help="robot it is for, adapted where it was")
@@ -60,7 +59,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Measure, judge, tell."""
     project = find_project()
-    bars = project.settings("validation.yaml", ValidationSettings)
+    bars = project.validation(parsed.robot)
     folder = robot_folder(project, parsed.robot)
     one = deployed(folder, policy_of(parsed.policy, folder))
     if parsed.ankle_kd is not None:

@@ -14,7 +14,6 @@ from pipeline.files import atomic
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.checks import project_faults
@@ -59,7 +58,7 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.engine is None:
         print(f"open it with: webots {project.world}")
         return 0
-    rules = checkout.settings("validation.yaml", ValidationSettings)
+    rules = checkout.validation(parsed.robot)
     note = rules.reference.note_on(robot.digest)
     if note:
         print(f"note: {note}")

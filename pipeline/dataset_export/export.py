@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -25,13 +26,20 @@ SUFFIXES = {**dict.fromkeys(ARCHIVES, ".npz"), RERUN: ".rrd"}
 
 
 def export_database(
-    database: Path, kind: str | None, robots: Callable[[str], Robot], out: Path, skills: Sequence[str] = ()
+    database: Path,
+    kind: str | None,
+    robots: Callable[[str], Robot],
+    out: Path,
+    skills: Sequence[str] = (),
+    naming: str | None = None,
 ) -> int:
     """Write the clips of a database, or those of some skills, into the folder `out`; how many.
 
     Args:
         kind: one of `FORMATS`, or None for the card alone
         robots: the robot of a name
+        skills: clips of these alone; of all where none is named
+        naming: a column of the robot's aliases.csv that the joints are called by; None for the robot's own names
 
     Raises DatabaseError for a database that is not whole, UnknownNameError for a skill that it does not have, and
     NotInstalledError where a format needs a package that is not there.
@@ -45,14 +53,16 @@ def export_database(
     rows = rows[rows["skill"].isin(skills)] if skills else rows
     out.mkdir(parents=True, exist_ok=True)
 
-    def clips(robot: Robot) -> Iterator[tuple[RobotClip, str, str]]:
+    def clips(robot: Robot, named: Robot) -> Iterator[tuple[RobotClip, str, str]]:
         for file, skill in zip(rows["file"], rows["skill"], strict=True):
-            yield read_database_clip(current(database) / file, robot)[0], skill, file
+            clip, _ = read_database_clip(current(database) / file, robot)
+            yield dataclasses.replace(clip, joint_names=named.joint_names), skill, file
 
     written = 0
     if kind is not None:
         robot = robots(contents.manifest["robot"])
-        written = export_clips(kind, clips(robot), robot, out)
+        named = robot.in_naming(naming) if naming else robot
+        written = export_clips(kind, clips(robot, named), named, out)
     atomic.write_text(out / CARD, dataset_card(contents))
     return written
 

@@ -87,7 +87,7 @@ def policy_task(robot: Robot, policy: Policy) -> DeploymentTask:
     if gains is None:
         return deployment_task(robot)
     kp, kd, default = (
-        in_order(values, gains.joint_names, robot.joint_names)
+        in_order(values, robot.own_names(gains.joint_names), robot.joint_names)
         for values in (gains.kp, gains.kd, gains.default_joint_pos)
     )
     return deployment_task(robot, kp=kp, kd=kd, default_joint_pos=default)

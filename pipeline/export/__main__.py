@@ -1,7 +1,7 @@
 """Export a trained policy: `python -m pipeline.export RUN --robot t1 --name NAME --out DIR`.
 
 RUN                 folder of a training run: policy.npz, config.json, curves.csv, done.json; or of a compact export
-                    (it has card.json), which is then completed: only --robot and --out are read
+                    (it has card.json), which is then completed: only --robot, --naming and --out are read
 --policy FILE       npz of a chosen checkpoint, instead of RUN/policy.npz
 --robot NAME        folder of robots/
 --name NAME         name of the policy
@@ -10,6 +10,7 @@ RUN                 folder of a training run: policy.npz, config.json, curves.cs
 --figures FILE      JSON with its measured figures
 --out DIR           output folder
 --shippable         mark it as a policy that may ship; refused if its database's licence forbids it
+--naming NAMING     names of the joints in ONNX metadata and booster_deploy task: a column of robots/NAME/aliases.csv
 --compact           leave out ONNX and the booster_deploy task, which are derived from policy.npz
 """
 
@@ -28,7 +29,7 @@ from pipeline.export.card import FILE, ModelCard
 from pipeline.export.export_error import ExportError
 from pipeline.export.folder import CURVES, POLICY, Source, complete_export, export_policy
 from pipeline.export.training_run import training_data, training_run
-from pipeline.robot import load_robot
+from pipeline.robot import Robot, load_robot
 
 
 def main(arguments: list[str]) -> int:
@@ -55,12 +56,17 @@ def _export(given: argparse.Namespace) -> ModelCard:
         curves=curves if curves.is_file() else None,
         figures=_json(given.figures) if given.figures else None,
     )
-    robot, rng = load_robot(given.robot), np.random.default_rng(0)
+    robot, rng = _robot(given), np.random.default_rng(0)
     return export_policy(given.out, given.name, robot, source, rng, shippable=given.shippable, compact=given.compact)
 
 
 def _complete(given: argparse.Namespace) -> ModelCard:
-    return complete_export(given.run, given.out, load_robot(given.robot), np.random.default_rng(0))
+    return complete_export(given.run, given.out, _robot(given), np.random.default_rng(0))
+
+
+def _robot(given: argparse.Namespace) -> Robot:
+    robot = load_robot(given.robot)
+    return robot.in_naming(given.naming) if given.naming else robot
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -69,6 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--policy", type=Path)
     parser.add_argument("--robot", default="t1")
     parser.add_argument("--name")
+    parser.add_argument("--naming")
     parser.add_argument("--commit", default="")
     parser.add_argument("--command", default="")
     parser.add_argument("--figures", type=Path)

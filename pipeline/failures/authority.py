@@ -20,8 +20,6 @@ from pipeline.failures.settings import AuthoritySettings
 from pipeline.failures.signals import Signals
 from pipeline.robot import Robot
 
-LEAST_TORQUE = 2.0
-"""Friction may hide what a motor gives when it is asked for less [N m]."""
 DEAD_OF_FLICKER = 0.4
 """Share of the shortest outage in which the motor has to be asked for something and to give nothing."""
 FAR_S = 0.1
@@ -45,7 +43,7 @@ def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings
     for joint, actuator in enumerate(actuators):
         limit = actuator.box_effort_limit
         wanted = np.where(trial.measured, np.nan_to_num(np.abs(asked[:, joint])), 0.0)
-        has_to_answer = wanted > max(settings.asked_over * limit, LEAST_TORQUE)
+        has_to_answer = wanted > max(settings.asked_over * limit, settings.least_torque)
         dead = has_to_answer & (given[:, joint] < settings.dead_share * np.minimum(wanted, limit))
         alive = has_to_answer & (given[:, joint] > settings.alive_share * np.minimum(wanted, limit))
         for start, stop in _between(dead, alive):

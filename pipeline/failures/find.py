@@ -24,6 +24,7 @@ from pipeline.failures.tracking import delay_and_gain, steady_stretches, trackin
 from pipeline.failures.trial_report import UNVERIFIED, VERIFIED, TrialReport
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
+from pipeline.robot.size import scaled
 
 SOON_S = 1.0
 """A robot that is in hands so soon after a trial's beginning is put down for it: what counts begins behind that."""
@@ -34,8 +35,10 @@ def find_failures(
 ) -> TrialReport:
     """What a trial shows. `actuators` are the joints' calibrated motors in the robot's order.
 
-    After its first fall a trial is looked at for nothing but falls, heat and packets. Raises RobotMismatchError.
+    After its first fall a trial is looked at for nothing but falls, heat and packets. Speeds and torques of
+    the settings are scaled to the robot. Raises RobotMismatchError.
     """
+    settings = scaled(settings, robot)
     signals = signals_of(trial, robot)
     outages = motor_outages(signals, actuators, settings.authority)
     lost = [each for each in outages if each.kind == "authority_loss" and each.evidence[OF_LEGS] is True]

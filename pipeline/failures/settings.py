@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.files.ranges import PART, POSITIVE, SHARE, Range, check, increasing
+from pipeline.files.sourced import SPEED, SPEED_AND_SHARE, TORQUE
+from pipeline.robot.size import RobotSize
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +24,7 @@ class FallSettings:
     """Horizontal acceleration that is a push."""
     push_width_s: float
     """... averaged over this time [s]."""
-    push_m_s: float
+    push_m_s: Annotated[float, SPEED]
     """Least change of velocity by a push."""
     cause_s: float
     """A push so long before a fall is its cause [s]."""
@@ -68,7 +71,7 @@ class StumbleSettings:
 class SlipSettings:
     """Feet that slide while they bear the robot."""
 
-    foot_m_s: float
+    foot_m_s: Annotated[float, SPEED]
     """Speed of a bearing sole over the ground [m/s]."""
     share: float
     """Share of a window."""
@@ -117,7 +120,9 @@ class AuthoritySettings:
     """Motors that do not answer, and joints that are only damped after a fall."""
 
     asked_over: float
-    """Asked torque over the limit from which a motor has to answer."""
+    """Asked torque over the limit from which a motor has to answer ..."""
+    least_torque: Annotated[float, TORQUE]
+    """... and the least one [N m]: friction may hide what a motor gives when it is asked for less."""
     dead_share: float
     """A motor that gives less than this share of what it is asked for does not answer."""
     alive_share: float
@@ -136,6 +141,7 @@ class AuthoritySettings:
             self,
             increasing(self, "dead_share", "alive_share"),
             asked_over=PART,
+            least_torque=POSITIVE,
             dead_share=PART,
             alive_share=PART,
             error_rad=POSITIVE,
@@ -168,9 +174,9 @@ class TrackingSettings:
 
     steady_s: float
     settle_s: float
-    forward: tuple[float, float]
+    forward: Annotated[tuple[float, float], SPEED_AND_SHARE]
     """Largest difference: a [m/s] + b times the command."""
-    lateral: tuple[float, float]
+    lateral: Annotated[tuple[float, float], SPEED_AND_SHARE]
     yaw: tuple[float, float]
     """[rad/s]"""
     delay_s: float
@@ -196,6 +202,8 @@ class LimitCycleSettings:
 class FailureSettings:
     """`data/failures.yaml`."""
 
+    calibrated_on: RobotSize
+    """The robot that speeds and torques hold for; `pipeline.robot.size.scaled` gives those of another one."""
     fall: FallSettings
     excuse: ExcuseSettings
     stumble: StumbleSettings

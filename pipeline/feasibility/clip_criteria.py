@@ -8,7 +8,7 @@ from pipeline.clips.outcome import Numbers
 from pipeline.feasibility import criterion as registry
 from pipeline.feasibility.criterion import NOTHING, NUMBERS, WHOLE_CLIP, Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import CutSettings
-from pipeline.feasibility.thresholds import Degrees, Metres, MetresPerSecond, Section
+from pipeline.feasibility.thresholds import Degrees, Section, ToleranceMetres, ToleranceMetresPerSecond
 
 NO_FIGURES = "no figure of retargeting"
 
@@ -19,13 +19,13 @@ TOO_SHORT = "too_short"
 class LikenessSettings(Section):
     """Upper bounds of KP3's numbers on a clip, by the names they have there."""
 
-    slip_m_s: MetresPerSecond
+    slip_m_s: ToleranceMetresPerSecond
     """Mean speed of the sole in stance, by the scorer's middle labels [m/s]."""
-    drift_m: Metres
+    drift_m: ToleranceMetres
     """Drift within a stance [m]."""
-    penetration_m: Metres
+    penetration_m: ToleranceMetres
     """Deepest sole corner [m]."""
-    height_shift_m: Metres
+    height_shift_m: ToleranceMetres
     """Offset of the clip as a whole from the ground [m]."""
     limb_error_deg: Degrees
     """Mean angle of all limbs to the human's [deg]."""

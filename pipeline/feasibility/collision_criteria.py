@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.feasibility.criterion import Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.thresholds import Metres, Section, ShareOfFrames
+from pipeline.feasibility.thresholds import Section, ShareOfFrames, ToleranceMetres
 from pipeline.simulation.self_collision import self_collision
 
 GROUP = "self-collision"
@@ -18,9 +18,9 @@ GROUP = "self-collision"
 class CollisionSettings(Section):
     """The robot against itself."""
 
-    depth: Metres
+    depth: ToleranceMetres
     """Deepest overlap of two shapes [m]."""
-    contact_depth: Metres
+    contact_depth: ToleranceMetres
     """An overlap deeper than this [m] counts for the share."""
     share: ShareOfFrames
     """Largest share of frames with such an overlap."""

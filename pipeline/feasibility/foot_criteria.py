@@ -12,7 +12,14 @@ from pipeline import time_series
 from pipeline.feasibility.criterion import NOTHING, Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.slowest_point import slowest_point_speed
-from pipeline.feasibility.thresholds import Metres, MetresPerSecondBySpeed, Seconds, SecondsBySpeed, Section
+from pipeline.feasibility.thresholds import (
+    Metres,
+    MetresPerSecondBySpeed,
+    Seconds,
+    SecondsBySpeed,
+    Section,
+    ToleranceMetres,
+)
 from pipeline.files.ranges import SHARE
 from pipeline.files.sourced import Unit
 from pipeline.quality.foot_slip import inner_contacts
@@ -32,7 +39,7 @@ SLIP, CONTACT = "foot slip", "contact consistency"
 class FootSettings(Section):
     """Feet on the ground."""
 
-    level: Metres
+    level: ToleranceMetres
     """Corners of a sole less than this above its lowest one are on the ground with it [m]."""
     slip_mean: MetresPerSecondBySpeed
     """Largest mean slip of feet that are labelled as in contact [m/s]: a + b times the speed over ground."""

@@ -20,6 +20,7 @@ from pipeline.feasibility.motion import CutSettings, Motion, at_database_rate, m
 from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of, why_none
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.robot import Robot
+from pipeline.robot.size import scaled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +57,11 @@ def process(
     those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself. A clip
     that KP3 could not bring close enough to the human does not go on at all. All criteria on every stretch that was
     judged are one of the numbers, as text (`judgement.NUMBER`). `references` has the motions that rollouts tracked.
+    Thresholds are scaled to the robot (`pipeline.robot.size`).
     Raises ClipError where the clip is not this robot's or holds numbers that are not finite.
     """
     _check(clip, robot)
+    settings = scaled(settings, robot)
     reference = reference_of(at_database_rate(clip), numbers, robot, references)
     motion = motion_of(clip, robot, settings, reference, why_none(numbers))
     whole = assess(motion, settings)

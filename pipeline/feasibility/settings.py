@@ -18,6 +18,7 @@ from pipeline.feasibility.torque_criteria import TorqueSettings
 from pipeline.feasibility.tracking_criteria import TrackingSettings
 from pipeline.files.sourced import Unit
 from pipeline.quality.sole_contact import ContactSettings
+from pipeline.robot.size import RobotSize
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,8 @@ class FeasibilitySettings:
     """Thresholds and parameters of the criteria, section by section, and of the weights. Criteria are evaluated in the
     order of their sections."""
 
+    calibrated_on: RobotSize
+    """The robot that the thresholds hold for; `pipeline.robot.size.scaled` gives those of another one."""
     cut: CutSettings
     likeness: LikenessSettings
     joints: JointSettings

@@ -13,18 +13,21 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pipeline.files.ranges import POSITIVE, SHARE, Allowed, Range, check
-from pipeline.files.sourced import Unit
+from pipeline.files.sourced import JERK, LENGTH, SPEED_AND_SHARE, Unit
 
 Seconds = Annotated[float, Unit("s"), Range(0.0, 10.0)]
 Hertz = Annotated[float, Unit("Hz"), Range(1.0, 25.0)]
 """Cut-off of a low pass at the database's 50 Hz."""
-Metres = Annotated[float, Unit("m"), Range(0.0, 1.0)]
-MetresPerSecond = Annotated[float, Unit("m/s"), Range(0.0, 5.0)]
-MetresPerSecondCubed = Annotated[float, Unit("m/s^3"), POSITIVE]
+Metres = Annotated[float, Unit("m"), Range(0.0, 1.0), LENGTH]
+"""Scales with the robot's legs, as all figures with `LENGTH`, `SPEED` or `JERK` do (`pipeline.robot.size`)."""
+ToleranceMetres = Annotated[float, Unit("m"), Range(0.0, 1.0)]
+"""Of measurement or of the shapes' accuracy: the same for every robot."""
+ToleranceMetresPerSecond = Annotated[float, Unit("m/s"), Range(0.0, 5.0)]
+MetresPerSecondCubed = Annotated[float, Unit("m/s^3"), POSITIVE, JERK]
 Degrees = Annotated[float, Unit("deg"), Range(0.0, 180.0)]
 ShareOfFrames = Annotated[float, Unit("of frames"), SHARE]
 RatioToMotorLimit = Annotated[float, Unit("of the motor's limit"), Range(0.5, 5.0)]
-MetresPerSecondBySpeed = Annotated[tuple[float, float], Unit("m/s"), Range(0.0, 5.0)]
+MetresPerSecondBySpeed = Annotated[tuple[float, float], Unit("m/s"), Range(0.0, 5.0), SPEED_AND_SHARE]
 """a + b times the speed over ground."""
 SecondsBySpeed = Annotated[tuple[float, float], Unit("s"), Range(0.0, 10.0)]
 """a + b times the speed over ground."""

@@ -1,8 +1,9 @@
 """Criteria of tracking: how far a rollout is from the motion that it tracked, and whether it comes back.
 
-Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading, so that
-place and heading do not count. Root height, the vertical in the root's frame and the heights of hands and soles are
-compared as BeyondMimic does where it ends an episode.
+Joints are compared as they are; key bodies (links, hands, soles) relative to the root, seen in its heading. Root
+height, the vertical in the root's frame and the heights of hands and soles are compared as BeyondMimic does where it
+ends an episode. The root's path is compared after the horizontal shift and turn that fit it best, so that place and
+heading do not count, but a step that is too short does.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pipeline.feasibility.over_time import windowed_mean
 from pipeline.feasibility.reference import CONTENT
 from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
 from pipeline.files.ranges import Range
-from pipeline.files.sourced import Unit
+from pipeline.files.sourced import LENGTH, Unit
 from pipeline.quality.percentile import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
@@ -31,7 +32,7 @@ GROUP = "tracking stability"
 NOT_CUT = "no rollout of KP4"
 
 _Angle = Annotated[float, Unit("rad"), Range(0.0, 3.2, open_low=True)]
-_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True)]
+_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True), LENGTH]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,8 @@ class TrackingSettings(Section):
     """Largest difference of the vertical in the root's frame, along its z axis."""
     end_height: _Length
     """Largest difference in height of a hand or a sole [m]."""
+    path: _Length
+    """Largest distance of the root's path from the reference's, after the best horizontal fit [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,8 @@ class TrackingError:
     """Of the vertical in the root's frame, along its z axis."""
     end_height: Float[np.ndarray, " t"]
     """Of the hand or sole that is furthest off in height [m]."""
+    path: Float[np.ndarray, " t"]
+    """Horizontal distance of the root after the best horizontal fit of both paths [m]."""
 
 
 @criterion(
@@ -119,6 +124,7 @@ CRITERIA = (
     Criterion(
         "tracking_end_height", GROUP, "tracking.end_height", "m", "largest difference in height of a hand or sole"
     ),
+    Criterion("tracking_path", GROUP, "tracking.path", "m", "largest distance of the root's path after the best fit"),
 )
 
 
@@ -141,6 +147,7 @@ def tracking(motion: Motion, settings: TrackingSettings) -> tuple[Result, ...]:
         _peak("root_height", error.root_height, settings.root_height, "the root's height is {:.2f} m off"),
         _peak("gravity", error.gravity, settings.gravity, "the vertical in the root's frame is {:.2f} off"),
         _peak("end_height", error.end_height, settings.end_height, "a hand or sole is {:.2f} m off in height"),
+        _peak("path", error.path, settings.path, "the root is {:.2f} m away from"),
     )
 
 
@@ -157,7 +164,17 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
         root_height=np.abs(clip.root_pos_w[:, 2] - reference.root_pos_w[:, 2]),
         gravity=np.abs(_up_b(clip)[:, 2] - _up_b(reference)[:, 2]),
         end_height=np.abs(end_height).max(axis=1),
+        path=_path_distance(clip.root_pos_w[:, :2], reference.root_pos_w[:, :2]),
     )
+
+
+def _path_distance(path_w: Float[np.ndarray, "t 2"], reference_w: Float[np.ndarray, "t 2"]) -> Float[np.ndarray, " t"]:
+    """Distance at each frame after the shift and turn in the plane with the least sum of squares (Kabsch) [m]."""
+    here, there = path_w - path_w.mean(axis=0), reference_w - reference_w.mean(axis=0)
+    turn = np.arctan2(np.sum(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]), np.sum(here * there))
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = np.stack([cos * here[:, 0] - sin * here[:, 1], sin * here[:, 0] + cos * here[:, 1]], axis=1)
+    return np.linalg.norm(turned - there, axis=1)
 
 
 def _key_bodies(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:

@@ -31,6 +31,30 @@ class Unit:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Scaled:
+    """How a figure carries over to a robot of another size: times (ratio of leg lengths)^`length` times (ratio of
+    masses)^`mass`. The exponents are those of dynamic similarity under the same gravity."""
+
+    length: float
+    mass: float = 0.0
+    first_only: bool = False
+    """Of a pair a + b times the speed, only a scales."""
+
+    def factor(self, length_ratio: float, mass_ratio: float) -> float:
+        """The factor on the figure."""
+        return length_ratio**self.length * mass_ratio**self.mass
+
+
+LENGTH = Scaled(length=1.0)
+SPEED = Scaled(length=0.5)
+SPEED_AND_SHARE = Scaled(length=0.5, first_only=True)
+JERK = Scaled(length=-0.5)
+PER_AREA = Scaled(length=-2.0)
+IMPULSE = Scaled(length=0.5, mass=1.0)
+TORQUE = Scaled(length=1.0, mass=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Origin:
     """What is said of a number."""
 

@@ -79,9 +79,9 @@ def body_poses(points: Points) -> tuple[Float[np.ndarray, "t 19 3"], Float[np.nd
     bodies = _from_bones(points) if set(BONES) <= points.keys() else _from_markers(points)
     pos = np.stack([bodies[name][0] for name in BODIES], axis=1)
     axes = np.stack([bodies[name][1] for name in BODIES], axis=1)
-    finite = np.isfinite(axes).all(axis=(2, 3)) & np.isfinite(pos).all(axis=2)
-    spanned = np.linalg.det(np.where(finite[..., None, None], axes, 0.0)) > 0.5  # not by points on one line
-    known: np.ndarray = finite & spanned
+    finite = np.isfinite(pos).all(axis=2) & np.isfinite(axes).all(axis=(2, 3))
+    spanned = np.linalg.det(np.where(np.expand_dims(finite, (2, 3)), axes, 0.0)) > 0.5  # not by points on one line
+    known = np.logical_and(finite, spanned)
     quat = rotation.from_matrix(np.where(known[:, :, None, None], axes, np.eye(3)))
     return np.where(known[:, :, None], pos, np.nan), np.where(known[:, :, None], quat, np.nan)
 

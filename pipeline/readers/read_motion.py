@@ -26,6 +26,7 @@ from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.robot_amp import is_robot_amp, read_robot_amp
 from pipeline.readers.robot_csv import read_robot_csv
 from pipeline.readers.robot_gmr import is_gmr, read_gmr
+from pipeline.readers.robot_log import read_robot_log
 from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
 from pipeline.readers.robot_npz import is_robot, read_robot_npz
 from pipeline.readers.smpl import is_smpl, read_smpl
@@ -134,6 +135,10 @@ def _read_csv(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _robot(read_robot_csv(path), name, statement)
 
 
+def _read_mcap(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _robot(read_robot_log(path), name, statement)
+
+
 def _read_npz(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _arrays(open_npz(path), name, statement)
 
@@ -176,6 +181,7 @@ _READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
     ".csv": _read_csv,
     ".glb": _read_gltf,
     ".gltf": _read_gltf,
+    ".mcap": _read_mcap,
     ".npz": _read_npz,
     ".pkl": _read_pickle,
     ".pt": _read_torch,

@@ -108,7 +108,8 @@ def to_robot_clip(
 
 
 def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Robot, list[int]]:
-    """The robot with so many joints, or with joints of these names, and where in the file each of its joints is.
+    """The robot with so many joints, or with joints of these names in one of its namings, and where in the file each of
+    its joints is.
 
     Raises FileError for another robot's file, AmbiguousFileError where joints without names fit several robots.
     """
@@ -124,9 +125,11 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
             raise AmbiguousFileError(path, problem, "Add the joints' names to the file.")
         return fitting[0], list(range(count))
     for robot in robots():
-        if set(robot.joint_names) == set(names) and len(names) == count:
-            return robot, [names.index(joint) for joint in robot.joint_names]
-    nearest = max(robots(), key=lambda robot: len(set(robot.joint_names) & set(names)))
+        own = robot.own_names(names)
+        if set(robot.joint_names) == set(own) and len(own) == count:
+            return robot, [own.index(joint) for joint in robot.joint_names]
+    nearest = max(robots(), key=lambda robot: len(set(robot.joint_names) & set(robot.own_names(names))))
+    names = nearest.own_names(names)
     missing = ", ".join(sorted(set(nearest.joint_names) - set(names))) or "none"
     extra = ", ".join(sorted(set(names) - set(nearest.joint_names))[:12]) or "none"
     problem = (

@@ -20,6 +20,7 @@ from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
+from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
 
 
@@ -49,8 +50,10 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     """Targets and the trajectory that follows them, for a clip without missing samples at the robot's rate.
 
     Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
-    zero-phase low pass, which takes the jitter out of what the targets leave free.
+    zero-phase low pass, which takes the jitter out of what the targets leave free. Distances of the settings are scaled
+    to the robot.
     """
+    settings = scaled(settings, robot)
     solver = solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))

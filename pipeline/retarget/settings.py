@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Range, check, increasing
+from pipeline.files.sourced import LENGTH, PER_AREA
+from pipeline.robot.size import RobotSize
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +51,11 @@ class FootSettings:
     """Smallest pitch of the planned foot (negative: toes up) [rad]."""
     slope_s: float
     """Time over which the speed difference at a stance's end dies away [s]."""
-    clearance: float
+    clearance: Annotated[float, LENGTH]
     """Least height of the sole in the middle of a swing [m]."""
-    spacing: float
+    spacing: Annotated[float, LENGTH]
     """Least gap between the two soles seen from above [m]."""
-    wary: float
+    wary: Annotated[float, LENGTH]
     """Gap on top of `spacing` below which a swinging foot is held as firmly as a standing one [m]."""
     spacing_s: float
     """Time over which a swinging foot gives way to the other one [s]."""
@@ -81,13 +84,13 @@ class ClearanceSettings:
 
     correction_share: float
     """Of the stance error that is added to the target."""
-    highest_correction: float
+    highest_correction: Annotated[float, LENGTH]
     """[m] Each coordinate of it."""
-    foot_gap: float
+    foot_gap: Annotated[float, LENGTH]
     """Gap between the soles of the first pass below which a swinging foot is sent further out [m]."""
-    arm_distance: float
+    arm_distance: Annotated[float, LENGTH]
     """Least distance of forearm and hand from the line hip to knee [m]."""
-    trunk_distance: float
+    trunk_distance: Annotated[float, LENGTH]
     """Least distance of the hand from the trunk's middle line [m]."""
     spread_s: float
     """Time over which corrections come and go [s]."""
@@ -108,19 +111,19 @@ class ClearanceSettings:
 class WeightSettings:
     """Weights of the soft tasks; each multiplies a squared error."""
 
-    stance_position: float
+    stance_position: Annotated[float, PER_AREA]
     """[cost/m2]"""
     stance_orientation: float
     """[cost/rad2]"""
-    swing_position: float
+    swing_position: Annotated[float, PER_AREA]
     """[cost/m2]"""
     swing_orientation: float
     """[cost/rad2]"""
-    foot_height: float
+    foot_height: Annotated[float, PER_AREA]
     """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
-    pelvis_horizontal: float
+    pelvis_horizontal: Annotated[float, PER_AREA]
     """[cost/m2]"""
-    pelvis_height: float
+    pelvis_height: Annotated[float, PER_AREA]
     """[cost/m2]"""
     trunk: float
     """[cost/rad2]"""
@@ -143,6 +146,8 @@ class WeightSettings:
 class RetargetSettings:
     """All of KP3."""
 
+    calibrated_on: RobotSize
+    """The robot that distances and their weights hold for; `pipeline.robot.size.scaled` gives those of another one."""
     fps: float
     """Rate of the robot clip [Hz]."""
     leg_scale: float

@@ -7,6 +7,7 @@ a short clip. A solver keeps nothing of a clip: every clip starts from the same 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from xml.etree import ElementTree as Xml
 
 import numpy as np
 import placo
@@ -14,13 +15,15 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
-from pipeline.errors import ClipError, UnknownNameError
+from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget.robot_body import measure
 from pipeline.retarget.settings import RetargetSettings, WeightSettings
 from pipeline.retarget.targets import Targets
 from pipeline.robot import Robot
 
+FRAME = "_link_frame"
+"""Ending of frames that are added to the URDF."""
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
 
@@ -43,7 +46,7 @@ class Solver:
 
     def __init__(self, robot: Robot):
         self.robot, self.body = robot, measure(robot)
-        self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, robot.urdf)
+        self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
         for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
@@ -55,11 +58,11 @@ class Solver:
         self._add_tasks()
 
     def _add_tasks(self) -> None:
-        solver, human, zero, identity = self._solver, self.robot.human, np.zeros(3), np.eye(3)
-        pelvis = _frame_on(self.robot, human["pelvis"])
-        self._pelvis_horizontal = solver.add_position_task(pelvis, zero)
+        solver, zero, identity = self._solver, np.zeros(3), np.eye(3)
+        human = {part: _frame_on(self.robot, name) for part, name in self.robot.human.items()}
+        self._pelvis_horizontal = solver.add_position_task(human["pelvis"], zero)
         self._pelvis_horizontal.mask.set_axises("xy", "task")
-        self._pelvis_height = solver.add_position_task(pelvis, zero)
+        self._pelvis_height = solver.add_position_task(human["pelvis"], zero)
         self._pelvis_height.mask.set_axises("z", "task")
         self._trunk = solver.add_orientation_task(human["trunk"], identity)
         self._waist, self._posture = solver.add_joints_task(), solver.add_joints_task()
@@ -203,17 +206,17 @@ _SOLVERS: dict[str, Solver] = {}
 
 
 def _frame_on(robot: Robot, link: str) -> str:
-    """Name of a frame at a link's origin that no joint is called, too (placo looks a name up among both)."""
-    if link not in robot.joint_names:
-        return link
-    index = robot.link(link)
-    sites = [
-        n
-        for n, on, pos in zip(robot.site_names, robot.tree.site_link, robot.tree.site_pos, strict=True)
-        if on == index and not pos.any()
-    ]
-    if not sites:
-        raise UnknownNameError(
-            f"site at the origin of link '{link}' (needed because a joint has its name)", link, robot.site_names
-        )
-    return sites[0]
+    """Name of the frame of a link that no joint is called, too (placo looks a name up among both)."""
+    return f"{link}{FRAME}" if link in robot.joint_names else link
+
+
+def _urdf(robot: Robot) -> str:
+    """The robot's URDF with a frame of its own for each link that has the name of a joint."""
+    root = Xml.fromstring(robot.urdf)
+    for link in robot.link_names:
+        if link in robot.joint_names:
+            Xml.SubElement(root, "link", name=f"{link}{FRAME}")
+            joint = Xml.SubElement(root, "joint", name=f"{link}{FRAME}_fixed", type="fixed")
+            Xml.SubElement(joint, "parent", link=link)
+            Xml.SubElement(joint, "child", link=f"{link}{FRAME}")
+    return Xml.tostring(root, encoding="unicode")

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
+import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
+from pipeline.robot.aliases import ALIASES
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
-from pipeline.robot.description import JOINTS, Description
+from pipeline.robot.description import CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
 from pipeline.robot.load import load_robot, model_files
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import refuse
-from pipeline.robot.tables import JointRow
+from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, table_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,7 @@ def adapted_description(source: Description, limits: Mapping[str, MotorLimits]) 
         if name not in source.joint_rows:
             raise UnknownNameError("joint", name, list(source.joint_rows))
     rows = tuple(_with_limits(row, limits[row.joint]) if row.joint in limits else row for row in source.joints)
-    adapted = dataclasses.replace(source, joints=rows, contents={**source.contents, JOINTS: joints_text(rows)})
+    adapted = dataclasses.replace(source, joints=rows, contents={**source.contents, JOINTS: table_text(JointRow, rows)})
     refuse(faults_of(adapted))
     return adapted
 
@@ -52,20 +53,32 @@ def _with_limits(row: JointRow, limits: MotorLimits) -> JointRow:
     )
 
 
-def joints_text(rows: tuple[JointRow, ...]) -> str:
-    """A joints table as the text of its file."""
-    names = [field.name for field in dataclasses.fields(JointRow) if field.name != "line"]
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([_cell(getattr(row, name)) for name in names] for row in rows)
-    return stream.getvalue()
+def files_of(description: Description) -> dict[str, str]:
+    """The source files of a robot folder by name, from the rows of a description."""
+    return {
+        CONFIG: config_text(description.config),
+        LINKS: table_text(LinkRow, description.links),
+        JOINTS: table_text(JointRow, description.joints),
+        SHAPES: table_text(ShapeRow, description.shapes),
+        SITES: table_text(SiteRow, description.sites),
+    }
 
 
-def _cell(value: str | bool | float) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else repr(value).removesuffix(".0")
+def config_text(config: Config) -> str:
+    """`robot.toml`. Names and numbers are written as JSON, which TOML reads alike."""
+    lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/description.py.", ""]
+    for field in dataclasses.fields(Config):
+        value = getattr(config, field.name)
+        if not isinstance(value, dict):
+            lines.append(f"{field.name} = {json.dumps(value)}")
+    for table in ("colours", "human_links"):
+        lines += ["", f"[{table}]"]
+        lines += [f"{_key(key)} = {json.dumps(value)}" for key, value in getattr(config, table).items()]
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def write_robot_folder(folder: Path, description: Description) -> Robot:
@@ -73,6 +86,8 @@ def write_robot_folder(folder: Path, description: Description) -> Robot:
     built = build_robot(dataclasses.replace(description, folder=folder))
     for name, text in description.contents.items():
         atomic.write_text(folder / name, text)
+    if description.aliases_text:
+        atomic.write_text(folder / ALIASES, description.aliases_text)
     for path, text in model_files(folder, built).items():
         atomic.write_text(path, text)
     return load_robot(folder)

@@ -51,6 +51,7 @@ def build_robot(source: Description) -> Robot:
         sole_corners=config.sole_corners,
         key_links=config.key_links,
         human={**config.human_links, **{site: site for site in HUMAN_SITES}},
+        namings=source.namings,
     )
 
 

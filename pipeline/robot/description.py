@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -61,6 +61,10 @@ class Description:
     sites: tuple[SiteRow, ...]
     contents: dict[str, str]
     """Text of each file that was read, by its name."""
+    namings: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Names of the joints in other namings, from `aliases.csv`."""
+    aliases_text: str = ""
+    """The text of `aliases.csv`; empty where there is none."""
 
     @property
     def name(self) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from pathlib import Path
 
 from pipeline.errors import SettingsError
 from pipeline.files import settings
+from pipeline.robot.aliases import read_aliases
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
 from pipeline.robot.description import CONFIG, FILES, JOINTS, LINKS, SHAPES, SITES, Config, Description
@@ -31,7 +33,8 @@ def read_description(folder: Path) -> Description:
         contents={name: (folder / name).read_text(encoding="utf-8") for name in FILES},
     )
     refuse(faults_of(description))
-    return description
+    namings, text = read_aliases(folder, [row.joint for row in description.joints])
+    return dataclasses.replace(description, namings=namings, aliases_text=text)
 
 
 def _read_config(path: Path) -> Config:

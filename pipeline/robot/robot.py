@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from pipeline import rotation
 from pipeline.errors import UnknownNameError
-from pipeline.robot.tree import Tree
+from pipeline.robot.tree import Tree, forward
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +75,8 @@ class Robot:
     """Part of a person to what stands for it: for `trunk, pelvis` and, with `left_` or `right_` before
     it, `thigh, shank, foot, upper_arm, forearm` a link; for `left_/right_` with `hip, knee, ankle,
     shoulder, elbow, wrist` a site."""
+    namings: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Names of the joints, in their order, by other naming."""
 
     @property
     def link_names(self) -> tuple[str, ...]:
@@ -89,6 +95,41 @@ class Robot:
     def controlled_index(self) -> Int[np.ndarray, " c"]:
         """Indices of the controlled joints in `joint_names`."""
         return np.array([self.joint(name) for name in self.controlled])
+
+    @cached_property
+    def leg_length(self) -> float:
+        """Hip to knee, knee to ankle, and the ankle over the sole [m], mean of both legs, to 0.1 mm."""
+        joint_pos = np.zeros((1, len(self.joint_names)))
+        link_pos, link_quat = forward(self.tree, np.zeros((1, 3)), rotation.IDENTITY[None], joint_pos)
+        index = self.tree.site_link
+        site_pos = link_pos[0, index] + rotation.rotate(link_quat[0, index], self.tree.site_pos)
+        legs = []
+        for side, sole in zip(("left", "right"), self.feet, strict=True):
+            parts = (f"{side}_hip", f"{side}_knee", f"{side}_ankle")
+            hip, knee, ankle = (site_pos[self.site(self.human[part])] for part in parts)
+            height = ankle[2] - site_pos[self.site(sole), 2]
+            legs.append(np.linalg.norm(hip - knee) + np.linalg.norm(knee - ankle) + height)
+        return round(float(np.mean(legs)), 4)
+
+    def own_names(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Names of joints with those of another naming replaced by the robot's own; unknown names stay."""
+        own: dict[str, str] = {}
+        for naming in self.namings.values():
+            own |= dict(zip(naming, self.joint_names, strict=True))
+        return tuple(name if name in self.joint_names else own.get(name, name) for name in names)
+
+    def in_naming(self, naming: str) -> Robot:
+        """The robot whose joints have the names of a naming, for what is written for others to read; its own names are
+        then the naming `own`. Raises UnknownNameError."""
+        if naming not in self.namings:
+            raise UnknownNameError("naming", naming, tuple(self.namings))
+        renamed = dict(zip(self.joint_names, self.namings[naming], strict=True))
+        return dataclasses.replace(
+            self,
+            joint_names=self.namings[naming],
+            controlled=tuple(renamed[name] for name in self.controlled),
+            namings={**self.namings, "own": self.joint_names},
+        )
 
     def joint(self, name: str) -> int:
         """Index of a joint. Raises UnknownNameError."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
 import io
 import math
 import typing
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -185,6 +187,22 @@ def read_table(path: Path, kind: type[R]) -> tuple[R, ...]:
     if not rows:
         refuse([Fault(path=path, problem="the table is empty.", do="Write at least one row.")])
     return tuple(rows)
+
+
+def table_text(kind: type[R], rows: Sequence[R]) -> str:
+    """A table as the text of its file."""
+    names = [field.name for field in dataclasses.fields(kind) if field.name != "line"]
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows([_cell(getattr(row, name)) for name in names] for row in rows)
+    return stream.getvalue()
+
+
+def _cell(value: str | bool | float) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else repr(float(value)).removesuffix(".0")
 
 
 def _parse(

@@ -18,8 +18,9 @@ from pipeline.simulation.plant import NoBallError, Plant, PlantState, TellsAccel
 from pipeline.simulation.record import Record, Rollout
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 
-FALL_HEIGHT = 0.45
-"""Height [m] of the root over the ground below which the robot has fallen."""
+FALL_HEIGHT_SHARE = 0.45 / 0.679103
+"""Height of the root over the ground below which a robot has fallen, as a share of that in the default pose: the T1's
+limit is 0.45 m."""
 FALL_TILT_COS = 0.5
 """Cosine of the root's angle from upright (60 degrees) beyond which it has."""
 
@@ -106,6 +107,7 @@ def run(
     first = round((resume_s or 0.0) * controller.task.control_hz)
     record = Record(first, ticks, decimation, len(robot.joint_names))
     tells = plant if isinstance(plant, TellsAcceleration) else None
+    lowest = fall_height(robot)
     wrench = np.zeros((2, 6))
     for tick in range(first, ticks):
         state = plant.state()
@@ -126,7 +128,7 @@ def run(
             if step % wrench_every == 0:
                 wrench = plant.foot_wrench_w()
             record.step(step, state, torque, wrench, tells.acceleration() if tells else None)
-        if not record.fell and has_fallen(plant.state(), ground_height):
+        if not record.fell and has_fallen(plant.state(), lowest, ground_height):
             record.fall_tick = tick
             if stop_on_fall or not np.isfinite(plant.state().root_pos_w).all():
                 break
@@ -141,15 +143,20 @@ def steps_of(control_hz: float, timestep_s: float) -> int:
     return round(ratio)
 
 
-def has_fallen(state: PlantState, ground_height: GroundHeight | None = None) -> bool:
-    """Root below `FALL_HEIGHT` over the ground, tilted beyond 60 degrees, or nowhere any more."""
+def fall_height(robot: Robot) -> float:
+    """Height [m] of the root over the ground below which the robot has fallen."""
+    return FALL_HEIGHT_SHARE * robot.default_root_height
+
+
+def has_fallen(state: PlantState, lowest: float, ground_height: GroundHeight | None = None) -> bool:
+    """Root less than `lowest` [m] over the ground, tilted beyond 60 degrees, or nowhere any more."""
     x, y, z = state.root_pos_w.tolist()
     if not np.isfinite(state.root_pos_w).all():
         return True
     if ground_height is not None:
         z -= ground_height(x, y)
     upright = 1.0 - 2.0 * float(state.root_quat_w[1] ** 2 + state.root_quat_w[2] ** 2)
-    return z < FALL_HEIGHT or upright < FALL_TILT_COS
+    return z < lowest or upright < FALL_TILT_COS
 
 
 def _force(events: Sequence[Event], step: int, plant: Plant) -> np.ndarray | None:

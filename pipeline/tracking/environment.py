@@ -22,10 +22,14 @@ from pipeline.learning.robot_facts import RobotFacts
 from pipeline.tracking.bundle import Motions, TrackingBundle
 from pipeline.tracking.clips_command import ClipsCommandCfg, ReferenceResidualCfg, clip_ended
 from pipeline.tracking.reference import ReferenceStates, reference_states
-from pipeline.tracking.task import DECIMATION, OBSERVATION, PHYSICS_S
+from pipeline.tracking.task import DECIMATION, OBSERVATION, PATH_M, PHYSICS_S
 
 MOTION = "motion"
 """Name of the command term, as in mjlab's task."""
+
+PATH_WEIGHT = 1.0
+"""Weight of the reward for the root's position. mjlab's 0.5, without an end of the episode at `PATH_M`, gave a tracker
+that kept the posture of fast, sideways and backward clips and moved at half of their speed."""
 
 
 class TrackingEnvironment(ManagerBasedRlEnv):
@@ -98,6 +102,10 @@ def environment_cfg(
     cfg.events = _events(robot)
     hands = tuple(_link_of_site(robot, site) for site in robot.hands)
     cfg.terminations["ee_body_pos"].params["body_names"] = (*robot.foot_links, *hands)
+    cfg.rewards["motion_global_root_pos"].weight = PATH_WEIGHT
+    cfg.terminations["path"] = TerminationTermCfg(
+        func=mdp.bad_anchor_pos, params={"command_name": MOTION, "threshold": PATH_M}
+    )
     cfg.terminations["clip_ended"] = TerminationTermCfg(func=clip_ended, params={"command_name": MOTION}, time_out=True)
     return cfg
 

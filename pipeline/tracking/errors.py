@@ -20,6 +20,8 @@ class TrackingError:
     """Mean distance of the key links from the reference, which is moved to the robot's place and heading [m]."""
     joint: Float[np.ndarray, " t"]
     """Mean absolute error of the controlled joints [rad]."""
+    path: Float[np.ndarray, " t"]
+    """Horizontal distance of the root from the reference's root [m]."""
 
 
 def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> TrackingError:
@@ -36,6 +38,7 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
     return TrackingError(
         body=np.linalg.norm(here - anchor[:, None] - away, axis=2).mean(axis=1),
         joint=np.abs(clip.joint_pos - reference.joint_pos)[:, moved].mean(axis=1),
+        path=np.linalg.norm((clip.root_pos_w - reference.root_pos_w)[:, :2], axis=1),
     )
 
 

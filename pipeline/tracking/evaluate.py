@@ -26,6 +26,7 @@ class NominalRollout:
     """From the first frame to the last."""
     body_error_m: float
     joint_error_rad: float
+    path_error_m: float
     seconds: float
 
 
@@ -46,6 +47,7 @@ def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
     """Share that survives, and errors: mean over clips, mean over all frames, and the worst clip's."""
     seconds = np.array([each.seconds for each in rollouts])
     body_cm = np.array([100.0 * each.body_error_m for each in rollouts])
+    path_cm = np.array([100.0 * each.path_error_m for each in rollouts])
     joint_deg = np.degrees([each.joint_error_rad for each in rollouts])
     values = {
         "clips": float(len(rollouts)),
@@ -55,6 +57,8 @@ def figures(rollouts: Sequence[NominalRollout]) -> dict[str, float]:
         "body_error_cm_worst_clip": body_cm.max(),
         "joint_error_deg": joint_deg.mean(),
         "joint_error_deg_over_frames": np.average(joint_deg, weights=seconds),
+        "path_error_cm": path_cm.mean(),
+        "path_error_cm_worst_clip": path_cm.max(),
     }
     return {name: round(float(value), 3) for name, value in values.items()}
 
@@ -70,5 +74,6 @@ def _nominal(
         survived=bool(numbers["survived"]),
         body_error_m=float(numbers["body_error_m"] or 0.0),
         joint_error_rad=float(numbers["joint_error_rad"] or 0.0),
+        path_error_m=float(numbers["path_error_m"] or 0.0),
         seconds=clip.duration_s,
     )

@@ -13,6 +13,7 @@ from pipeline.clips.outcome import Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
+from pipeline.robot.size import scaled
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.before_after import before_after
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
@@ -50,6 +51,7 @@ def process(
     if clip.fps != CONTROL_HZ or clip.frame_count < 3:
         got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
         raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
+    settings = scaled(settings, robot)
     plant, policy = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
     plain = numbers.get("variant") in UNDISTURBED_VARIANTS
     count = settings.disturbed if plain else settings.disturbed_variants
@@ -113,6 +115,7 @@ def _pieces(
             "followed_share": min(followed, 1.0),
             "body_error_m": float(error.body.mean()),
             "joint_error_rad": float(error.joint.mean()),
+            "path_error_m": float(error.path.mean()),
             **disturbance.numbers(),
         }
         pieces.append(Piece(clip=motion, numbers=numbers))
@@ -129,7 +132,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
     """How well the nominal rollout follows, failing stretches included; what the longest stretch changed."""
     references = [clip.cut(stretch.start, stretch.stop, clip.name) for stretch in stretches]
     parts = [tracking_error(each.clip, own, robot) for each, own in zip(stretches, references, strict=True)]
-    body, joint = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint"))
+    body, joint, path = (np.concatenate([getattr(part, name) for part in parts]) for name in ("body", "joint", "path"))
     first = stretches[0]
     longest = max(range(len(stretches)), key=lambda index: references[index].frame_count)
     return {
@@ -138,6 +141,7 @@ def _figures(clip: RobotClip, stretches: Sequence[TrackedStretch], robot: Robot)
         "followed_s": (first.stop - first.start) / CONTROL_HZ,
         "body_error_m": float(body.mean()),
         "joint_error_rad": float(joint.mean()),
+        "path_error_m": float(path.mean()),
         "worst_body_error_m": float(body.max()),
         "worst_at_s": float(np.argmax(body)) / CONTROL_HZ,
     }

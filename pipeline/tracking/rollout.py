@@ -171,7 +171,7 @@ class _World:
         return force
 
     def _failure(self, frame: int, settings: FailureSettings) -> str:
-        """Why tracking has failed at a frame, as BeyondMimic's terminations; empty where it has not."""
+        """Why tracking has failed at a frame, by the limits that end an episode of training; empty where it has not."""
         data, reference = self._data, self._reference
         if not np.isfinite(data.qpos).all():
             return "the simulation diverged"
@@ -189,7 +189,8 @@ class _World:
         if off[worst] > settings.end_height:
             link = self._model.body(int(self._ends[worst])).name
             return f"{link} is {off[worst]:.2f} m off in height"
-        return ""
+        away = float(np.linalg.norm(data.xpos[1] - reference.body_pos_w[frame, 0]))
+        return f"the root is {away:.2f} m off the reference's path" if away > settings.path else ""
 
     def _recorded(self, record: _Record, start: int) -> RobotClip:
         qpos = np.array(record.qpos)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pipeline.files.ranges import Range, check
-from pipeline.files.sourced import Unit
+from pipeline.files.sourced import IMPULSE, LENGTH, Unit
+from pipeline.robot.size import RobotSize
 
 _FACTOR = Range(0.5, 1.5)
 _SECONDS = Range(0.0, 10.0)
@@ -17,7 +18,7 @@ _SECONDS = Range(0.0, 10.0)
 class DisturbanceSettings:
     """Ranges that the disturbances of a rollout are drawn from, uniformly."""
 
-    push_impulse: Annotated[tuple[float, float], Unit("N s")]
+    push_impulse: Annotated[tuple[float, float], Unit("N s"), IMPULSE]
     """Impulse of a horizontal push on the root link [N s]."""
     push_s: Annotated[float, Unit("s")]
     """Duration of a push [s]."""
@@ -53,14 +54,16 @@ class DisturbanceSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FailureSettings:
-    """Where tracking has failed, as BeyondMimic ends an episode."""
+    """Where tracking has failed, as an episode of training ends."""
 
-    root_height: Annotated[float, Unit("m")]
+    root_height: Annotated[float, Unit("m"), LENGTH]
     """Largest error of the root's height [m]."""
     gravity: Annotated[float, Unit("-")]
     """Largest error of the vertical in the root frame, along its z axis."""
-    end_height: Annotated[float, Unit("m")]
+    end_height: Annotated[float, Unit("m"), LENGTH]
     """Largest error in height of a foot or hand link [m]."""
+    path: Annotated[float, Unit("m"), LENGTH]
+    """Largest distance of the root from the reference's root [m]."""
     before_s: Annotated[float, Unit("s")]
     """Cut before a failure [s]."""
     restart_s: Annotated[float, Unit("s")]
@@ -72,6 +75,7 @@ class FailureSettings:
             root_height=Range(0.0, 2.0, open_low=True),
             gravity=Range(0.0, 2.0, open_low=True),
             end_height=Range(0.0, 2.0, open_low=True),
+            path=Range(0.0, 10.0, open_low=True),
             before_s=_SECONDS,
             restart_s=_SECONDS,
         )
@@ -89,6 +93,8 @@ class TrackingSettings:
     """Disturbed rollouts of each other variant."""
     shortest_s: float
     """Shorter pieces are dropped [s]."""
+    calibrated_on: RobotSize
+    """The robot that heights and impulses hold for; `pipeline.robot.size.scaled` gives those of another one."""
     failure: FailureSettings
     disturbance: DisturbanceSettings
 

@@ -14,6 +14,12 @@ DECIMATION = 4
 ACTION_SCALE = 0.25
 """Joint target = reference joint position + ACTION_SCALE * action [rad]."""
 
+ITERATIONS = 500
+"""Of training, of 24 control steps each: enough for the clips that ship; docs/tracking.md says what more clips need."""
+
+PATH_M = 0.5
+"""An episode ends where the root is farther from the reference's root [m]."""
+
 OBSERVATION = (
     "command",  # reference joint positions and velocities (2j)
     "motion_anchor_pos_b",  # reference root position in the robot's root frame (3)

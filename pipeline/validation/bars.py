@@ -1,13 +1,17 @@
-"""Settings of `data/validation.yaml`: the thresholds (bars) of each verdict, with unit and source.
+"""The thresholds (bars) of each verdict, with unit and source.
 
-Its rules are written by hand; its bars are derived from a reference policy by `pipeline.validation.derive`.
+The rules in `data/validation.yaml` are written by hand and hold for every robot. The bars of a robot are in
+`robots/<robot>/validation.yaml`, derived from a reference policy by `pipeline.validation.derive`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from pipeline.errors import SettingsError
+from pipeline.files import settings
 from pipeline.files.ranges import NOT_NEGATIVE, SHARE, OneOf, check
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import Measured
@@ -69,10 +73,10 @@ class Reference:
         if robot == self.robot:
             return ""
         return (
-            f"the bars of data/validation.yaml were derived on another robot ({self.robot[:12]}) than the evaluated "
-            f"one ({robot[:12]}). If that robot is not adapted yet, materialize `adapted_robot` and validate again; if "
-            "the robot itself has changed, read the verdict as one on the changed robot, or derive the bars again "
-            "(docs/validation.md)."
+            f"the bars of the robot's validation.yaml were derived on another robot ({self.robot[:12]}) than the "
+            f"evaluated one ({robot[:12]}). If that robot is not adapted yet, materialize `adapted_robot` and validate "
+            "again; if the robot itself has changed, read the verdict as one on the changed robot, or derive the bars "
+            "again (docs/validation.md)."
         )
 
 
@@ -115,7 +119,7 @@ class CellBars:
         )
 
 
-UNKNOWN = CellBars(required=False, why="data/validation.yaml has no bars for it", bars={})
+UNKNOWN = CellBars(required=False, why="the robot's validation.yaml has no bars for it", bars={})
 """For a cell that the file does not contain."""
 
 
@@ -149,12 +153,18 @@ class Agreement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ValidationSettings:
-    """The whole file."""
+class ValidationRules:
+    """`data/validation.yaml`."""
 
     margins: dict[str, Margin]
     required: Required
     agreement: Agreement
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotBars:
+    """`robots/<robot>/validation.yaml`."""
+
     reference: Reference
     cells: dict[str, CellBars]
     """Bars of `mujoco_validation`."""
@@ -164,6 +174,21 @@ class ValidationSettings:
     """Bars of `webots_validation` for each segment."""
     limit_cycles: dict[str, CellBars]
     """Bars of `limit_cycles` for DART against MuJoCo at each speed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidationSettings(ValidationRules, RobotBars):
+    """Rules and bars of a robot."""
+
+
+def read_validation(rules: Path, bars: Path) -> ValidationSettings:
+    """The rules (`data/validation.yaml`) and a robot's bars (`robots/<robot>/validation.yaml`). Raises SettingsError,
+    which says how to derive the bars where there are none."""
+    if not bars.is_file():
+        do = "Derive them from a policy that walks: python -m pipeline.validation.derive POLICY.npz --robot FOLDER."
+        raise SettingsError(bars, f"'{bars.parent.name}' has no thresholds for a policy. {do}")
+    shared, own = settings.read(rules, ValidationRules), settings.read(bars, RobotBars)
+    return ValidationSettings(**vars(shared), **vars(own))
 
 
 def derived(runs: Sequence[Sequence[Measured]], margins: dict[str, Margin], required: Required) -> dict[str, CellBars]:

@@ -1,9 +1,9 @@
 """The same policy, gains and motors in MuJoCo, its bridge and DART: a matrix of cells and a verdict with every reason.
 
-A cell is required if `data/validation.yaml` says so, that is if the published policy passes it. In a required cell the
-policy must not fall in MuJoCo or DART, must follow its command within the cell's bars, and both engines must agree.
-MuJoCo and the bridge differ in the armature on the links, the bridge and DART in contact and solver. A difference that
-the bridge has to MuJoCo as well comes from the approximation; it is listed, not counted.
+A cell is required if the robot's `validation.yaml` says so, that is if the reference policy passes it. In a required
+cell the policy must not fall in MuJoCo or DART, must follow its command within the cell's bars, and both engines must
+agree. MuJoCo and the bridge differ in the armature on the links, the bridge and DART in contact and solver. A
+difference that the bridge has to MuJoCo as well comes from the approximation; it is listed, not counted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Settings of `data/cross_engine.yaml`: the grid of cells. The thresholds are in `data/validation.yaml`."""
+"""Settings of `data/cross_engine.yaml`: the grid of cells. The thresholds are in `robots/<robot>/validation.yaml`."""
 
 from __future__ import annotations
 

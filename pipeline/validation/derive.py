@@ -1,7 +1,7 @@
 """Derive the bars from a reference policy: `python -m pipeline.validation.derive POLICY.npz [--robot FOLDER]`.
 
-Run the rollouts of each verdict with each ankle damping in `data/validation.yaml`, and rewrite the file's bars: the
-worst figure of all trials plus its margin. Rules, margins and the bars of other parts are kept.
+Run the rollouts of each verdict with each ankle damping of the robot's `validation.yaml` (its own gains where there is
+no such file yet), and write the bars: the worst figure of all trials plus its margin. Bars of other parts are kept.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipeline.deployment import digest, load_policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
 from pipeline.robot.load import read_description
-from pipeline.validation.bars import CellBars, Reference, ValidationSettings, derived
+from pipeline.validation.bars import CellBars, Reference, RobotBars, ValidationRules, ValidationSettings, derived
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
@@ -39,37 +39,42 @@ from pipeline.webots.result import WalkResult
 from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.validate import run_stand_in
 
-FILE = Path("data/validation.yaml")
+RULES = Path("data/validation.yaml")
+ROBOTS = Path("robots")
+FILE = "validation.yaml"
 GRID = Path("data/cross_engine.yaml")
 WALK = Path("data/webots.yaml")
 CYCLES = Path("data/limit_cycles.yaml")
 CELLS, ENGINES, WEBOTS, LIMIT_CYCLES = PARTS = ("cells", "engines", "webots", "limit_cycles")
 HEADER = """\
-# Thresholds of a policy. `margins`, `required` and `agreement` are written by hand, `reference` and bars are derived:
+# Thresholds of a policy on this robot, derived from a reference policy by the rules of data/validation.yaml:
 #     {command}
 # `cells` are the bars in MuJoCo, `engines` those of each walk of cross_engine.yaml in MuJoCo and DART, `webots` of the
-# walk of webots.yaml, `limit_cycles` of strides in MuJoCo and DART. A bar is the reference policy's worst figure plus
-# the margin of that figure. A cell that the reference policy fails itself is not required, with the reason.
+# walk of webots.yaml, `limit_cycles` of strides in MuJoCo and DART. A cell that the reference policy fails itself is
+# not required, with the reason.
 """
 
 
 def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], command: str) -> None:
-    """Rewrite parts of a settings file with bars derived from the reference policy."""
-    rules = settings.read(path, ValidationSettings)
-    reference = Reference(
-        policy=digest(one.policy), robot=one.robot.digest, ankle_kd=rules.reference.ankle_kd, command=command
-    )
-    known = dataclasses.replace(rules.reference, command=command)
+    """Write parts of a robot's bars, derived from the reference policy. A file that is there keeps its other parts."""
+    bars = settings.read(path, RobotBars) if path.is_file() else None
+    ankle_kd = bars.reference.ankle_kd if bars else ()
+    reference = Reference(policy=digest(one.policy), robot=one.robot.digest, ankle_kd=ankle_kd, command=command)
     left = [part for part in PARTS if part not in found]
-    if left and reference != known:
+    if bars is None:
+        atomic.write_text(
+            path, text_of(RobotBars(reference=reference, **{part: found.get(part, {}) for part in PARTS}))
+        )
+        return
+    if left and reference != dataclasses.replace(bars.reference, command=command):
         problem = f"its {', '.join(left)} are of another policy or robot, and would stay beside the new bars."
         raise FileError(path, problem, "Derive all parts.")
-    atomic.write_text(path, text_of(dataclasses.replace(rules, reference=reference, **found)))
+    atomic.write_text(path, text_of(dataclasses.replace(bars, reference=reference, **found)))
 
 
-def text_of(found: ValidationSettings) -> str:
-    """The settings as the text of their file."""
-    plain: dict[str, Any] = settings.plain(found)
+def text_of(found: RobotBars) -> str:
+    """The bars as the text of their file."""
+    plain: dict[str, Any] = {name: settings.plain(getattr(found, name)) for name in ("reference", *PARTS)}
     for cell in (cell for part in PARTS for cell in plain[part].values()):
         cell["bars"] = {
             name: {key: value for key, value in bar.items() if value is not None} for name, bar in cell["bars"].items()
@@ -104,6 +109,11 @@ def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSetting
     return walks
 
 
+def _no_bars(one: Deployed) -> RobotBars:
+    reference = Reference(policy=digest(one.policy), robot=one.robot.digest, ankle_kd=(), command="")
+    return RobotBars(reference=reference, cells={}, engines={}, webots={}, limit_cycles={})
+
+
 def _ankle(one: Deployed) -> int:
     return next(index for index, name in enumerate(one.task.joint_names) if "Ankle" in name)
 
@@ -112,15 +122,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m pipeline.validation.derive", description=__doc__)
     parser.add_argument("policy", type=Path, help="npz of the reference policy")
     parser.add_argument("--robot", type=Path, default=Path("data/adapted_robot/t1"), help="folder of the robot")
-    parser.add_argument("--file", type=Path, default=FILE, help="settings file to rewrite")
+    parser.add_argument("--file", type=Path, help="file of bars to write; default: robots/NAME/validation.yaml")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="bars to derive")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0 for one each core")
     parser.add_argument("--numbers", type=Path, help="JSON with measured numbers; cells found in it are not run again")
     given = parser.parse_args(arguments)
     try:
-        rules = settings.read(given.file, ValidationSettings)
+        file = given.file or ROBOTS / given.robot.resolve().name / FILE
+        rules = settings.read(RULES, ValidationRules)
+        kept = settings.read(file, RobotBars) if file.is_file() else None
         one, pool = deployed(given.robot, load_policy(given.policy)), ClipPool(workers=given.workers)
-        damped = [with_ankle_kd(one, kd) for kd in rules.reference.ankle_kd]
+        damped = [with_ankle_kd(one, kd) for kd in kept.reference.ankle_kd] if kept else [one]
         found = {}
         if CELLS in given.parts:
             cells = full(one.robot)
@@ -128,7 +140,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             found[CELLS] = derived(runs, rules.margins, rules.required)
         if ENGINES in given.parts:
             grid = settings.read(GRID, CrossEngineSettings)
-            walked = [cross_engine(each, grid, rules, pool=pool) for each in damped]
+            unjudged = ValidationSettings(**vars(rules), **vars(kept or _no_bars(one)))
+            walked = [cross_engine(each, grid, unjudged, pool=pool) for each in damped]
             found[ENGINES] = engine_bars(walked, grid, rules)
         if WEBOTS in given.parts:
             plan = settings.read(WALK, WebotsSettings)
@@ -137,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             values = settings.read(CYCLES, LimitCycleSettings)
             found[LIMIT_CYCLES] = limit_cycle_bars([limit_cycles(each, (), values, {}) for each in damped], rules)
         command = f"python -m pipeline.validation.derive {given.policy} --robot {given.robot}"
-        derive(given.file, one, found, command)
+        derive(file, one, found, command)
     except PipelineError as error:
         print(error, file=sys.stderr)
         return 1

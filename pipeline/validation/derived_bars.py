@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from pipeline.validation.bars import Agreement, Bar, CellBars, Required, ValidationSettings, bar_of, missed
+from pipeline.validation.bars import Agreement, Bar, CellBars, Required, ValidationRules, bar_of, missed
 from pipeline.validation.cross_engine import HELD, NAMES, CellResult, CrossEngineResult, differences, errors_of
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
 from pipeline.validation.limit_cycle_walks import ENGINES as CYCLE_ENGINES
@@ -17,14 +17,14 @@ from pipeline.webots.settings import Allowed, WalkSegment, WebotsSettings
 
 
 def engine_bars(
-    runs: Sequence[CrossEngineResult], grid: CrossEngineSettings, rules: ValidationSettings
+    runs: Sequence[CrossEngineResult], grid: CrossEngineSettings, rules: ValidationRules
 ) -> dict[str, CellBars]:
     """Bars of each cell from several runs of the grid: the worst walk in MuJoCo and DART plus the margin."""
     cells = zip(*(run.cells for run in runs), strict=True)
     return {same[0].name: _engine_cell_bars(same, grid.cells[same[0].name], rules) for same in cells}
 
 
-def _engine_cell_bars(same: Sequence[CellResult], cell: Cell, rules: ValidationSettings) -> CellBars:
+def _engine_cell_bars(same: Sequence[CellResult], cell: Cell, rules: ValidationRules) -> CellBars:
     walks = [one for found in same for engine in HELD for one in found.figures[engine]]
     walked = f"{len(walks)} walks in {' and '.join(NAMES[engine] for engine in HELD)}"
     errors = [errors_of(cell, one) for one in walks if not one.fell]
@@ -58,12 +58,12 @@ def _engine_failures(found: CellResult, agreement: Agreement) -> list[str]:
     return reasons
 
 
-def limit_cycle_bars(runs: Sequence[Sequence[SpeedCycles]], rules: ValidationSettings) -> dict[str, CellBars]:
+def limit_cycle_bars(runs: Sequence[Sequence[SpeedCycles]], rules: ValidationRules) -> dict[str, CellBars]:
     """Bars of each speed from several runs: the worst of both legs and all planes plus the margin."""
     return {speed_name(same[0].speed_m_s): _speed_bars(same, rules) for same in zip(*runs, strict=True)}
 
 
-def _speed_bars(same: Sequence[SpeedCycles], rules: ValidationSettings) -> CellBars:
+def _speed_bars(same: Sequence[SpeedCycles], rules: ValidationRules) -> CellBars:
     compared = [
         cycle_figures_of(each) for found in same for each in found.comparisons if each.name.startswith(CYCLE_ENGINES[1])
     ]
@@ -95,7 +95,7 @@ def allowed_of(bars: Mapping[str, CellBars]) -> dict[str, Allowed]:
 
 
 def webots_bars(
-    walks: Mapping[str, WalkResult], settings: WebotsSettings, rules: ValidationSettings
+    walks: Mapping[str, WalkResult], settings: WebotsSettings, rules: ValidationRules
 ) -> dict[str, CellBars]:
     """Bars of each segment from one walk per engine, `walks` by the engine's name."""
     found = {}
@@ -105,7 +105,7 @@ def webots_bars(
     return found
 
 
-def _segment_bars(segment: WalkSegment, rows: Mapping[str, WalkedSegment], rules: ValidationSettings) -> CellBars:
+def _segment_bars(segment: WalkSegment, rows: Mapping[str, WalkedSegment], rules: ValidationRules) -> CellBars:
     reasons = [f"the reference falls in {engine}" for engine, row in rows.items() if not row.walked]
     errors = [_segment_errors(segment, row) for row in rows.values() if row.walked]
     worst = {name: max(each[name] for each in errors) for name in errors[0]} if errors else {}

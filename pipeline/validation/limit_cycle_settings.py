@@ -1,4 +1,4 @@
-"""Settings of `data/limit_cycles.yaml`: the compared walks. The thresholds are in `data/validation.yaml`."""
+"""Settings of `data/limit_cycles.yaml`: the compared walks. The thresholds are in `robots/<robot>/validation.yaml`."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def limit_cycles(
 
 
 def name_of(speed_m_s: float) -> str:
-    """Name of a speed in `data/validation.yaml`."""
+    """Name of a speed in `robots/<robot>/validation.yaml`."""
     return f"{speed_m_s:g} m/s"
 
 

@@ -13,7 +13,7 @@ from pipeline.deployment import DeploymentTask, Policy, save_policy
 from pipeline.files import atomic
 from pipeline.robot.build import build_robot
 from pipeline.robot.description import Description
-from pipeline.simulation.run import FALL_HEIGHT, FALL_TILT_COS
+from pipeline.simulation.run import FALL_TILT_COS, fall_height
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.proto import (
     ACCELEROMETER,
@@ -90,7 +90,7 @@ def write_project(
     for name, path in needed_modules().items():
         atomic.write_text(home / name, path.read_text(encoding="utf-8"))
     atomic.write_text(home / "shims" / "jaxtyping.py", JAXTYPING_SHIM)
-    atomic.write_text(home / "task.json", _json(_task(task, envelope)))
+    atomic.write_text(home / "task.json", _json(_task(task, envelope, fall_height(robot))))
     atomic.write_text(project.run, _json(run_plan(settings, run="by hand")))
     if policy is None:
         (home / "policy.npz").unlink(missing_ok=True)
@@ -108,7 +108,7 @@ def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
     return {"run": run, "result": RESULT, "measured_s": settings.measured_s, "segments": segments}
 
 
-def _task(task: DeploymentTask, envelope: TorqueEnvelope) -> dict[str, Any]:
+def _task(task: DeploymentTask, envelope: TorqueEnvelope, lowest: float) -> dict[str, Any]:
     def listed(values: np.ndarray | None) -> list[float] | None:
         return None if values is None else values.tolist()
 
@@ -122,7 +122,7 @@ def _task(task: DeploymentTask, envelope: TorqueEnvelope) -> dict[str, Any]:
         "action_scale": task.action_scale,
         "history": task.history,
         "control_hz": task.control_hz,
-        "fall": {"height_m": FALL_HEIGHT, "tilt_cos": FALL_TILT_COS},
+        "fall": {"height_m": lowest, "tilt_cos": FALL_TILT_COS},
         "motors": {
             "limit": listed(envelope.limit),
             "knee_speed": listed(envelope.knee_speed),

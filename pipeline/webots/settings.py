@@ -1,4 +1,4 @@
-"""Settings of `data/webots.yaml`: commands and world. The thresholds are in `data/validation.yaml`."""
+"""Settings of `data/webots.yaml`: commands and world. The thresholds are in `robots/<robot>/validation.yaml`."""
 
 from __future__ import annotations
 

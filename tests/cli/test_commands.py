@@ -176,7 +176,7 @@ def test_view_writes_a_picture(walk, tmp_path, capsys):
         (["inspect", "--skeleton", "octopus", "{walk}"], "octopus"),
         (["retarget", "{tmp}/none.bvh", "--out", "{tmp}/o.csv"], "the file does not exist"),
         (["retarget", "{walk}", "--out", "{tmp}/o.bvh"], "ends in .csv"),
-        (["retarget", "{walk}", "--robot", "k9", "--out", "{tmp}/o.csv"], "unknown robot 'k9'; there are: t1"),
+        (["retarget", "{walk}", "--robot", "k9", "--out", "{tmp}/o.csv"], "unknown robot 'k9'; there are: k1, t1"),
         (["view", "{tmp}"], "it is a folder"),
         (["view", "{tmp}/none.bvh"], "the file does not exist"),
         (["view", "{tmp}/other.json"], "not a clip of an expert database"),

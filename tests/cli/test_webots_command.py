@@ -24,7 +24,7 @@ def test_a_project_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_an_unknown_robot_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["webots-project", "--robot", "k9", "--out", str(tmp_path)]) == 1
-    assert capsys.readouterr().err == "booster-lab: unknown robot 'k9'; there are: t1\n"
+    assert capsys.readouterr().err == "booster-lab: unknown robot 'k9'; there are: k1, t1\n"
 
 
 def test_a_missing_webots_is_said_and_is_no_pass(

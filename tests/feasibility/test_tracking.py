@@ -101,6 +101,10 @@ def test_errors_are_those_that_were_planted(robot, reference):
     error = tracking_error(tilted, reference, robot)
     np.testing.assert_allclose(error.gravity, 1.0 - np.cos(0.5), atol=1e-12)
     np.testing.assert_allclose(error.joint, 0.0)
+    slow = np.stack([np.linspace(0.0, 2.0, reference.frame_count), *np.zeros((2, reference.frame_count))], axis=1)
+    short = dataclasses.replace(reference, root_pos_w=slow * 0.5)
+    error = tracking_error(short, dataclasses.replace(reference, root_pos_w=slow), robot)
+    assert error.path.max() == pytest.approx(0.5)  # half of 1 m less, as the fit is in the middle
     elbow = _off(reference, robot, "Left_Elbow_Pitch", np.full(reference.frame_count, 0.3))
     error = tracking_error(elbow, reference, robot)
     np.testing.assert_allclose(error.joint, 0.3 / np.sqrt(len(robot.controlled)))

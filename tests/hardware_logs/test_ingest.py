@@ -20,10 +20,10 @@ from pipeline.hardware_logs import (
     read_trial,
     write_mcap,
 )
-from pipeline.hardware_logs.layout import K1
 from pipeline.hardware_logs.log_report import Bounds
 from pipeline.hardware_logs.mcap_records import DATA_END, RECORD_HEAD
 from pipeline.hardware_logs.missed_bars import MissedBar, note_of
+from pipeline.robot import load_robot
 from tests.factories.robot_logs import START_NS, facts, low_states, robot_log
 
 
@@ -35,7 +35,9 @@ def read(root, robot, tmp_path):
         path = tmp_path / "log.mcap"
         path.write_bytes(data) if isinstance(data, bytes) else write_mcap(path, data)
         values = settings.read(root / "data/hardware_logs.yaml", LogSettings)
-        made = ingest(path, "log", tmp_path / "out", layouts=layouts([robot]), settings=values, **options)
+        made = ingest(
+            path, "log", tmp_path / "out", layouts=layouts([robot, load_robot("k1")]), settings=values, **options
+        )
         return [read_trial(trial.path) for trial in made.trials]
 
     return read
@@ -95,10 +97,11 @@ def test_twenty_two_joints_are_a_k1(robot, read):
         for name, value in vars(states).items()
         if isinstance(value, np.ndarray) and value.shape[1:] == (23,)
     }
-    middle = 0.5 * (K1.joint_lower + K1.joint_upper)
+    k1 = load_robot("k1")
+    middle = 0.5 * (k1.joint_lower + k1.joint_upper)
     states = dataclasses.replace(states, **{**arrays, "joint_pos": np.tile(middle, (500, 1))})
     (trial,) = read(robot_log(robot, 1.0, facts=facts(robot="k1"), low_state=states, joint_ctrl=None))
-    assert (trial.robot, trial.joint_names) == ("k1", K1.joint_names)
+    assert (trial.robot, trial.joint_names) == ("k1", k1.joint_names)
     with pytest.raises(LogError, match="stated to be of 't1', but 22 joints are those of 'k1'"):
         read(robot_log(robot, 1.0, low_state=states, joint_ctrl=None))
 

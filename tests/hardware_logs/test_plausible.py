@@ -6,9 +6,10 @@ import pytest
 from pipeline.files import settings
 from pipeline.hardware_logs import LogSettings
 from pipeline.hardware_logs.columns import low_state_columns
-from pipeline.hardware_logs.layout import K1, layout_of, layouts
+from pipeline.hardware_logs.layout import layout_of, layouts
 from pipeline.hardware_logs.plausible import Plausible
 from pipeline.hardware_logs.write import low_states as payloads
+from pipeline.robot import load_robot
 from tests.factories.robot_logs import every, low_states
 
 
@@ -90,19 +91,8 @@ def test_a_count_of_lost_packets_that_falls_is_told(look):
 
 
 def test_robots_are_told_by_their_number_of_joints(robot):
-    found = layouts([robot])
+    found = layouts([robot, load_robot("k1")])
     assert {count: each.robot for count, each in found.items()} == {22: "k1", 23: "t1"}
-    assert "Waist" not in K1.joint_names
+    assert "Waist" not in found[22].joint_names
     with pytest.raises(ValueError, match="both have 23 joints"):
         layouts([robot, robot])
-
-
-def test_the_limits_of_the_k1_are_mirrored():
-    left = [name for name in K1.joint_names if "Left" in name]
-    for name in left:
-        one, other = K1.joint_names.index(name), K1.joint_names.index(name.replace("Left", "Right"))
-        limits = (K1.joint_lower[one], K1.joint_upper[one])
-        assert limits in (
-            (K1.joint_lower[other], K1.joint_upper[other]),
-            (-K1.joint_upper[other], -K1.joint_lower[other]),
-        )

@@ -67,7 +67,7 @@ def test_isaacs_joint_order_is_told_without_names(cases):
 
 
 def test_another_robots_table_says_so_at_once(cases):
-    with pytest.raises(FileError, match=r"29 joints without names; the robots here are t1 \(23\)"):
+    with pytest.raises(FileError, match=r"29 joints without names; the robots here are k1 \(22\), t1 \(23\)"):
         read(cases, "g1_csv_message/g1_like_29.csv")
 
 

@@ -16,7 +16,7 @@ from pipeline.simulation.mujoco_plant import Ball, MujocoOptions, MujocoPlant
 from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import NoBallError, PlantState
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import RateError, has_fallen, run
+from pipeline.simulation.run import RateError, fall_height, has_fallen, run
 from pipeline.simulation.sensors import NoisySensors, PerfectSensors, SensorNoise
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from tests.factories.policies import linear_policy, still_policy
@@ -209,7 +209,7 @@ def test_a_fall_is_a_low_or_a_tilted_trunk_over_its_ground(robot: Robot):
     def fallen(height: float, tilt_deg: float, ground: float = 0.0) -> bool:
         quat = rotation.from_rotvec(np.array([np.radians(tilt_deg), 0.0, 0.0]))
         state = dataclasses.replace(upright, root_pos_w=np.array([1.0, 2.0, height]), root_quat_w=quat)
-        return has_fallen(state, lambda x, y: ground)
+        return has_fallen(state, fall_height(robot), lambda x, y: ground)
 
     assert not fallen(0.46, 0.0)
     assert fallen(0.44, 0.0)

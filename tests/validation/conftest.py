@@ -10,7 +10,7 @@ from pipeline.deployment import deployment_task, load_policy
 from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.cross_engine_settings import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, with_ankle_kd
 from tests.factories.policies import still_policy
@@ -23,7 +23,7 @@ def settings(root: Path) -> CrossEngineSettings:
 
 @pytest.fixture(scope="module")
 def rules(root: Path) -> ValidationSettings:
-    return read(root / "data" / "validation.yaml", ValidationSettings)
+    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 @pytest.fixture

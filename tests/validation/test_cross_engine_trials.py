@@ -14,7 +14,7 @@ from pipeline.files.settings import read
 from pipeline.hardware_logs.missed_bars import MissedBar, heard
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_trials import failure_log, first_failures, missed_by, write_failures
@@ -44,7 +44,7 @@ def settings(root: Path) -> CrossEngineSettings:
 @pytest.fixture(scope="module")
 def rules(root: Path) -> ValidationSettings:
     """The first is required, the second not."""
-    whole = read(root / "data" / "validation.yaml", ValidationSettings)
+    whole = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     spared = CellBars(required=False, why="test", bars={})
     return dataclasses.replace(whole, engines={"stand": whole.engines["stand"], "stand_too": spared})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from pipeline.errors import FileError
 from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import UNKNOWN, CellBars, ValidationSettings
+from pipeline.validation.bars import UNKNOWN, CellBars, RobotBars, ValidationSettings, read_validation
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult
 from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment, SimulationSettings
 from pipeline.validation.cross_engine_walk import Figures
@@ -29,7 +28,7 @@ GRID = CrossEngineSettings(simulation=SIMULATION, cells={"walk": CELL})
 
 @pytest.fixture(scope="module")
 def rules(root: Path) -> ValidationSettings:
-    return read(root / "data" / "validation.yaml", ValidationSettings)
+    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 def walked(forward: float, turning: float = 0.0, fell_s: float | None = None) -> Figures:
@@ -79,7 +78,7 @@ def test_parts_of_another_reference_do_not_stay_beside_new_bars(
     tmp_path: Path, root: Path, robot: Robot, rules: ValidationSettings
 ):
     path = tmp_path / "validation.yaml"
-    path.write_text((root / "data" / "validation.yaml").read_text())
+    path.write_text((root / "robots/t1/validation.yaml").read_text())
     task = deployment_task(robot)
     envelope = TorqueEnvelope(limit=robot.torque_limit)
     other = Deployed(robot=robot, task=task, policy=still_policy(task), envelope=envelope)
@@ -87,9 +86,9 @@ def test_parts_of_another_reference_do_not_stay_beside_new_bars(
     with pytest.raises(FileError, match=f"{left}.*Derive all parts"):
         derive(path, other, {ENGINES: rules.engines}, "derive")
     derive(path, other, {**{part: {} for part in PARTS}, "cells": rules.cells}, "derive")
-    now = read(path, ValidationSettings)
+    now = read(path, RobotBars)
     assert now.reference.robot == robot.digest
-    assert now == dataclasses.replace(rules, reference=now.reference, engines={}, webots={}, limit_cycles={})
+    assert (now.cells, now.engines, now.webots, now.limit_cycles) == (rules.cells, {}, {}, {})
 
 
 def test_the_command_derives_the_bars_between_engines(
@@ -99,17 +98,19 @@ def test_the_command_derives_the_bars_between_engines(
     monkeypatch.chdir(tmp_path)
     grid = {"simulation": vars(SIMULATION), "cells": {"walk": {"segments": [{"seconds": 0.6, "command": [1, 0, 0]}]}}}
     grid["cells"]["walk"]["measured_s"] = 0.2
-    path = tmp_path / "data" / "validation.yaml"
-    path.parent.mkdir()
-    (path.parent / "cross_engine.yaml").write_text(json.dumps(grid))
+    path, data = tmp_path / "robots" / "t1" / "validation.yaml", tmp_path / "data"
+    path.parent.mkdir(parents=True)
+    data.mkdir()
+    (data / "cross_engine.yaml").write_text(json.dumps(grid))
+    (data / "validation.yaml").write_text((root / "data/validation.yaml").read_text())
     task = deployment_task(robot)
     save_policy(tmp_path / "still.npz", still_policy(task))
     one = deployed(root / "robots" / "t1", load_policy(tmp_path / "still.npz"))
-    path.write_text((root / "data" / "validation.yaml").read_text())
+    path.write_text((root / "robots/t1/validation.yaml").read_text())
     derive(path, one, {part: {} for part in PARTS}, "derive")
     arguments = ["still.npz", "--robot", str(root / "robots" / "t1"), "--workers", "1", "--parts", "engines"]
     assert main(arguments) == 0
-    now = read(path, ValidationSettings)
+    now = read(path, RobotBars)
     assert list(now.engines) == ["walk"]
     assert not now.engines["walk"].required
     assert "the reference misses the command by" in now.engines["walk"].why

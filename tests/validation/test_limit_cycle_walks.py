@@ -13,7 +13,7 @@ from pipeline.hardware_logs import LogSettings, ingest, layouts, read_trial, wri
 from pipeline.hardware_logs.robot_log import LogFacts
 from pipeline.hardware_logs.trial import Gap, Trial
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import Bar, CellBars, read_validation
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import limit_cycle_bars
 from pipeline.validation.limit_cycle_settings import LimitCycleSettings
@@ -154,7 +154,7 @@ def test_the_published_policy_walks_alike_in_both_engines(robot, policies, setti
         envelope=TorqueEnvelope(limit=robot.torque_limit),
     )
     one = with_ankle_kd(plain, ANKLE_KD)
-    bars = settings_files.read(root / "data" / "validation.yaml", ValidationSettings).limit_cycles
+    bars = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml").limit_cycles
     assert bars["0.6 m/s"].required and not bars["2 m/s"].required
     short = dataclasses.replace(settings, speeds_m_s=(0.6,))
     (found,) = limit_cycles(one, [walking_log(robot)], short, bars)
@@ -187,7 +187,7 @@ def test_a_robot_on_half_its_period_gives_reasons(robot, settings):
 
 def test_bars_of_a_speed_are_the_references_worst_and_another_gait_is_not_required(robot, settings, root):
     """Legs of made-up walks: one 2 % slower, one at half the period."""
-    rules = settings_files.read(root / "data" / "validation.yaml", ValidationSettings)
+    rules = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
     def cycle(name, period_s):
         trial = walking_log(robot, period_s=period_s)

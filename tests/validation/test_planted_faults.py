@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import load_policy
-from pipeline.files import settings
-from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
 from tests.factories.planted_faults import CAUGHT_BY, judged
@@ -24,7 +23,7 @@ def published(root: Path, policies: Path) -> Deployed:
 
 @pytest.fixture(scope="module")
 def bars(root: Path) -> ValidationSettings:
-    return settings.read(root / "data" / "validation.yaml", ValidationSettings)
+    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 def test_the_published_policy_passes_the_cells_that_show_faults(published: Deployed, bars: ValidationSettings):

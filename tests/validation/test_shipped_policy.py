@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.export.folder import Export, complete_export, read_export
 from pipeline.export.golden import read_golden, replay
-from pipeline.files import settings
-from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.cross_engine_faults import FAULTS
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.suites import full
@@ -30,7 +29,7 @@ def walking(root: Path, shipped: Export) -> Deployed:
 
 @pytest.fixture(scope="module")
 def bars(root: Path) -> ValidationSettings:
-    return settings.read(root / "data" / "validation.yaml", ValidationSettings)
+    return read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
 
 
 def test_what_was_measured_of_it_holds_every_required_bar(shipped: Export, bars: ValidationSettings, robot):

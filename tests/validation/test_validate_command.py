@@ -10,9 +10,9 @@ import pytest
 from pipeline.cli import validate_command
 from pipeline.cli.main import main
 from pipeline.deployment import deployment_task, save_policy
-from pipeline.files import atomic, settings
+from pipeline.files import atomic
 from pipeline.robot import Robot
-from pipeline.validation.bars import Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
 from pipeline.validation.suites import named
 from tests.factories.policies import linear_policy, still_policy
 
@@ -36,10 +36,12 @@ def one_push(robot: Robot, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def _bars(monkeypatch: pytest.MonkeyPatch, at_least: float) -> None:
     bars = CellBars(required=True, why="", bars={"survival": Bar(unit="share", source="test", at_least=at_least)})
 
-    def read(project, name: str, kind: type) -> ValidationSettings:
-        return dataclasses.replace(settings.read(project.root / "data" / name, kind), cells={CELL: bars})
+    def read(project, robot: str) -> ValidationSettings:
+        robot_file = project.root / "robots" / robot / "validation.yaml"
+        found = read_validation(project.root / "data" / "validation.yaml", robot_file)
+        return dataclasses.replace(found, cells={CELL: bars})
 
-    monkeypatch.setattr("pipeline.cli.project.Project.settings", read)
+    monkeypatch.setattr("pipeline.cli.project.Project.validation", read)
 
 
 @pytest.mark.usefixtures("one_push")

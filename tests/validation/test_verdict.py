@@ -16,9 +16,11 @@ from pipeline.validation.bars import (
     Margin,
     Reference,
     Required,
+    RobotBars,
     Tolerance,
     ValidationSettings,
     derived,
+    read_validation,
 )
 from pipeline.validation.cells import SURVIVING
 from pipeline.validation.derive import text_of
@@ -136,7 +138,7 @@ def test_where_every_trial_falls_the_fall_is_the_reason():
 def test_nothing_that_is_required_is_no_pass():
     verdict = _judged(_settings(measured(cell("a"), {}, {})), measured(cell("unknown"), {}, {}))
     assert not verdict.passed
-    assert verdict.cells[0].bars.why == "data/validation.yaml has no bars for it"
+    assert verdict.cells[0].bars.why == "the robot's validation.yaml has no bars for it"
     assert as_text(verdict).endswith("no cell is required: nothing was shown")
 
 
@@ -168,8 +170,9 @@ def test_the_file_is_what_was_derived(tmp_path: Path):
     found = _settings(measured(cell("a"), {}, {}), measured(cell("p", 4, SURVIVING), {}, {}, {}, {}))
     path = tmp_path / "validation.yaml"
     path.write_text(text_of(found))
-    assert settings.read(path, ValidationSettings) == found
-    assert text_of(settings.read(path, ValidationSettings)) == text_of(found)
+    read = settings.read(path, RobotBars)
+    assert read == RobotBars(**{field.name: getattr(found, field.name) for field in dataclasses.fields(RobotBars)})
+    assert text_of(read) == text_of(found)
 
 
 @pytest.mark.parametrize(
@@ -188,15 +191,15 @@ def test_a_bar_that_would_hold_whatever_is_found_is_refused(
     root: Path, tmp_path: Path, right: str, wrong: str, told: str
 ):
     """A misspelt figure, or one without a side, let every policy pass."""
-    path, text = tmp_path / "validation.yaml", (root / "data" / "validation.yaml").read_text()
+    path, text = tmp_path / "validation.yaml", (root / "robots/t1/validation.yaml").read_text()
     assert right in text
     path.write_text(text.replace(right, wrong, 1))
     with pytest.raises(SettingsError, match=told):
-        settings.read(path, ValidationSettings)
+        settings.read(path, RobotBars)
 
 
 def test_the_shipped_bars_are_of_the_cells_that_there_are(root: Path, robot: Robot):
-    shipped = settings.read(root / "data" / "validation.yaml", ValidationSettings)
+    shipped = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     cells = {each.name: each for each in full(robot)}
     assert list(shipped.cells) == list(cells)
     assert set(shipped.margins) == set(FIGURES)
@@ -211,7 +214,7 @@ def test_the_shipped_bars_are_of_the_cells_that_there_are(root: Path, robot: Rob
 
 
 def test_pushes_of_the_quick_suite_are_such_as_the_reference_survives_all_of(root: Path, robot: Robot):
-    shipped = settings.read(root / "data" / "validation.yaml", ValidationSettings)
+    shipped = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     for each in quick(robot):
         if "survival" in each.figures:
             bar = shipped.cells[each.name].bars["survival"].at_least

@@ -17,7 +17,7 @@ from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.bars import ValidationSettings
+from pipeline.validation.bars import read_validation
 from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.launch import Outcome
 from pipeline.webots.project import Project, write_project
@@ -250,7 +250,7 @@ def test_the_published_policy_walks_in_the_stand_in(tmp_path: Path, policies: Pa
         load_policy(policies / "t1_walk.npz"),
         settings,
     )
-    rules = read(root / "data" / "validation.yaml", ValidationSettings)
+    rules = read_validation(root / "data/validation.yaml", root / "robots/t1/validation.yaml")
     said = verdict(MUJOCO_STAND_IN, run_stand_in("mujoco", project, settings), settings, allowed_of(rules.webots))
     assert said.status == "passed", said.reasons
     assert said.result is not None

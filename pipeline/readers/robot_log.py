@@ -1,0 +1,93 @@
+"""A robot's log (MCAP, as the robot and the virtual robot write it) as a robot motion.
+
+A log has joints and the trunk's attitude, but no position: the odometer is planar and biased. The root is therefore
+placed by leg odometry: the lowest corner of the soles is on the ground and stays where it is from one frame to the
+next. This holds for standing and walking; in the flight phase of a run the lowest corner moves, and the path is too
+short there.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation, time_series
+from pipeline.clips.outcome import Reason
+from pipeline.errors import FileError
+from pipeline.files import settings
+from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, read_trial
+from pipeline.readers.robot_motion import RobotMotion, robots
+from pipeline.robot import Kinematics, Robot
+
+SETTINGS = Path(__file__).resolve().parents[2] / "data" / "hardware_logs.yaml"
+
+RATE_HZ = 50.0
+"""Samples of a log (500 Hz) are thinned to about this rate, that of the database."""
+
+
+def read_robot_log(path: Path) -> RobotMotion:
+    """The longest stretch of a log in which the robot is up and nothing is missing.
+
+    Raises FileError for a log that is refused, and for one of a robot that is not in `robots/`.
+    """
+    values = settings.read(SETTINGS, LogSettings)
+    with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
+        made = ingest(path, path.stem, Path(folder), layouts=layouts(robots()), settings=values)
+        trials = [read_trial(each.path) for each in made.trials]
+    stretches = [(trial, start, stop) for trial in trials for start, stop in time_series.runs(_usable(trial))]
+    if not stretches:
+        raise FileError(path, "the robot is never up with joints and attitude recorded.", "Leave it out.")
+    trial, start, stop = max(stretches, key=lambda each: (each[2] - each[1]) / each[0].rate_hz)
+    robot = next((each for each in robots() if each.name == trial.robot), None)
+    if robot is None:
+        raise FileError(path, f"its robot '{trial.robot}' is none of this project's.", "Add its folder to robots/.")
+    step = max(round(trial.rate_hz / RATE_HZ), 1)
+    frames = slice(start, stop, step)
+    joint_pos = trial.joint_pos[frames]
+    roll, pitch, yaw = trial.rpy[frames].T
+    root_quat = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
+    return RobotMotion(
+        format="robot_log",
+        path=path,
+        root_pos_w=leg_odometry(robot, root_quat, joint_pos),
+        root_quat=root_quat,
+        order_is_certain=True,
+        joint_pos=joint_pos,
+        joint_names=robot.joint_names,
+        fps=trial.rate_hz / step,
+        notes=(_what_was_taken(trials, trial, (stop - start) / trial.rate_hz),),
+    )
+
+
+def leg_odometry(
+    robot: Robot, root_quat_w: Float[np.ndarray, "t 4"], joint_pos: Float[np.ndarray, "t j"]
+) -> Float[np.ndarray, "t 3"]:
+    """Positions of the root [m], from the origin on: the lowest sole corner is on the ground and does not slide."""
+    kinematics = Kinematics(robot)
+    poses = kinematics.forward(np.zeros((len(joint_pos), 3)), root_quat_w, joint_pos)
+    corners = kinematics.site_pos_w(poses, [name for side in robot.sole_corners for name in side])
+    lowest = corners[..., 2].argmin(axis=1)
+    frames = np.arange(len(corners) - 1)
+    steps = corners[frames, lowest[:-1], :2] - corners[frames + 1, lowest[:-1], :2]
+    root = np.zeros((len(corners), 3))
+    root[1:, :2] = np.cumsum(steps, axis=0)
+    root[:, 2] = -corners[..., 2].min(axis=1)
+    return root
+
+
+def _usable(trial: Trial) -> np.ndarray:
+    """(n,) bool: samples with joints and attitude, while the robot has not fallen."""
+    recorded = np.isfinite(trial.joint_pos).all(axis=1) & np.isfinite(trial.rpy).all(axis=1)
+    return recorded & trial.measured & (trial.fall_state <= 0)
+
+
+def _what_was_taken(trials: list[Trial], trial: Trial, seconds: float) -> Reason:
+    whole = sum(each.seconds for each in trials)
+    text = (
+        f"{seconds:.1f} of {whole:.1f} s of the log are taken, the longest stretch in which the robot is up; its path "
+        f"is from leg odometry, and the log is {'of a simulated' if trial.simulated else 'of a real'} robot."
+    )
+    return Reason(code="robot_log", text=text, effect="noted", value=seconds, unit="s")

@@ -1,0 +1,73 @@
+"""Figures of settings that belong to the size of a robot, carried over to another robot.
+
+Thresholds were calibrated on one robot. A settings file names its size in `calibrated_on`, and the fields that depend
+on it are annotated with `Scaled`; `scaled` gives their values for the robot at hand. For the robot that a file was
+calibrated on, all values are exactly those of the file.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass
+from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
+
+from pipeline.files.ranges import POSITIVE, check
+from pipeline.files.sourced import Scaled, Unit
+from pipeline.robot.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotSize:
+    """Size of the robot that figures hold for."""
+
+    leg_length: Annotated[float, Unit("m")]
+    """`Robot.leg_length` [m]."""
+    mass: Annotated[float, Unit("kg")]
+    """Total mass, to 1 g [kg]."""
+
+    def __post_init__(self) -> None:
+        check(self, leg_length=POSITIVE, mass=POSITIVE)
+
+
+def size_of(robot: Robot) -> RobotSize:
+    """Size of a robot."""
+    return RobotSize(leg_length=robot.leg_length, mass=round(robot.total_mass, 3))
+
+
+@runtime_checkable
+class Calibrated(Protocol):
+    """Settings that name the robot they were calibrated on."""
+
+    @property
+    def calibrated_on(self) -> RobotSize: ...
+
+
+S = TypeVar("S", bound=Calibrated)
+
+
+def scaled(settings: S, robot: Robot) -> S:
+    """The settings (a dataclass) for `robot`. Settings that were scaled to it already are returned as they are."""
+    known, wanted = settings.calibrated_on, size_of(robot)
+    if known == wanted:
+        return settings
+    ratios = (wanted.leg_length / known.leg_length, wanted.mass / known.mass)
+    return dataclasses.replace(_scaled(settings, ratios), calibrated_on=wanted)
+
+
+def _scaled(section: Any, ratios: tuple[float, float]) -> Any:
+    hints = typing.get_type_hints(type(section), include_extras=True)
+    changed = {}
+    for field in dataclasses.fields(section):
+        value = getattr(section, field.name)
+        rules = [remark for remark in getattr(hints[field.name], "__metadata__", ()) if isinstance(remark, Scaled)]
+        if dataclasses.is_dataclass(value):
+            changed[field.name] = _scaled(value, ratios)
+        elif rules:
+            factor = rules[0].factor(*ratios)
+            if not isinstance(value, tuple):
+                changed[field.name] = factor * value
+            else:
+                last = 1.0 if rules[0].first_only else factor
+                changed[field.name] = (factor * value[0], *(last * each for each in value[1:]))
+    return dataclasses.replace(section, **changed)

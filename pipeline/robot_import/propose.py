@@ -1,0 +1,253 @@
+"""The tables of a robot folder from a maker's model: what the file states, and proposals for the rest."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pipeline.robot.adapted import files_of
+from pipeline.robot.build import build_robot
+from pipeline.robot.checks import faults_of
+from pipeline.robot.description import Config, Description
+from pipeline.robot.robot_error import refuse
+from pipeline.robot.simulator_model import compiled
+from pipeline.robot.tables import JointRow, LinkRow
+from pipeline.robot_import.limbs import BEND, Body, Limb, find_body
+from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel
+from pipeline.robot_import.mirror_names import propose_pairs
+from pipeline.robot_import.numbers import rounded, rpy_of
+from pipeline.robot_import.propose_shapes import COLOURS, propose_shapes
+from pipeline.robot_import.propose_sites import ProposedSites, propose_sites
+from pipeline.robot_import.stated import NOTHING, Stated
+
+SIDES = ("left", "right")
+STIFFNESS = 4.0
+"""Proposed kp over the torque limit [1/rad]; published gains of the T1 are at 2 to 4.5."""
+DAMPING = 1.0 / 40.0
+"""Proposed kd over kp [s]."""
+ARMATURE = 0.01
+"""Proposed where the file has none [kg m^2]."""
+TORQUE, SPEED = 10.0, 10.0
+"""Placeholders where the file has none [N m], [rad/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """A robot folder that is not written yet."""
+
+    description: Description
+    to_state: tuple[str, ...]
+    """What a person must still state or look at, a sentence each."""
+    notes: tuple[str, ...]
+    """What of the model files was not used."""
+
+
+def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, stated: Stated = NOTHING) -> Proposal:
+    """The folder of a robot called `name`. Raises FileError where legs and arms are not found, RobotError where the
+    tables contradict each other.
+
+    Args:
+        model: the maker's file: tree, inertias, limits
+        shapes: another file of the same robot, to take its shapes and sites
+        stated: values that take the place of the file's
+    """
+    body = find_body(model)
+    source = shapes or model
+    todo: list[str] = []
+    joints = tuple(_joint_rows(model, body, stated, todo))
+    sites = propose_sites(source, model, body)
+    rows, fitted = propose_shapes(source, model, body)
+    config = _config(model, body, sites)
+    todo += _about(model, body, sites, fitted)
+    links = tuple(_link_row(number, link, model) for number, link in enumerate(model.links, start=2))
+    description = Description(
+        folder=Path(name), config=config, links=links, joints=joints, shapes=rows, sites=sites.rows, contents={}
+    )
+    refuse(faults_of(description))
+    excludes = _overlapping(description)
+    if excludes:
+        pairs = ", ".join(f"{first} and {second}" for first, second in excludes)
+        todo.append(f"robot.toml, contact_excludes: shapes of {pairs} overlap in the default pose and are excluded.")
+    description = dataclasses.replace(description, config=dataclasses.replace(config, contact_excludes=excludes))
+    description = dataclasses.replace(description, contents=files_of(description))
+    notes = (*model.notes, *(shapes.notes if shapes else ()))
+    return Proposal(description=description, to_state=tuple(todo), notes=tuple(dict.fromkeys(notes)))
+
+
+def _link_row(line: int, link: MakerLink, model: MakerModel) -> LinkRow:
+    x, y, z = rounded(link.pos)
+    roll, pitch, yaw = rpy_of(link.quat)
+    axis_x, axis_y, axis_z = rounded(link.joint.axis) if link.joint else (0.0, 0.0, 0.0)
+    com_x, com_y, com_z = rounded(link.com)
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (rounded(row) for row in link.inertia)
+    return LinkRow(
+        line=line,
+        link=link.name,
+        parent=model.links[link.parent].name if link.parent >= 0 else "",
+        joint=link.joint.name if link.joint else "",
+        x=x,
+        y=y,
+        z=z,
+        roll=roll,
+        pitch=pitch,
+        yaw=yaw,
+        axis_x=axis_x,
+        axis_y=axis_y,
+        axis_z=axis_z,
+        mass=rounded([link.mass])[0],
+        com_x=com_x,
+        com_y=com_y,
+        com_z=com_z,
+        ixx=ixx,
+        ixy=ixy,
+        ixz=ixz,
+        iyy=iyy,
+        iyz=iyz,
+        izz=izz,
+    )
+
+
+def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) -> Iterator[JointRow]:
+    proposed: dict[str, list[str]] = {}
+    others = {model.links[index].name for index in body.others}
+
+    def number(column: str, joint: MakerJoint, of_file: float | None, otherwise: float) -> float:
+        value = stated.value(column, joint.name)
+        if value is None and of_file is None:
+            proposed.setdefault(column, []).append(joint.name)
+        return value if value is not None else rounded([of_file if of_file is not None else otherwise])[0]
+
+    rows = []
+    for line, link in enumerate(model.links[1:], start=2):
+        joint = link.joint
+        assert joint is not None
+        lower = number("lower", joint, joint.lower, -np.pi)
+        upper = number("upper", joint, joint.upper, np.pi)
+        torque = number("torque", joint, joint.torque or None, TORQUE)
+        speed = number("urdf_speed", joint, joint.speed or None, stated.value("motor_speed", joint.name) or SPEED)
+        kp = number("kp", joint, joint.kp, STIFFNESS * torque)
+        controlled = stated.controlled.get(joint.name, link.name not in others)
+        rows.append(
+            JointRow(
+                line=line,
+                joint=joint.name,
+                controlled=controlled,
+                lower=lower,
+                upper=upper,
+                urdf_speed=speed,
+                motor_speed=number("motor_speed", joint, None, speed),
+                torque=torque,
+                armature=number("armature", joint, joint.armature, ARMATURE),
+                kp=kp,
+                kd=number("kd", joint, joint.kd, DAMPING * kp),
+                default_pos=number("default_pos", joint, None, min(max(0.0, lower), upper)),
+            )
+        )
+    for column, names in proposed.items():
+        todo.append(f"joints.csv, {column}: {_HOW[column]} ({_several(names, len(rows))}).")
+    held = [row.joint for row in rows if not row.controlled and row.joint not in stated.controlled]
+    if held:
+        todo.append(f"joints.csv, controlled: the policy is proposed not to move {', '.join(held)}.")
+    return iter(rows)
+
+
+_HOW = {
+    "lower": "the file has no limits; -pi is written",
+    "upper": "the file has no limits; pi is written",
+    "torque": f"the file has no torque limit; {TORQUE:g} N m is written",
+    "urdf_speed": "the file has no speed limit; the motor's is written",
+    "motor_speed": "a model file has no motor; its speed limit is repeated",
+    "armature": f"the file has none; {ARMATURE:g} kg m^2 is written",
+    "kp": f"the file has no gains; {STIFFNESS:g} times the torque limit is written",
+    "kd": f"the file has no gains; kp times {DAMPING:g} s is written",
+    "default_pos": "the zero pose is written; state a pose that stands",
+}
+
+
+def _several(names: list[str], count: int) -> str:
+    if len(names) == count:
+        return "all joints"
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
+def _config(model: MakerModel, body: Body, sites: ProposedSites) -> Config:
+    def name(index: int) -> str:
+        return model.links[index].name
+
+    human = {"trunk": name(body.trunk), "pelvis": name(body.pelvis)}
+    for side, leg, arm in zip(SIDES, body.legs, body.arms, strict=True):
+        human |= {
+            f"{side}_thigh": name(leg.links[BEND - 1]),
+            f"{side}_shank": name(leg.links[BEND]),
+            f"{side}_foot": name(leg.end),
+            f"{side}_upper_arm": name(arm.links[BEND - 1]),
+            f"{side}_forearm": name(arm.links[BEND]),
+        }
+    key = [
+        name(body.trunk),
+        name(body.pelvis),
+        *(name(leg.links[at]) for leg in body.legs for at in (1, BEND, -1)),
+        *(name(arm.links[at]) for arm in body.arms for at in (1, BEND - 1, -1)),
+    ]
+    return Config(
+        root_link=name(0),
+        key_links=tuple(dict.fromkeys(key)),
+        hands=sites.hands,
+        feet=sites.feet,
+        sole_corners=sites.sole_corners,
+        mirror_names=propose_pairs(_partners(model, body)),
+        contact_excludes=(),
+        colours=COLOURS,
+        human_links=human,
+    )
+
+
+def _partners(model: MakerModel, body: Body) -> Iterator[tuple[str, str]]:
+    """Names of mirrored joints and links, and of the sites that are proposed."""
+    for left, right in (body.legs, body.arms):
+        for first, second in zip(_with_fingers(model, left), _with_fingers(model, right), strict=False):
+            joints = model.links[first].joint, model.links[second].joint
+            if joints[0] is not None and joints[1] is not None:
+                yield joints[0].name, joints[1].name
+            yield model.links[first].name, model.links[second].name
+    yield "left", "right"
+
+
+def _with_fingers(model: MakerModel, limb: Limb) -> list[int]:
+    links = list(limb.links)
+    for link in links:
+        links += [child for child in model.children(link) if child not in links]
+    return links
+
+
+def _about(model: MakerModel, body: Body, sites: ProposedSites, fitted: tuple[str, ...]) -> list[str]:
+    names = [model.links[index].name for index in (body.trunk, body.pelvis)]
+    todo = [
+        f"robot.toml, human_links: trunk '{names[0]}', pelvis '{names[1]}', thigh, shank, upper arm and forearm are "
+        "proposed from the tree: look at them and at mirror_names.",
+        *sites.to_check,
+    ]
+    if fitted:
+        todo.append(f"shapes.csv: primitives stand for the meshes of {', '.join(fitted)}: look at them.")
+    todo.append("standing.csv (optional): pose and gains the robot stands with on hardware.")
+    return todo
+
+
+def _overlapping(description: Description) -> tuple[tuple[str, str], ...]:
+    """Pairs of links, other than parent and child, whose collision shapes overlap in the default pose."""
+    robot = build_robot(description)
+    model = compiled(robot.mjcf)
+    data = mujoco.MjData(model)
+    data.qpos[7:] = robot.default_joint_pos
+    mujoco.mj_forward(model, data)
+    found = set()
+    for contact in data.contact[: data.ncon]:
+        if contact.dist < 0.0:
+            bodies = sorted(int(model.geom_bodyid[geom]) for geom in contact.geom)
+            found.add((model.body(bodies[0]).name, model.body(bodies[1]).name))
+    return tuple(sorted(found))
