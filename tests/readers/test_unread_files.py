@@ -53,6 +53,17 @@ def test_each_of_these_files_is_refused_with_how_to_convert_it(tmp_path, suffix)
     assert str(caught.value).endswith(CONVERT[suffix])
 
 
+@pytest.mark.parametrize(
+    ("suffix", "program", "formats"),
+    [(".fbx", r"blender --background .*import_scene\.fbx", "BVH or glTF"), (".mvnx", "Xsens MVN", "as BVH, or as FBX")],
+)
+def test_the_messages_of_fbx_and_mvnx_name_a_program_and_a_format_that_is_read(tmp_path, suffix, program, formats):
+    (tmp_path / f"take{suffix}").write_bytes(b"rubble")
+    for says in (program, formats):
+        with pytest.raises(FileError, match=says):
+            read_motion(tmp_path / f"take{suffix}", "clip")
+
+
 def test_a_source_warns_of_what_is_not_read_of_nothing_and_of_patterns_that_fit_nothing(folder, tmp_path):
     stated = (FileStatement(files="*.bvh", fps=30.0), FileStatement(files="day2/*.bvh", fps=60.0))
     source = Source(name="mine", folder=folder, files=stated)
