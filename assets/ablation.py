@@ -21,7 +21,7 @@ from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs
-from pipeline.training.option_texts import texts_of
+from pipeline.training.config import texts_of
 
 ARMS = {"augmented": True, "original": False}
 """Arm -> its value of the one option in which trainings differ, OPTION."""

@@ -6,7 +6,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.approved import approved_key, approved_part, told
+from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -69,7 +69,7 @@ def actuator_calibration(plan: Plan) -> Any:
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
         found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
-        context.log.info(f"{len(found.motors)} motors, calibrated anew: {', '.join(found.recomputed) or 'none'}")
+        context.log.info(f"{len(found.motors)} motors, calibrated again: {', '.join(found.recomputed) or 'none'}")
         by_motor = {each.motor: each.to_dict() for each in found.calibrations}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings=by_motor, recomputed=len(found.recomputed))
         refused = [f"{each.motor} {each.verdict}" for each in found.calibrations if not each.accepted]
@@ -172,7 +172,11 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
             asset_key=plan.key, check_name=AGREE, passed=agree.holds, metadata={"found": agree.found}
         )
         metadata, standing = _standing(plan, robot, actuators)
-        metadata |= {**_difference(actuators), **told(feedback), "dagster/uri": dg.MetadataValue.path(str(folder))}
+        metadata |= {
+            **_difference(actuators),
+            **approval_metadata(feedback),
+            "dagster/uri": dg.MetadataValue.path(str(folder)),
+        }
         return _result(plan, manifest, metadata, [check, standing])
 
     return adapted_robot

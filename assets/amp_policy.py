@@ -13,7 +13,7 @@ import pandas as pd
 from assets.actuators import declared
 from assets.approved import approved_key, approved_part
 from assets.plainly import plainly
-from assets.plan import Plan
+from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import table_of
@@ -35,6 +35,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
 
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
+    deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
 
     @dg.asset(**declared(plan, "pytorch", deps=deps))
     @plainly
@@ -58,36 +59,64 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     return amp_policy
 
 
-INSTEAD = {"push_speed": "push_impulse"}
-"""A range that a preset may have switched off (0 to 0), and what it has in its place."""
+WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}
+"""Approved range -> option of training."""
+
+
+TRACKED = ("reference_motions", "augmented_motions", "tracking_policy")
+"""Assets that distillation is made of: references, the tracker's rollouts of them, and the tracker."""
 
 
 def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
     """The options of a preset that approved changes widen: each change is a new end of a range, none narrows one.
 
-    A change switches nothing on: what is off stays so, and what the preset has instead grows by the same share.
+    The largest kick grows by the same share as the approved one, since presets have different ones.
     """
-    from pipeline.training.presets import preset
+    from pipeline.training.config import preset
 
-    options = preset(preset_name)
+    values = preset(preset_name).values()
     ends: dict[str, tuple[float, float]] = {}
     for change in changes:
-        name, value = change.what, change.value
-        if not any(getattr(options, name)) and name in INSTEAD:
-            name = INSTEAD[name]
-            value = getattr(options, name)[1] * change.value / change.before
-        low, high = ends[name] if name in ends else getattr(options, name)
-        if low or high:
-            ends[name] = (min(low, value), high) if change.value < change.before else (low, max(high, value))
+        name = WIDENED[change.what]
+        low, high = ends[name] if name in ends else values[name]
+        new = high * change.value / change.before if change.what == "push_speed" else change.value
+        ends[name] = (min(low, new), high) if new < change.before else (low, max(high, new))
     return tuple(f"{name}={low:g},{high:g}" for name, (low, high) in sorted(ends.items()))
 
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
-    """The files that training takes, written from the database and the adapted robot; where, and what they are."""
+    """Write the files that training takes, from database, adapted robot and tracker; the folder, and what they are."""
     from pipeline.expert.training_bundle import write_training_bundle
 
     folder = project.policies(robot) / "bundle"
-    return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot))
+    tracker = tracker_files(project, robot)
+    return folder, write_training_bundle(folder, project.expert_db(robot), project.adapted_robot(robot), tracker)
+
+
+def tracker_files(project: Project, robot: str) -> Any:
+    """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
+    nothing was rolled out."""
+    from pipeline.clips.robot_clip import RobotClip
+    from pipeline.expert.training_bundle import TrackedClip, TrackerFiles
+
+    keys = {plan.name: plan.key.to_user_string() for plan in robot_plans(robot)}
+    names = [keys[name] for name in TRACKED]
+    if not all(project.store.manifest_path(name).is_file() for name in names):
+        return None
+    references, rollouts, policy = (project.store.load(name) for name in names)
+    blobs = {entry.clip: entry.blob for entry in references.entries}
+    clips = []
+    for entry in rollouts.entries:
+        numbers = entry.numbers
+        name = str(numbers["reference"])
+        if numbers["rollout"] or not numbers["survived"] or name not in blobs:
+            continue
+        reference, rollout = project.store.get_clip(blobs[name], name), project.store.get_clip(entry.blob, entry.clip)
+        if isinstance(reference, RobotClip) and isinstance(rollout, RobotClip):
+            clips.append(TrackedClip(reference=reference, rollout=rollout))
+    for facts in policy.settings.values():
+        return TrackerFiles(network=project.root / facts["folder"] / "tracker.npz", clips=clips)
+    return None
 
 
 def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> None:
@@ -119,7 +148,7 @@ def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) 
     from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
     from pipeline.validation.deployed import deployed
 
-    states = sorted((run.folder / "checkpoints").glob("model_*.pt"))[-count:]
+    states = sorted((run.folder / "amp" / "checkpoints").glob("model_*.pt"))[-count:]
     files = {int(path.stem.split("_")[1]): policy_of_checkpoint(run, path, PROJECT.root) for path in states}
     robots = {number: deployed(PROJECT.adapted_robot(robot), load_policy(path)) for number, path in files.items()}
     found = sweep_checkpoints(robots, pool.pool())
@@ -149,7 +178,7 @@ def _portable(run: Run) -> str:
     def near(path: Path | None) -> Path | None:
         return path.relative_to(PROJECT.root) if path is not None and path.is_relative_to(PROJECT.root) else path
 
-    paths = {name: near(getattr(run, name)) for name in ("folder", "bundle", "start_from")}
+    paths = {name: near(getattr(run, name)) for name in ("folder", "bundle")}
     return f"python {' '.join(dataclasses.replace(run, **paths).command)}"
 
 

@@ -116,7 +116,9 @@ def approve_proposal(
     touched = {each.section for each in kept}
     for section, fault in earlier.faults.items():
         if not earlier.readable or (policies and section in touched):
-            raise ApprovalError(f"nothing was approved, as what is approved of '{section}' can't be told: {fault}")
+            raise ApprovalError(
+                f"nothing was approved, since the approved changes of '{section}' can't be read: {fault}"
+            )
     entries = added(earlier.entries, entries_of(kept, proposal, by), whole=not policies)
     check_bounds([each for entry in entries if entry.section in touched for each in entry.changes], rules)
     write_entries(project.approved_feedback, entries)

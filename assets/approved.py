@@ -75,7 +75,7 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
 
 
 def approvals_of(project: Project) -> Approvals:
-    """All that is approved, held against the rules; what can't be used is told and raises nothing."""
+    """All that is approved, held against the rules; what can't be used is noted and raises nothing."""
     if not project.approved_feedback.is_file():
         return Approvals()
     try:
@@ -98,7 +98,7 @@ def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest
     return dataclasses.replace(manifest, settings={**manifest.settings, **lineage(part, section)})
 
 
-def told(part: Sequence[Change]) -> dict[str, Any]:
+def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
     """What the page of an asset says of approved changes; nothing where there are none."""
     return {"feedback": dg.MetadataValue.md(markdown_list(change.text() for change in part))} if part else {}
 

@@ -38,8 +38,8 @@ def chosen_windows(
     manifest = noting(windows.without(dropped), feedback, "selection")
     bounds = raised_bounds(rows, curation, wanted, [change.what for change in feedback])
     if bounds:
-        said = {"stage": BOUNDS, "bounds": [each.to_dict() for each in bounds]}
-        manifest = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(said): said})
+        record = {"stage": BOUNDS, "bounds": [each.to_dict() for each in bounds]}
+        manifest = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(record): record})
     return manifest, bounds
 
 
@@ -47,4 +47,4 @@ def short_of_wanted(stages: Mapping[str, Any]) -> tuple[str, ...]:
     """A sentence for each skill that feedback wants more of than there is, as the stages of a manifest say."""
     named = (facts for facts in stages.values() if isinstance(facts, dict) and facts.get("stage") == BOUNDS)
     bounds = [each for facts in named for each in facts["bounds"]]
-    return tuple(each["said"] for each in bounds if each["short"])
+    return tuple(each["text"] for each in bounds if each["short"])

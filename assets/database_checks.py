@@ -1,4 +1,4 @@
-"""Checks on the expert database: judged when it is written, told again by a run that found nothing stale."""
+"""Checks on the expert database: evaluated when it is written, reported again by a run that found nothing stale."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -19,7 +19,7 @@ COVERED = "every_skill_has_seconds"
 COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
 TOLD = {AssetCheckExecutionRecordStatus.SUCCEEDED, AssetCheckExecutionRecordStatus.FAILED}
-"""A check that was evaluated; the third status is one that a run planned and never told."""
+"""A check that was evaluated; the third status is one that a run planned and never evaluated."""
 
 
 def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
@@ -72,9 +72,9 @@ def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
 def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetCheckResult]:
     """The newest verdict a check, for a run that writes nothing: its plan would hide them, and they still hold.
 
-    Judged anew where one was never told.
+    Evaluated again where one never was.
     """
-    told = []
+    evaluations = []
     for spec in database_check_specs(plan):
         records = instance.event_log_storage.get_asset_check_execution_history(
             spec.key,
@@ -84,7 +84,7 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
         evaluation = records[0].evaluation if records else None
         if evaluation is None:
             return list(judge_database(plan))
-        told.append(
+        evaluations.append(
             dg.AssetCheckResult(
                 asset_key=plan.key,
                 check_name=spec.name,
@@ -93,7 +93,7 @@ def last_verdicts(plan: Plan, instance: dg.DagsterInstance) -> list[dg.AssetChec
                 metadata=evaluation.metadata,
             )
         )
-    return told
+    return evaluations
 
 
 def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> dg.AssetCheckResult:

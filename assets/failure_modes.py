@@ -61,7 +61,7 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
         settings={name: {key: each[key] for key in KEPT if key in each} for name, each in found.items()},
         recomputed=sum(each.get("new", False) for each in found.values()),
     )
-    context.log.info(f"{len(found)} trials, {manifest.recomputed} looked at anew")
+    context.log.info(f"{len(found)} trials, {manifest.recomputed} evaluated again")
     check = dg.AssetCheckResult(
         asset_key=FAILURES.key,
         check_name=LOOKED,
@@ -74,7 +74,7 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """What is said of a trial. What goes wrong with one must not stop the others, but for a disk that keeps no answer:
+    """The findings on a trial. What goes wrong with one must not stop the others, but for a disk that keeps no answer:
     that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
     try:
         return _looked_at(name, path, numbers)
@@ -165,14 +165,14 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
                     "not the policy's": each.excuse,
                     "simulated": report.simulated,
                     "missed bar": each.evidence.get("bar", ""),
-                    "said": each.text(),
+                    "text": each.text(),
                 }
             )
     noted = [(report, each.removeprefix(f"{NOTED}: ")) for report in reports for each in report.notes if NOTED in each]
     table = pd.DataFrame(rows, columns=None if rows else ["trial"])
     return {
         "trials": len(reports),
-        "trials looked at anew": manifest.recomputed,
+        "trials evaluated again": manifest.recomputed,
         "failures": len(rows),
         "failures of the policy": sum(each.of_policy for report in reports for each in report.failures),
         **{f"failures: {kind}": count for kind, count in sorted(kinds.items())},

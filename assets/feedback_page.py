@@ -62,8 +62,8 @@ class FeedbackPage:
         return f"{len(self.pending)} changes wait for approval"
 
     def _faults(self) -> str:
-        told = dict.fromkeys(str(fault) for fault in self.approvals.faults.values())
-        return " ".join(told)
+        faults = dict.fromkeys(str(fault) for fault in self.approvals.faults.values())
+        return " ".join(faults)
 
     def metadata(self, digest: str) -> dict[str, Any]:
         """The rows of the page; tables come last."""

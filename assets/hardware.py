@@ -52,7 +52,7 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 )
 @plainly
 def hardware_trials(context: dg.AssetExecutionContext):
-    """Trials of the robot: damage said, time regular, joints in the robot's order, held against what is plausible."""
+    """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
     from assets.log_ingest import ingest_folder
     from pipeline.hardware_logs import LogSettings
 
@@ -60,8 +60,10 @@ def hardware_trials(context: dg.AssetExecutionContext):
     found = ingest_folder(PROJECT, TRIALS, values, context.log)
     manifest = found.manifest
     refused = [row.clip for row in manifest.judged if row.fate == "rejected"]
-    said = {row.clip: row.numbers["integrity"] for row in manifest.judged}
-    damaged = [f"{log} {integrity}" for log, integrity in said.items() if integrity in ("recovered", "unverified")]
+    integrity_of = {row.clip: row.numbers["integrity"] for row in manifest.judged}
+    damaged = [
+        f"{log} {integrity}" for log, integrity in integrity_of.items() if integrity in ("recovered", "unverified")
+    ]
     checks = [_check(READABLE, refused, len(manifest.judged)), _check(VERIFIED, damaged, len(manifest.judged))]
     return dg.MaterializeResult(
         asset_key=TRIALS.key,
@@ -103,6 +105,6 @@ def _metadata(manifest: Manifest) -> dict[str, Any]:
         "logs refused": sum(row.fate == "rejected" for row in manifest.judged),
         "logs read": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
-        "what was said of each log": table_of(table, of_logs),
+        "integrity of each log": table_of(table, of_logs),
         "what was made": table_of(trials, [*columns, "gaps", "gap_seconds", "message_hz"]),
     }

@@ -83,7 +83,7 @@ def _names_before(project: Project, plan: Plan) -> dict[str, str]:
 
 
 def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
-    """What is said of a log, and whether a fault of the machine kept us from reading it."""
+    """The answer on a log, and whether a fault of the machine kept us from reading it."""
     from pipeline.robot import load_robot
 
     aside: Path | None = None
@@ -97,8 +97,8 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
             {"clip": each.name, "blob": project.store.blobs.take(each.path), "numbers": each.numbers}
             for each in made.trials
         ]
-        said = {"integrity": made.integrity, "messages": made.messages, "notes": list(made.notes)}
-        return {"pieces": pieces, **said, "refused": ""}, False
+        facts = {"integrity": made.integrity, "messages": made.messages, "notes": list(made.notes)}
+        return {"pieces": pieces, **facts, "refused": ""}, False
     except LogError as error:
         where = f" (at byte {error.offset}, {error.recovered} messages read)."
         return _refused(f"{file.name}: {error.reason}{where}", error.recovered), False

@@ -5,7 +5,7 @@ from functools import partial
 
 import dagster as dg
 
-from assets.approved import approved_key, approved_part, told
+from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.chosen_windows import chosen_windows
 from assets.plainly import plainly
@@ -73,7 +73,9 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
         context.log.warning(f"excluded_clips in data/curation.yaml: the pattern '{pattern}' fits no clip")
     feedback = approved_part(PROJECT, "selection", None)
     manifest, bounds = chosen_windows(windows, curation, feedback)
-    metadata = stage_metadata(manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]) | told(feedback)
+    metadata = stage_metadata(
+        manifest, ["forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "licence"]
+    ) | approval_metadata(feedback)
     if bounds:
         metadata["what feedback brought"] = dg.MetadataValue.md(markdown_list(each.text() for each in bounds))
     metadata["windows not taken"] = len(windows.entries) - len(manifest.entries)

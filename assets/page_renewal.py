@@ -1,4 +1,4 @@
-"""The page of curation_feedback is made anew when what is approved changed since: it says what waits and counts."""
+"""The page of curation_feedback is made again when the approved changes differ from those it shows."""
 
 import dagster as dg
 
@@ -15,7 +15,7 @@ renew_feedback_page = dg.define_asset_job(
 
 
 def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
-    """The run that makes the page anew; None where it is as it should be, was never made, or can't be made."""
+    """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
     tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project))
     if tags is None or tags.get(PAGE_TAG) == state:
         return None

@@ -160,7 +160,7 @@ def named_plans(robot: str) -> dict[str, Plan]:
 
 def policy_plans(robot: str) -> tuple[Plan, ...]:
     """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
-    export, trained = ("export", "deployment"), ("training", "learning", "expert")
+    export, trained = ("export", "deployment"), ("training", "learning", "expert", "tracking")
     return (
         Plan(name="amp_policy", packages=trained, robot=robot),
         Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),

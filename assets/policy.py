@@ -16,7 +16,7 @@ from pipeline.errors import PipelineError
 EXACT = "gives_the_networks_actions"
 MAY_SHIP = "may_ship"
 TRAINED, SHIPPED = "trained here", "ships with the project"
-"""Where an exported policy comes from; the one is never told as the other."""
+"""Where an exported policy comes from; the two are never confused."""
 
 
 class NoPolicyError(PipelineError):
@@ -100,7 +100,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
 
 
 def full_training(project: Project, trained: Plan) -> dict[str, Any] | None:
-    """What `amp_policy` said of its training, if that was one and not a trial, and its network is still there."""
+    """The training that `amp_policy` recorded, if that was one and not a trial, and its network is still there."""
     path = project.store.manifest_path(trained.key.to_user_string())
     if not path.is_file():
         return None
@@ -118,7 +118,7 @@ def read_served_folder(folder: Path, robot: str) -> Any:
 
 
 def served(manifest: Manifest) -> dict[str, Any]:
-    """What `exported_policy` said: `robot, name, origin, run, digest, database, shippable, folder, files`."""
+    """What `exported_policy` recorded: `robot, name, origin, run, digest, database, shippable, folder, files`."""
     (facts,) = manifest.settings.values()
     return facts
 

@@ -82,19 +82,19 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
         return dg.SkipReason(str(error))
     if not late:
         return dg.SkipReason("no database is behind what is approved")
-    said = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
+    reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
     found = _tries(instance, project, mark)
     if found.at_work:
-        return dg.SkipReason(f"a run was started for what is approved now ({said})")
+        return dg.SkipReason(f"a run was started for what is approved now ({reasons})")
     if found.cancelled:
         return dg.SkipReason(
-            f"run {found.last_run} for what is approved now was cancelled ({said}); something else that is approved "
+            f"run {found.last_run} for what is approved now was cancelled ({reasons}); something else that is approved "
             "starts one, or start the job recurate by hand"
         )
     if found.in_vain >= most:
         return dg.SkipReason(
-            f"{found.in_vain} runs for what is approved now came to nothing ({said}); "
+            f"{found.in_vain} runs for what is approved now came to nothing ({reasons}); "
             f"look at run {found.last_run}, then start the job recurate by hand"
         )
     return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)

@@ -6,7 +6,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.approved import approved_part, noting, told
+from assets.approved import approval_metadata, approved_part, noting
 from assets.checks import check_specs
 from assets.criteria import references_of, thresholds, write_table
 from assets.plainly import plainly
@@ -51,7 +51,9 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
 
         manifest = noting(all_variants(retargeted_motions, values, feedback, make), feedback, "augmentation")
         strengths = [each.number for each in KINDS.values()]
-        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | told(feedback)
+        metadata = stage_metadata(manifest, ["variant", "time_scale", "mirrored", *strengths]) | approval_metadata(
+            feedback
+        )
         return materialized(plan, manifest, metadata)
 
     return motion_variants

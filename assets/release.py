@@ -114,10 +114,10 @@ def _verdict(
 
 def result_in(manifest: Manifest) -> dict[str, Any]:
     """What a check found: the one entry of its manifest that says whether it passed. Without one it was not run."""
-    said = [value for value in manifest.settings.values() if isinstance(value, dict) and "passed" in value]
-    if len(said) == 1:
-        return said[0]
-    return {"passed": None, "not_run": f"its result says {len(said)} times whether it passed"}
+    results = [value for value in manifest.settings.values() if isinstance(value, dict) and "passed" in value]
+    if len(results) == 1:
+        return results[0]
+    return {"passed": None, "not_run": f"its result says {len(results)} times whether it passed"}
 
 
 def pictures_in(event: dg.AssetMaterialization | None) -> tuple[Picture, ...]:
@@ -156,10 +156,10 @@ def _lineage(
         plain = f"{value.value:.4g}" if isinstance(value, dg.FloatMetadataValue) and value.value is not None else plain
         if plain is not None and "/" not in key and len(str(plain)) <= LONGEST_FACT:
             facts.append(f"{key} {plain}")
-    said = "; ".join(facts[:FACTS])
+    summary = "; ".join(facts[:FACTS])
     version = (event.tags or {}).get(DATA_VERSION_TAG, "not stated")[:12]
     why = stale.get(plan.key)
-    return plan.key.to_user_string(), version, f"stale: {why}. {said}" if why else said
+    return plan.key.to_user_string(), version, f"stale: {why}. {summary}" if why else summary
 
 
 def _card(

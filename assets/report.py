@@ -31,9 +31,7 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
-        "what was said of each clip": table_of(
-            _worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]
-        ),
+        "verdict on each clip": table_of(_worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
         "what went on": table_of(
             _highest_first(manifest.entry_table(), highest_first), ["clip", "skill", "seconds", *columns]
         ),

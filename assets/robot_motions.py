@@ -9,7 +9,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
-from assets.approved import approved_part, approved_specs, noting, told
+from assets.approved import approval_metadata, approved_part, approved_specs, noting
 from assets.checks import check_specs
 from assets.criteria import references_of, thresholds, write_table
 from assets.database import materialize_database
@@ -170,7 +170,9 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")
         manifest, reweighted = _reweighed(noting(manifest, feedback, "weights"), feedback, values, commands)
         metadata = stage_metadata(manifest, ["weight", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])
-        metadata |= told(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
+        metadata |= (
+            approval_metadata(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
+        )
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))

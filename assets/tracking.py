@@ -162,7 +162,7 @@ def served_tracker(project: Project, robot: str) -> tuple[Path, str] | None:
 
 
 def no_tracker(robot: str) -> str:
-    """What is said where a robot has no tracker."""
+    """The message where a robot has no tracker."""
     job = job_of("train_tracker", robot)
     return (
         f"there is no tracker of '{robot}': none ships, and none was trained here. The database is made of references "

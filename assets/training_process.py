@@ -1,4 +1,4 @@
-"""A training run in a process of its own: one at a time on this machine's GPUs, taken up where it was left."""
+"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues."""
 
 import fcntl
 import os
@@ -16,43 +16,36 @@ import dagster as dg
 
 from pipeline.errors import PipelineError
 from pipeline.files import digest
-from pipeline.training.presets import DEFAULT
+from pipeline.training.config import DEFAULT
 
 LOG_EVERY_S = 10.0
-"""How often a line of progress goes into the log at most."""
+"""Shortest time between lines of progress in the log [s]."""
 TRIAL_ENVS, TRIAL_ITERATIONS = 8, 2
-"""What is trained where there is no GPU: enough to see that training runs."""
-REFINING_ENVS, REFINING_ITERATIONS = 512, 1500
-"""What a processor trains with where it goes on from a policy."""
-TRIAL_OPTIONS = ("expert_windows=2000", "replay_windows=2000", "discriminator_batch=64")
-"""Options of a trial, for which full buffers would only take memory."""
+"""Size of a trial where there is no GPU: enough to see that training runs."""
 
 
 class TrainingFailedError(PipelineError):
-    """The training process ended with an error; its last lines are told."""
+    """The training process ended with an error; its last lines are quoted."""
 
 
 class TrainingConfig(dg.Config):
     """What is trained, and on what."""
 
     preset: str = DEFAULT
-    """Of pipeline/training/presets.py."""
+    """`recipe` or `paper` (pipeline/training/config.py)."""
     options: list[str] = []  # noqa: RUF012, a field
-    """Single options that differ from the preset, as `name=value`."""
+    """Options that differ from the preset, as `group.name=value`."""
     seed: int = 1
     device: str = "auto"
-    """`cuda`, `cpu`, or `auto`: the GPU where there is one, else the CPU; there it is a trial, but for `start_from`."""
-    start_from: str = ""
-    """A policy file (npz) to go on from, with the preset `refined_steps`: absolute, or from where Dagster runs. Then a
-    processor trains in earnest."""
+    """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU where there is one."""
     gpus: int = 1
-    """Processes, each on a GPU of its own, with `num_envs` environments each."""
+    """Processes, each on a GPU of its own."""
     num_envs: int = 0
-    """0: 4096 on a GPU, 512 on a processor that goes on from a policy, 8 in a trial."""
+    """Environments of each process; 0: the preset's, or 8 in a trial."""
     iterations: int = 0
-    """0: 1500, or 2 in a trial."""
-    minutes: float = 20.0
-    """Training ends after this time at the latest."""
+    """Of AMP + PPO, and in a trial of distillation; 0: the preset's, or 2 in a trial."""
+    minutes: float = 0.0
+    """AMP + PPO ends after this time; 0: the preset's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,13 +59,8 @@ class Run:
     seed: int
     device: str
     gpus: int
-    num_envs: int
-    iterations: int
-    minutes: float
     trial: bool
-    """A few iterations on the CPU: no policy comes of it."""
-    start_from: Path | None = None
-    """The policy that is gone on with."""
+    """Two iterations on the CPU: no policy comes of it."""
 
     @property
     def command(self) -> list[str]:
@@ -85,15 +73,11 @@ class Run:
             "out": self.folder,
             "preset": self.preset,
             "device": self.device,
-            "num-envs": self.num_envs,
-            "iterations": self.iterations,
-            "minutes": f"{self.minutes:g}",
             "seed": self.seed,
         }
-        if self.start_from is not None:
-            given["start-from"] = self.start_from
         arguments = [text for name, value in given.items() for text in (f"--{name}", str(value))]
-        return [*module, *arguments, *(text for each in self.options for text in ("--set", each)), "--resume"]
+        arguments += [text for each in self.options for text in ("--set", each)]
+        return [*module, *arguments, *(["--stages", *STAGES] if self.trial else [])]
 
     @property
     def done(self) -> bool:
@@ -101,10 +85,14 @@ class Run:
         return (self.folder / "done.json").is_file()
 
 
-def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
-    """The run that a config asks for on this machine; equal questions have the same folder, and go on in it.
+STAGES = ("distillation", "amp")
+"""Stages of a trial; on a CPU training would only distil."""
 
-    Raises TrainingFailedError where a GPU is asked for and none is there, or a policy to go on from.
+
+def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
+    """The run that a config asks for on this machine; equal requests have the same folder, and continue in it.
+
+    Raises TrainingFailedError where GPUs are asked for that are not there.
     """
     there = gpus_here()
     if config.device == "cuda" and there < config.gpus:
@@ -112,35 +100,30 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
             f"{config.gpus} GPUs are asked for, {there} are here; set the device to 'cpu' or 'auto'."
         )
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"
-    start_from = Path(config.start_from).resolve() if config.start_from else None
-    if start_from is not None and not start_from.is_file():
-        raise TrainingFailedError(f"{start_from}: there is no such policy to go on from; 'start_from' names an npz.")
-    trial = device == "cpu" and start_from is None
-    envs, iterations = _size(device, trial)
-    asked = (*options, *config.options)
-    told: dict[str, Any] = {
+    trial = device == "cpu"
+    iterations = config.iterations or (TRIAL_ITERATIONS if trial else 0)
+    sizes = {
+        "simulation.num_envs": config.num_envs or (TRIAL_ENVS if trial else 0),
+        "schedule.iterations": iterations,
+        "schedule.minutes": config.minutes,
+        "distillation.iterations": iterations if trial else 0,
+    }
+    if trial and not (bundle / "tracker.npz").is_file():
+        sizes["distillation.iterations"] = 0
+    texts = [f"{name}={value:g}" for name, value in sizes.items() if value]
+    if trial and not sizes["distillation.iterations"]:
+        texts.append("distillation.iterations=0")
+    asked: dict[str, Any] = {
         "preset": config.preset,
-        "options": (*TRIAL_OPTIONS, *asked) if trial else asked,
+        "options": (*texts, *options, *config.options),
         "seed": config.seed,
         "device": device,
-        "gpus": 1 if device == "cpu" else config.gpus,
-        "num_envs": config.num_envs or envs,
-        "iterations": config.iterations or iterations,
-        "minutes": config.minutes,
+        "gpus": 1 if trial else config.gpus,
         "trial": trial,
     }
-    given = [digest.of_file(start_from)] if start_from is not None else []
-    name = digest.of_json([bundle_digest, {**told, "options": list(told["options"])}, *given])[:10]
-    kind = "trial-" if trial else ""
-    folder = runs / f"{kind}{config.preset}-seed{config.seed}-{name}"
-    return Run(folder=folder, bundle=bundle, start_from=start_from, **told)
-
-
-def _size(device: str, trial: bool) -> tuple[int, int]:
-    """Environments and iterations where none are asked for."""
-    if trial:
-        return TRIAL_ENVS, TRIAL_ITERATIONS
-    return (REFINING_ENVS, REFINING_ITERATIONS) if device == "cpu" else (4096, 1500)
+    name = digest.of_json([bundle_digest, {**asked, "options": list(asked["options"])}])[:10]
+    folder = runs / f"{'trial-' if trial else ''}{config.preset}-seed{config.seed}-{name}"
+    return Run(folder=folder, bundle=bundle, **asked)
 
 
 def gpus_here() -> int:
@@ -173,7 +156,7 @@ def train(run: TrainingCommand, root: Path, lock: Path, log: Any) -> None:
         log.info(f"training in a process of its own: python {' '.join(run.command)}")
         _follow([sys.executable, *run.command], root, held, log)
     if not run.done:
-        raise TrainingFailedError(f"{run.folder}: training ended without done.json. Materialize again to take it up.")
+        raise TrainingFailedError(f"{run.folder}: training ended without done.json. Materialize again to continue it.")
 
 
 def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:
@@ -233,12 +216,12 @@ def _alone(path: Path, log: Any) -> Iterator[IO[str]]:
 
 
 def policy_of_checkpoint(run: Run, checkpoint: Path, root: Path) -> Path:
-    """The npz of a checkpoint, made by training's own command where it isn't there yet. Raises TrainingFailedError."""
+    """The npz of a checkpoint, written where it does not exist yet. Raises TrainingFailedError."""
     path = run.folder / "policies" / f"{checkpoint.stem}.npz"
     if not path.is_file():
         module = [sys.executable, "-m", "pipeline.training.export_policy"]
         given = ["--checkpoint", str(checkpoint), "--bundle", str(run.bundle), "--out", str(path)]
         done = subprocess.run([*module, *given], cwd=root, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            raise TrainingFailedError(f"{checkpoint}: no policy came of it. {done.stderr.strip()}")
+            raise TrainingFailedError(f"{checkpoint}: could not be exported. {done.stderr.strip()}")
     return path

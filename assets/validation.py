@@ -73,8 +73,8 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         for old in set(folder.glob("*.mcap")) - set(logs):
             old.unlink()  # of an earlier verdict; feedback would go on learning from a cell that passes now
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
-        said = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": _not_run(config.suite)}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: said})
+        record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": _not_run(config.suite)}
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: record})
         check = dg.AssetCheckResult(
             asset_key=plan.key,
             check_name=PASSED,

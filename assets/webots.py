@@ -56,11 +56,11 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         note = rules.reference.note_on(judged.deployed.robot.digest)
         stored = {**stored_verdict(plan.name, judged.digest, verdicts, WEBOTS), "note": note or None}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: stored})
-        said = {each.engine: each.status for each in verdicts.values()}
-        for engine, status in said.items():
+        statuses = {each.engine: each.status for each in verdicts.values()}
+        for engine, status in statuses.items():
             context.log.info(f"{engine}: {status}")
         metadata = {
-            **said,
+            **statuses,
             **({"note": note} if note else {}),
             "dagster/uri": dg.MetadataValue.path(str(project.folder)),
             "segments": table_of(_rows(verdicts), list(_rows(verdicts))),
@@ -72,7 +72,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
     """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
-    run. What stood in stands by its own name; one that failed to run is told too."""
+    run. What stood in stands by its own name; one that failed to run is listed too."""
     own = verdicts[webots]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
     return {

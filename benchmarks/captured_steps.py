@@ -1,14 +1,14 @@
-"""Control steps that a GPU replays against the same steps told launch by launch: what they give and how long they take.
+"""Control steps that a GPU replays as graphs, compared with the same steps launched one by one: results and time.
 
     python -m benchmarks.captured_steps --bundle DIR [--device cuda|cpu] [--num-envs N] [--steps N] [--preset NAME]
                                         [--json]
 
 Both begin with the same seed and get the same actions, without noise and pushes. After a few steps, some of them
-replayed, rewards and motion features of robots whose episode goes on are compared: on average, as rounding has grown by
-then in some. After more steps, in which episodes have ended, every robot whose episode begins at the last of them must
-have seen but one frame, be within its joints' limits and at a height to stand at. The processor's waits for the GPU are
-counted by PyTorch, over as many steps as everything comes round in. Last, robots in the air must fall along their own
-gravity, which leans where the preset has slopes.
+replayed, rewards and motion features of robots whose episode continues are compared: on average, since rounding has
+grown in some by then. After more steps, in which episodes have ended, every robot whose episode begins at the last of
+them must have observed one frame only, be within its joints' limits and at a height to stand at. PyTorch counts how
+often the processor waits for the GPU, over as many steps as everything recurs in. Last, robots in the air must fall
+along their own gravity, which is tilted where the preset has slopes.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.report import Bar, machine, report  # noqa: E402
+from pipeline.physics import GRAVITY  # noqa: E402
 from pipeline.training.bundle import read_bundle  # noqa: E402
 from pipeline.training.captured import WARM_UP  # noqa: E402
+from pipeline.training.config import DEFAULT, preset  # noqa: E402
 from pipeline.training.environment import VELOCITY_STEPS, AmpEnvironment  # noqa: E402
-from pipeline.training.observations import HISTORY  # noqa: E402
-from pipeline.training.presets import DEFAULT, preset  # noqa: E402
-from pipeline.training.slopes import GRAVITY  # noqa: E402
+from pipeline.training.mdp.observations import HISTORY  # noqa: E402
 
 COMPARED = WARM_UP + 8
-"""Steps until what both give is compared."""
-CALM = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "push_speed": (0.0, 0.0)}
+"""Steps until the comparison."""
+CALM = {"randomization.noise": 0.0, "pushes.impulse_n_s": (0.0, 0.0), "pushes.kick_m_s": (0.0, 0.0)}
 DIFFERENCE = 1e-3
 """Most that the mean difference may be of the largest value."""
 ASTRAY_M = 1e-4
@@ -46,18 +46,18 @@ HEIGHT_M = (0.5, 0.9)
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What came of one way of stepping; tensors of all robots (n, ...)."""
+    """Result of one way of stepping; tensors of all robots (n, ...)."""
 
     reward: torch.Tensor
     features: torch.Tensor
     lived: torch.Tensor
-    """Whose first episode went on until here."""
+    """Whether the first episode of each robot continued until here."""
     begun: int
-    """How many robots have just begun an episode at the last step that is looked at …"""
+    """Robots whose episode begins at the last step."""
     sound: int
-    """… and how many of these as they should."""
+    """Those of them that begin as they should."""
     astray_m: float
-    """Most that a robot in the air fell elsewhere than its gravity lets it [m]."""
+    """Largest deviation of a falling robot from the path of its gravity [m]."""
     seconds: float
     """A control step."""
     waits: int
@@ -72,19 +72,19 @@ def main() -> int:
     parser.add_argument("--preset", default=DEFAULT)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
-    told, replayed = (_run(given, captured) for captured in (False, True))
-    alive = told.lived & replayed.lived
+    launched, replayed = (_run(given, captured) for captured in (False, True))
+    alive = launched.lived & replayed.lived
     bars = [Bar(name="robots compared", value=int(alive.sum()), sense=">=", bound=1)]
     for name in ("reward", "features"):
-        ours, others = getattr(replayed, name)[alive], getattr(told, name)[alive]
+        ours, others = getattr(replayed, name)[alive], getattr(launched, name)[alive]
         away = float((ours - others).abs().mean() / others.abs().max())
         bars.append(
             Bar(name=f"{name}: mean difference", value=away, unit="of the largest", sense="<=", bound=DIFFERENCE)
         )
-    for name, run in (("told", told), ("replayed", replayed)):
+    for name, run in (("launched", launched), ("replayed", replayed)):
         bars += [
             Bar(name=f"{name}: episodes that begin", value=run.begun, sense=">=", bound=1),
-            Bar(name=f"{name}: of these not as they should", value=run.begun - run.sound, sense="<=", bound=0),
+            Bar(name=f"{name}: of these not sound", value=run.begun - run.sound, sense="<=", bound=0),
             Bar(name=f"{name}: fell astray", value=run.astray_m, unit="m", sense="<=", bound=ASTRAY_M),
             Bar(name=f"{name}: a control step", value=1e3 * run.seconds, unit="ms"),
             Bar(name=f"{name}: waits in {VELOCITY_STEPS} steps", value=run.waits, sense="<=", bound=0),
@@ -94,8 +94,8 @@ def main() -> int:
 
 def _run(given: argparse.Namespace, captured: bool) -> Run:
     """Steps of one environment from its seed on."""
-    options = preset(given.preset).changed(**CALM, captured=captured)
-    env = AmpEnvironment(read_bundle(given.bundle), options, given.num_envs, given.device, seed=1)
+    config = preset(given.preset).changed({**CALM, "simulation.num_envs": given.num_envs})
+    env = AmpEnvironment(read_bundle(given.bundle), config, given.device, 1, captured=captured)
     env.reset(seed=1)
     drawn = torch.Generator(device=given.device).manual_seed(2)
     lived = torch.ones(given.num_envs, dtype=torch.bool, device=given.device)
@@ -148,10 +148,8 @@ def _sound(env: AmpEnvironment, seen: torch.Tensor) -> torch.Tensor:
 def _astray_m(env: AmpEnvironment) -> float:
     """Most that the centre of mass of a robot which is held in its default pose, high up, falls elsewhere in two steps
     than by gravity as it leans when slopes are grown [m]."""
-    env.schedule = 1e9
+    env.set_disturbance(1.0)
     env.step(torch.zeros(env.num_envs, 21, device=env.device))
-    if env.tracked_clip is not None:
-        env.tracked_clip.tracks[:] = False  # else who is lifted has strayed
     data, root = env.sim.data, env.scene["robot"].indexing.root_body_id
     data.qpos[:, 2] += 5.0
     data.qpos[:, 7:] = env.default_joint_pos
@@ -162,9 +160,7 @@ def _astray_m(env: AmpEnvironment) -> float:
         env.step(torch.zeros(env.num_envs, 21, device=env.device))
     steps = round(2 * env.step_dt / env.physics_dt)
     fall_m = 0.5 * steps * (steps + 1) * env.physics_dt**2 * GRAVITY
-    level = torch.tensor([0.0, 0.0, -1.0], device=env.device).expand(env.num_envs, 3)
-    down_w = level if env.slopes is None else env.slopes.down_w
-    off = (data.subtree_com[:, root] - begun - fall_m * down_w).norm(dim=1)
+    off = (data.subtree_com[:, root] - begun - fall_m * env.slopes.down_w).norm(dim=1)
     return float(off[env.episode_length_buf >= 2].max())
 
 

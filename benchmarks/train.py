@@ -1,11 +1,11 @@
-"""Environment steps a second of training, with PPO and the discriminator in the loop.
+"""Environment steps a second of training, with the networks' updates in the loop.
 
-    python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets …] [--iterations N] [--json]
-                               [--physics plain warp]
+    python -m benchmarks.train --bundle DIR [--device cuda|cpu] [--num-envs N] [--presets ...] [--iterations N] [--json]
+                               [--stages amp distillation] [--physics plain warp]
 
-The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset trains in its own process;
-the first iterations, in which kernels load and buffers fill, are left out of the median. On a CPU take 512 environments
-with `plain` physics (MuJoCo in threads), 8 with `warp`; `--physics plain warp` compares them in one run.
+The bundle is the one that `amp_policy` writes (`data/policies/<robot>/bundle`). Each preset and stage trains in a
+process of its own; the first iterations, in which kernels load and buffers fill, do not count for the median. On a CPU
+take 64 environments with `plain` physics (MuJoCo in threads), 8 with `warp`; `--physics plain warp` compares them.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.report import Bar, machine, report  # noqa: E402
 
 WARM_UP = 5
-"""Iterations that don't count."""
-SMALL_CPU = ("expert_windows=2000", "replay_windows=2000", "discriminator_batch=64")
-BARS = {"tracking_amp": 150_000.0, "paper": 100_000.0}
-"""Wished on one H200 at 4096 environments [steps/s]."""
+"""Iterations that do not count."""
+BARS = {("recipe", "amp"): 150_000.0, ("paper", "amp"): 60_000.0}
+"""On one H100 or H200 at 4096 environments [steps/s]."""
+ITERATIONS = {"amp": "schedule.iterations", "distillation": "distillation.iterations"}
 
 
 def main() -> int:
@@ -37,31 +37,39 @@ def main() -> int:
     parser.add_argument("--bundle", type=Path, default=ROOT / "data" / "policies" / "t1" / "bundle")
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--num-envs", type=int, default=4096)
-    parser.add_argument("--presets", nargs="+", default=["tracking_amp", "paper"])
+    parser.add_argument("--presets", nargs="+", default=["recipe", "paper"])
+    parser.add_argument("--stages", nargs="+", choices=tuple(ITERATIONS), default=["amp"])
     parser.add_argument("--physics", nargs="+", choices=("plain", "warp"), help="default: the device's own")
     parser.add_argument("--iterations", type=int, default=40)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     bars = []
-    for name, physics in itertools.product(given.presets, given.physics or [None]):
-        speed = median_speed(given, name, physics)
-        bar = BARS.get(name) if given.device != "cpu" else None
-        label = f"{name}, {given.num_envs} environments, {given.device}{f', {physics}' if physics else ''}"
+    for name, stage, physics in itertools.product(given.presets, given.stages, given.physics or [None]):
+        if (name, stage) == ("paper", "distillation"):
+            continue
+        speed = median_speed(given, name, stage, physics)
+        bar = BARS.get((name, stage)) if given.device != "cpu" else None
+        where = f"{given.num_envs} environments, {given.device}{f', {physics}' if physics else ''}"
+        label = f"{name}, {stage}, {where}"
         bars.append(Bar(name=label, value=speed, unit="steps/s", sense=">=" if bar else "", bound=bar))
     return 0 if report(bars, machine=machine(), json=given.json) else 1
 
 
-def median_speed(given: argparse.Namespace, preset: str, physics: str | None) -> float:
+def median_speed(given: argparse.Namespace, preset: str, stage: str, physics: str | None) -> float:
     """Median over the iterations after the warm-up of a short run."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pipeline.training", "--bundle", str(given.bundle), "--out", folder]
-        command += ["--preset", preset, "--device", given.device, "--num-envs", str(given.num_envs)]
-        command += ["--iterations", str(given.iterations), *(["--physics", physics] if physics else [])]
-        if given.device == "cpu":
-            command += [text for option in SMALL_CPU for text in ("--set", option)]
+        command += ["--preset", preset, "--device", given.device, "--stages", stage]
+        command += [
+            "--set",
+            f"simulation.num_envs={given.num_envs}",
+            "--set",
+            f"{ITERATIONS[stage]}={given.iterations}",
+        ]
+        command += ["--physics", physics] if physics else []
         status = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode
         if status:
-            raise SystemExit(f"the run of {preset} ended with status {status}; what it said is above.")
+            raise SystemExit(f"the run of {preset} ended with status {status}; its message is above.")
         rows = list(csv.DictReader((Path(folder) / "curves.csv").read_text().splitlines()))
     counted = rows[WARM_UP:] or rows
     return float(np.median([float(row["steps_per_s"]) for row in counted]))

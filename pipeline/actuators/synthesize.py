@@ -104,7 +104,9 @@ def motor_table_text() -> str:
         [name, drive.model, " ".join(drive.joints), str(drive.motors_per_joint), drive.gear_ratio, drive.rotor_inertia]
         for name, drive in T1.items()
     ]
-    head = "# Ankles: two motors move pitch and roll together through parallel cranks, so each joint bears both rotors."
+    head = (
+        "# Ankles: two motors move pitch and roll together through parallel cranks, so each joint carries both rotors."
+    )
     return "\n".join([head, ",".join(COLUMNS), *(",".join([*row, f'"{WIKI}"']) for row in rows)]) + "\n"
 
 

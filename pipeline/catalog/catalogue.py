@@ -121,7 +121,7 @@ def _too_little_recorded(
     if measured["speed_mean"] is None:
         seen = f"of {clip.frame_count} frames none is in a stretch of {settings.velocity_s:g} s that tells a speed"
     else:
-        seen = f"where a speed can be told {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
+        seen = f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
     text = f"{seen}; root or hips are missing in the others"
     return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
 

@@ -28,7 +28,7 @@ class TimeBaseSettings:
     gait_tolerance: float
     """The same for the steps."""
     same_rate: float
-    """Standard rates this close to each other (24 and 25 Hz) are not told apart: the nearest is taken."""
+    """Standard rates this close to each other (24 and 25 Hz) are not distinguished: the nearest is taken."""
     usual_rates_hz: dict[str, tuple[float, ...]]
     """Pattern of a skeleton's name -> rates at which its sources record [Hz]; they decide between several standard
     rates that explain the motion."""

@@ -70,8 +70,8 @@ def run(parsed: argparse.Namespace) -> int:
     failed = f"{len(found.failed_cells)} of {required} required cells failed"
     print(failed if required else "no cell is required: nothing was shown")
     if parsed.json:
-        said = {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()}
-        atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        record = {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()}
+        atomic.write_text(parsed.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
     return 0 if found.passed else FAILED
 
 

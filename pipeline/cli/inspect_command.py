@@ -1,4 +1,4 @@
-"""`booster-lab inspect IN`: what a motion file is and what is wrong with it; what KP5 said of a clip."""
+"""`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What KP5 said of clips that the graph has made: all criteria, found by name in the table beside its manifest."""
+"""KP5's verdicts on clips that the graph has made: all criteria, found by name in the table beside its manifest."""
 
 from __future__ import annotations
 
@@ -80,8 +80,8 @@ def _stretch(own: Sequence[Row]) -> str:
         ["" if row["group"] == before else row["group"], row["criterion"], *_cells(row)]
         for row, before in zip(own, groups, strict=False)
     ]
-    said = [f"  {row['criterion']}: {row['said']}" for row in own if row["verdict"] == BROKEN]
-    return "\n".join([head, text_table(header, lines, indent="  "), *(["  broken", *said] if said else [])])
+    broken = [f"  {row['criterion']}: {row['message']}" for row in own if row["verdict"] == BROKEN]
+    return "\n".join([head, text_table(header, lines, indent="  "), *(["  broken", *broken] if broken else [])])
 
 
 def _cells(row: Row) -> Sequence[str]:
@@ -89,7 +89,7 @@ def _cells(row: Row) -> Sequence[str]:
     number = "" if row["number"] is None else f"{row['number']:.3g}"
     threshold = "" if row["threshold"] is None else f"{row['sense']} {row['threshold']:.3g}"
     margin = "" if row["margin"] is None else f"{100 * row['margin']:.0f} %"
-    verdict = f"{row['verdict']}: {row['said']}" if row["verdict"] == NOT_APPLICABLE else row["verdict"]
+    verdict = f"{row['verdict']}: {row['message']}" if row["verdict"] == NOT_APPLICABLE else row["verdict"]
     source = f"{row['source']}: {row['why']}" if row["source"] else ""
     return number, threshold, row["unit"], margin, verdict, source
 

@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command. 0: done, 1: it could not be done (one sentence on stderr), 2: wrong usage."""
     try:
         parsed = parser().parse_args(arguments)
-    except SystemExit as stop:  # argparse has told what is wrong, or shown the help
+    except SystemExit as stop:  # argparse has printed what is wrong, or shown the help
         return int(stop.code or 0)
     try:
         return parsed.run(parsed)

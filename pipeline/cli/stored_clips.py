@@ -48,7 +48,7 @@ class _Shelf:
     robot: dict[str, Entry]
     references: dict[str, Entry]
     """What rollouts tracked."""
-    said: dict[str, list[dict[str, Any]]]
+    reasons: dict[str, list[dict[str, Any]]]
     """Clip -> reasons of the stages that took it in."""
 
     def load(self, name: str, robot: Robot) -> Shown:
@@ -62,7 +62,7 @@ class _Shelf:
             reference=self._reference(entry, result),
             robot_clip=result if isinstance(result, RobotClip) else None,
             robot=robot,
-            text=_text(shown.numbers, self.said.get(name, [])),
+            text=_text(shown.numbers, self.reasons.get(name, [])),
         )
 
     def _reference(self, entry: Entry | None, rollout: Any) -> RobotClip | None:
@@ -117,14 +117,14 @@ def _shelf(store: Store, robot: str) -> _Shelf:
     prefix = "" if robot == BARE_ROBOT else f"{robot}/"
     human: dict[str, Entry] = {}
     machine: dict[str, Entry] = {}
-    said: dict[str, list[dict[str, Any]]] = {}
+    reasons: dict[str, list[dict[str, Any]]] = {}
     for asset, shelf in [(name, human) for name in HUMAN_ASSETS] + [(prefix + name, machine) for name in ROBOT_ASSETS]:
         manifest = _manifest(store, asset)
         shelf.update({entry.clip: entry for entry in manifest.entries})
         for row in manifest.judged:
-            said.setdefault(row.clip, []).extend(row.reasons)
+            reasons.setdefault(row.clip, []).extend(row.reasons)
     references = {entry.clip: entry for entry in _manifest(store, f"{prefix}{REFERENCES}").entries}
-    return _Shelf(store=store, human=human, robot=machine, references=references, said=said)
+    return _Shelf(store=store, human=human, robot=machine, references=references, reasons=reasons)
 
 
 def _manifest(store: Store, asset: str) -> Manifest:

@@ -76,8 +76,8 @@ def run(parsed: argparse.Namespace) -> int:
     print(f"{parsed.policy} on {folder}, suite {parsed.suite}{damped}")
     print(as_text(verdict))
     if parsed.json:
-        said = {**verdict.to_dict(), "gains": one.gains()}
-        atomic.write_text(parsed.json, json.dumps(said, indent=1, sort_keys=True, allow_nan=False) + "\n")
+        record = {**verdict.to_dict(), "gains": one.gains()}
+        atomic.write_text(parsed.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
     if parsed.failures:
         logs = write_failed_trials(one, verdict, parsed.failures)
         gone = remove_earlier(parsed.failures, one, logs)

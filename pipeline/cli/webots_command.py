@@ -81,16 +81,16 @@ def _walk(
     parsed: argparse.Namespace, project: Project, settings: WebotsSettings, allowed: dict[str, Allowed], note: str
 ) -> int:
     if parsed.engine == "webots":
-        said = verdict(WEBOTS, launch_webots(project, settings), settings, allowed)
+        found = verdict(WEBOTS, launch_webots(project, settings), settings, allowed)
     else:
         outcome = run_stand_in(parsed.engine, project, settings)
-        said = verdict(STAND_INS[parsed.engine], outcome, settings, allowed)
-    print(f"{LABELS[said.engine]}: {said.status}")
-    for reason in said.reasons:
+        found = verdict(STAND_INS[parsed.engine], outcome, settings, allowed)
+    print(f"{LABELS[found.engine]}: {found.status}")
+    for reason in found.reasons:
         print(f"  {reason}")
     if parsed.json:
-        told = {**said.to_dict(), "note": note or None}
-        atomic.write_text(parsed.json, json.dumps(told, indent=1, sort_keys=True, allow_nan=False) + "\n")
-    if said.failed_to_run:
+        record = {**found.to_dict(), "note": note or None}
+        atomic.write_text(parsed.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    if found.failed_to_run:
         return 1
-    return 0 if said.status == "passed" else FAILED
+    return 0 if found.status == "passed" else FAILED

@@ -35,7 +35,7 @@ _ALLOWED_USE = {
     LicenceClass.PUBLIC_DOMAIN: "Any use.",
     LicenceClass.PERMISSIVE: "Any use; keep the licence texts.",
     LicenceClass.ATTRIBUTION: "Any use; name the sources.",
-    LicenceClass.SHARE_ALIKE: "Any use; name the sources; what is made of it and passed on bears the same licence.",
+    LicenceClass.SHARE_ALIKE: "Any use; name the sources; share what is made of it under the same licence.",
     LicenceClass.NON_COMMERCIAL: "Research and other non-commercial use; name the sources.",
     LicenceClass.NO_DERIVATIVES: "Own non-commercial use; the database is a derived work: do not pass it on.",
     LicenceClass.UNKNOWN: "Own experiments; at least one source has no known licence: do not pass it on.",

@@ -3,6 +3,8 @@
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
 <folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
+<folder>/tracker.npz   the tracker, where the project has one
+<folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
 <folder>/bundle.json   digests of robot and database, and what the database may be used for
 """
 
@@ -11,7 +13,8 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,7 @@ from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.actuators.adapted_robot import read_actuators
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
 from pipeline.expert.read import Database, DatabaseClip, read_database
@@ -33,12 +37,38 @@ SCHEMA = "booster-lab training bundle 1"
 COMMAND_WINDOW_S = 1.0
 """The command that a frame obeys is its velocity averaged over this time: about a stride."""
 
+REFERENCE_PARTS = ("root_pos_w", "root_quat_w", "joint_pos")
+
 MIN_COMMAND = 0.12
 """A frame slower than this on every axis [m/s, rad/s] obeys the command to stand."""
 
 
-def write_training_bundle(folder: Path, database_folder: Path, robot_folder: Path) -> dict[str, Any]:
-    """Write a bundle of a database and of an adapted robot (a folder with `actuators.csv`); its `bundle.json`.
+@dataclass(frozen=True, kw_only=True)
+class TrackedClip:
+    """A reference clip and its undisturbed rollout, frame for frame."""
+
+    reference: RobotClip
+    rollout: RobotClip
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerFiles:
+    """The tracker, and the clips that it follows to their end."""
+
+    network: Path
+    clips: Sequence[TrackedClip]
+
+
+def write_training_bundle(
+    folder: Path, database_folder: Path, robot_folder: Path, tracker: TrackerFiles | None = None
+) -> dict[str, Any]:
+    """Write a bundle; the content of its `bundle.json`.
+
+    Args:
+        folder: where it goes
+        database_folder: the expert database
+        robot_folder: the adapted robot (a folder with `actuators.csv`)
+        tracker: what distillation needs; None: the policy can only be trained from scratch
 
     Raises DatabaseError, RobotError and FileError for inputs that are not whole.
     """
@@ -48,6 +78,8 @@ def write_training_bundle(folder: Path, database_folder: Path, robot_folder: Pat
         "robot.json": _json(robot_facts(robot, robot_folder)),
         "expert.npz": expert_arrays(database),
     }
+    if tracker is not None and tracker.clips:
+        files |= {"tracker.npz": tracker.network.read_bytes(), "references.npz": reference_arrays(tracker.clips)}
     about = {
         "schema": SCHEMA,
         "robot": robot.name,
@@ -141,14 +173,40 @@ def expert_arrays(database: Database) -> bytes:
     return stream.getvalue()
 
 
+def reference_arrays(clips: Sequence[TrackedClip]) -> bytes:
+    """The npz of reference clips; `command` and the second column of `speed` are measured on the rollouts."""
+    references = [clip.reference for clip in clips]
+    arrays = {
+        "clip_name": np.array([clip.name for clip in references]),
+        "clip_start": np.cumsum([0, *(clip.frame_count for clip in references)]),
+        "command": np.concatenate([_commands(c.rollout.root_pos_w, c.rollout.root_quat_w) for c in clips]),
+        "speed": np.array([[_mean_speed(clip.reference), _mean_speed(clip.rollout)] for clip in clips]),
+        **{name: np.concatenate([getattr(clip, name) for clip in references]) for name in REFERENCE_PARTS},
+    }
+    single = {name: value.astype(np.float32) for name, value in arrays.items() if value.dtype == np.float64}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{**arrays, **single})  # pyright: ignore[reportArgumentType]
+    return stream.getvalue()
+
+
+def _mean_speed(clip: RobotClip) -> float:
+    """Horizontal speed of the averaged velocity, mean over a clip [m/s]."""
+    command = _commands(clip.root_pos_w, clip.root_quat_w)
+    return float(np.linalg.norm(command[:, :2], axis=1).mean())
+
+
 def frame_commands(clip: DatabaseClip) -> Float[np.ndarray, "t 3"]:
+    """The command that each frame of a clip obeys."""
+    return _commands(clip.frames[:, :3], clip.frames[:, 3:7])
+
+
+def _commands(root_pos_w: Float[np.ndarray, "t 3"], root_quat_w: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, "t 3"]:
     """Forward and lateral velocity [m/s] and yaw rate [rad/s] of each frame, averaged over a stride around it.
 
     Where the average is below MIN_COMMAND on every axis it is zero: the robot stands.
     """
-    quat = clip.frames[:, 3:7]
-    heading = rotation.yaw_of(quat)
-    vel_w = time_series.derivative(clip.frames[:, :3], FPS)
+    heading = rotation.yaw_of(root_quat_w)
+    vel_w = time_series.derivative(root_pos_w, FPS)
     cos, sin = np.cos(heading), np.sin(heading)
     forward, left = vel_w[:, 0] * cos + vel_w[:, 1] * sin, -vel_w[:, 0] * sin + vel_w[:, 1] * cos
     yaw_rate = time_series.derivative(np.unwrap(heading)[:, None], FPS)[:, 0]

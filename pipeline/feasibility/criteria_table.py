@@ -37,14 +37,14 @@ COLUMNS = {
     "unit": pa.string(),
     "verdict": pa.string(),
     "margin": pa.float64(),
-    "said": pa.string(),
+    "message": pa.string(),
     "setting": pa.string(),
     "source": pa.string(),
     "why": pa.string(),
 }
 """`start_s` to `stop_s` [s] is the stretch of `clip` that was judged, `piece` the clip that went on from it; `margin`
-is what was left to the threshold, over the threshold; `said` what is wrong, or why it does not apply; `setting` names
-the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
+is what was left to the threshold, over the threshold; `message` what is wrong, or why it does not apply; `setting`
+names the threshold in data/feasibility.yaml, `source` and `why` are what stands there."""
 
 ROWS_AT_A_TIME = 10_000
 """Rows that are turned into plain columns and written at a time; in memory a text that many rows have is there once."""
@@ -63,7 +63,7 @@ ORIGIN = ("unit", "setting", "source", "why")
 
 MARGINS = (
     *("clip", "start_s", "stop_s", "piece", "group", "criterion", "verdict"),
-    *("number", "threshold", "unit", "margin", "source", "said"),
+    *("number", "threshold", "unit", "margin", "source", "message"),
 )
 """Columns of `worst_margins`."""
 
@@ -181,7 +181,7 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
         "unit": origin.unit,
         "verdict": verdict,
         "margin": _margin(found),
-        "said": found.broken or found.not_applicable,
+        "message": found.broken or found.not_applicable,
         "setting": setting,
         "source": origin.source,
         "why": origin.why,
@@ -191,7 +191,7 @@ def _row(clip: str, judgement: Judgement, code: str, found: Found, origins: Mapp
 def _row_of_reason(judged: Judged, reason: Mapping[str, Any]) -> dict[str, Any]:
     seconds = float(judged.numbers.get("seconds_in") or 0.0)
     plain = dict.fromkeys(COLUMNS) | {"clip": judged.clip, "start_s": 0.0, "stop_s": seconds, "piece": ""}
-    facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "said": reason["text"]}
+    facts = {"group": "can be judged", "criterion": reason["code"], "verdict": BROKEN, "message": reason["text"]}
     return {**plain, **facts, "sense": "", "unit": "", "setting": "", "source": "", "why": ""}
 
 

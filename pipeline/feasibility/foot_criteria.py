@@ -210,7 +210,7 @@ def floating(motion: Motion, settings: FootSettings) -> tuple[Verdict, ...]:
         code="floating_contact",
         value=value,
         limit=settings.floating,
-        text=f"frame {frame}: the {SIDES[side]} foot is said to stand and is {100 * value:.1f} cm above the ground",
+        text=f"frame {frame}: the {SIDES[side]} foot is labelled as in contact, {100 * value:.1f} cm above the ground",
         bad=np.any(height > settings.floating, axis=1),
     )
     return (verdict,)

@@ -14,9 +14,18 @@ from pipeline.files import page_memory
 ROWS_AT_ONCE = 4096
 """Rows that are converted together: what is in between takes little memory."""
 
+LARGEST = 1e9
+"""Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
+
+
+def known_numbers(values: np.ndarray) -> np.ndarray:
+    """The numbers of a file, NaN in place of what is not finite or larger than `LARGEST`."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) <= LARGEST, values, np.nan)
+
 
 class ArrayFile(ABC):
-    """What a file of named arrays holds."""
+    """Named arrays of a file."""
 
     path: Path
     shapes: Mapping[str, tuple[int, ...]]
@@ -40,7 +49,7 @@ class ArrayFile(ABC):
         return next((name for name in names if name in self.shapes), None)
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
-        """A float array whose shape is `shape` (None: any length); what is not finite becomes NaN."""
+        """A float array whose shape is `shape` (None: any length); what is not finite or too large becomes NaN."""
         value = self.stored_numbers(name, *shape)
         found = page_memory.empty(value.shape)
         for start in range(0, len(value), ROWS_AT_ONCE):
@@ -61,6 +70,13 @@ class ArrayFile(ABC):
             raise FileError(self.path, problem)
         return value
 
+    def refuse_other_length(self, name: str, than: str, frames: int) -> None:
+        """Raises FileError where the array `name` is there and has not `frames` rows as the array `than` has."""
+        shape = self.shapes.get(name, (frames,))
+        if not shape or shape[0] != frames:
+            problem = f"'{name}' has {shape[0] if shape else 'no'} rows and '{than}' has {frames}."
+            raise FileError(self.path, problem, "Frames were lost or added; export it again.")
+
     def number(self, name: str) -> float:
         """An array of one finite number."""
         value = self.array(name)
@@ -77,7 +93,6 @@ class ArrayFile(ABC):
 
 
 def finite_rows(value: np.ndarray, start: int, stop: int) -> np.ndarray:
-    """Rows [start, stop) of an array of numbers as float64; what is not finite becomes NaN."""
-    rows = value[start:stop].astype(float)
-    rows[~np.isfinite(rows)] = np.nan
-    return rows
+    """Rows [start, stop) of an array of numbers as float64; what is not finite or too large becomes NaN."""
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return known_numbers(value[start:stop].astype(float))

@@ -59,7 +59,7 @@ def _room(folder: Path) -> str:
             stats = os.statvfs(each)
             names = " and no more names" if stats.f_files and not stats.f_favail else ""
             return f"{stats.f_bavail * stats.f_frsize / 1e6:.0f} MB{names} are free."
-    return "what is free can't be told."
+    return "the free space can't be read."
 
 
 def _missing_folders(folder: Path) -> list[Path]:

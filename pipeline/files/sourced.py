@@ -4,7 +4,7 @@ A field says by its type that it does: `Annotated[float, Unit("rad")]`. The file
 
     limit_excess: {value: 0.05, unit: rad, source: cal, why: "MuJoCo's limits are soft"}
 
-and the settings object the bare number: another sentence is no other setting. `origins` gives what else was said.
+and the settings object the bare number: another sentence is no other setting. `origins` gives unit, source and reason.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ TORQUE = Scaled(length=1.0, mass=1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What is said of a number."""
+    """Unit, source and reason of a number."""
 
     value: Any
     """As the file has it: a number, or a list of them."""
@@ -67,32 +67,32 @@ class Origin:
     """Where the value comes from, as a sentence."""
 
 
-def value_of(said: Any, unit: Unit, where: str, faults: list[str]) -> Any:
+def value_of(entry: Any, unit: Unit, where: str, faults: list[str]) -> Any:
     """The value of a number with unit and source, None where there is none; what is wrong is added to `faults`."""
-    if not isinstance(said, dict):
+    if not isinstance(entry, dict):
         form = f"{{value: …, unit: {unit.name}, source: {' | '.join(SOURCES)}, why: …}}"
-        faults.append(f"'{where}' is {said!r}, wanted {form}")
+        faults.append(f"'{where}' is {entry!r}, wanted {form}")
         return None
-    faults += [f"unknown key '{where}.{key}', there are: {', '.join(_KEYS)}" for key in said if key not in _KEYS]
-    faults += [f"'{where}.{key}' is missing" for key in _KEYS if key not in said]
-    if said.get("unit", unit.name) != unit.name:
-        faults.append(f"'{where}.unit' is {said['unit']!r}, wanted {unit.name!r}")
-    if said.get("source", "cal") not in tuple(SOURCES):
-        faults.append(f"'{where}.source' is {said['source']!r}, there are: {', '.join(SOURCES)}")
-    if "why" in said and not (isinstance(said["why"], str) and said["why"].strip()):
-        faults.append(f"'{where}.why' is {said['why']!r}, wanted a sentence")
-    return said.get("value")
+    faults += [f"unknown key '{where}.{key}', there are: {', '.join(_KEYS)}" for key in entry if key not in _KEYS]
+    faults += [f"'{where}.{key}' is missing" for key in _KEYS if key not in entry]
+    if entry.get("unit", unit.name) != unit.name:
+        faults.append(f"'{where}.unit' is {entry['unit']!r}, wanted {unit.name!r}")
+    if entry.get("source", "cal") not in tuple(SOURCES):
+        faults.append(f"'{where}.source' is {entry['source']!r}, there are: {', '.join(SOURCES)}")
+    if "why" in entry and not (isinstance(entry["why"], str) and entry["why"].strip()):
+        faults.append(f"'{where}.why' is {entry['why']!r}, wanted a sentence")
+    return entry.get("value")
 
 
-def origins(said: Any, where: str = "") -> dict[str, Origin]:
-    """What is said of every number with unit and source in a settings file, by its dotted name (`joints.limit_excess`).
+def origins(entry: Any, where: str = "") -> dict[str, Origin]:
+    """Unit, source and reason of every number of a settings file, by its dotted name (`joints.limit_excess`).
 
     Args:
-        said: what `settings.read_yaml` gave, of a file that `settings.read` took
+        entry: what `settings.read_yaml` gave, of a file that `settings.read` took
     """
-    if not isinstance(said, dict):
+    if not isinstance(entry, dict):
         return {}
-    if set(said) == set(_KEYS):
-        return {where: Origin(**said)}
+    if set(entry) == set(_KEYS):
+        return {where: Origin(**entry)}
     prefix = f"{where}." if where else ""
-    return {name: found for key, each in said.items() for name, found in origins(each, f"{prefix}{key}").items()}
+    return {name: found for key, each in entry.items() for name, found in origins(each, f"{prefix}{key}").items()}

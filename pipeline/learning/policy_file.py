@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,37 +44,24 @@ def _policy_arrays(state: dict[str, Any], robot: RobotFacts) -> dict[str, np.nda
     return {**arrays, **gains, "joint_names": np.array(robot.joint_names)}
 
 
-def mean_arrays(each: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """The mean of policies of one form: normalizer and layers; gains are the first one's."""
-    kept = ("eps", "kp", "kd", "default_joint_pos", "joint_names")
-    first = each[0]
-    return {
-        name: value if name in kept or len(each) == 1 else np.mean([one[name] for one in each], axis=0)
-        for name, value in first.items()
-    }
+class Network:
+    """The network of a policy file in torch."""
 
+    def __init__(self, arrays: Mapping[str, np.ndarray], device: str):
+        def tensor(name: str) -> torch.Tensor:
+            return torch.from_numpy(np.asarray(arrays[name])).float().to(device)
 
-def summed_names(arrays: dict[str, np.ndarray]) -> list[str]:
-    """The arrays of a policy that are its network: normalizer and layers."""
-    return [name for name in arrays if name in ("mean", "std") or name.startswith("L")]
+        self._mean, self._scale = tensor("mean"), tensor("std") + tensor("eps")
+        count = sum(name.startswith("L") and name.endswith("_w") for name in arrays)
+        self._layers = [(tensor(f"L{number}_w"), tensor(f"L{number}_b")) for number in range(count)]
 
-
-def weighted_sum(parts: Sequence[tuple[float, dict[str, np.ndarray]]]) -> dict[str, np.ndarray]:
-    """The weighted sum of policies of one form, in the order given; what is no network is the first one's."""
-    first = parts[0][1]
-    sums = {name: sum(weight * each[name].astype(np.float64) for weight, each in parts) for name in summed_names(first)}
-    return {**first, **{name: value.astype(first[name].dtype) for name, value in sums.items()}}
-
-
-def act(arrays: dict[str, np.ndarray], observation: torch.Tensor) -> torch.Tensor:
-    """The action of a policy file for observations (n, o), in torch."""
-    tensors = {name: torch.from_numpy(np.asarray(arrays[name])).float() for name in arrays if name != "joint_names"}
-    value = (observation - tensors["mean"]) / (tensors["std"] + tensors["eps"])
-    count = sum(name.startswith("L") and name.endswith("_w") for name in tensors)
-    for number in range(count):
-        value = value @ tensors[f"L{number}_w"].T + tensors[f"L{number}_b"]
-        value = torch.nn.functional.elu(value) if number < count - 1 else value
-    return value
+    def __call__(self, observation: torch.Tensor) -> torch.Tensor:
+        """The action for observations (n, o)."""
+        value = (observation - self._mean) / self._scale
+        for weight, bias in self._layers[:-1]:
+            value = torch.nn.functional.elu(value @ weight.T + bias)
+        weight, bias = self._layers[-1]
+        return value @ weight.T + bias
 
 
 def write_policy(path: Path, arrays: dict[str, np.ndarray]) -> None:

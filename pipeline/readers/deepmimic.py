@@ -17,7 +17,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.array_file import ROWS_AT_ONCE
+from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 from pipeline.readers.poses import TreePoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion
@@ -118,7 +118,7 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
     rows = page_memory.empty((len(frames), COLUMNS))
     for start in range(0, len(frames), ROWS_AT_ONCE):
         part = np.array(frames[start : start + ROWS_AT_ONCE], dtype=float)
-        rows[start : start + ROWS_AT_ONCE] = np.where(np.isfinite(part), part, np.nan)
+        rows[start : start + ROWS_AT_ONCE] = known_numbers(part)
     return rows
 
 

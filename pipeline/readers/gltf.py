@@ -30,6 +30,8 @@ UNEVEN = 0.01
 """Share of the distance of keys by which they may be uneven."""
 ROUND = 0.005
 """A rate within this share of a standard one is that one: keys are stored in single precision."""
+MAX_SHEAR = 0.05
+"""Largest cosine between two axes of a matrix that is taken for a rotation."""
 
 
 def read_gltf(path: Path) -> RawMotion:
@@ -130,7 +132,7 @@ def _transform(file: GltfFile, node: dict[str, Any], number: int) -> tuple[np.nd
         if "matrix" in node:
             matrix = np.array(node["matrix"], dtype=float).reshape(4, 4).T
             place, scale = matrix[:3, 3], np.linalg.norm(matrix[:3, :3], axis=0)
-            quat = rotation.from_matrix(matrix[:3, :3] / np.maximum(scale, 1e-12))
+            quat = _turn(file.path, matrix[:3, :3] / np.maximum(scale, 1e-12), f"nodes[{number}]")
         else:
             place = np.array(node.get("translation", (0.0, 0.0, 0.0)), dtype=float).reshape(3)
             quat = rotation.normalize(np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), dtype=float).reshape(4))
@@ -142,6 +144,15 @@ def _transform(file: GltfFile, node: dict[str, Any], number: int) -> tuple[np.nd
     if np.ptp(scale) > 0.02 * scale.max():
         raise FileError(file.path, f"nodes[{number}] is scaled differently along its axes.", "Apply its scale.")
     return place, quat, float(scale.mean())
+
+
+def _turn(path: Path, matrix: np.ndarray, what: str) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of matrices (..., 3, 3) with unit columns. Raises FileError for a shear or mirror."""
+    square = np.swapaxes(matrix, -1, -2) @ matrix
+    sheared = not np.abs(square - np.eye(3)).max(initial=0.0) < MAX_SHEAR
+    if sheared or not (np.linalg.det(matrix) > 0.0).all():
+        raise FileError(path, f"{what} is no rotation: it is sheared or mirrored.", "Apply it and export again.")
+    return rotation.from_matrix(matrix)
 
 
 def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict[int, dict[str, Track]]:
@@ -226,7 +237,8 @@ def _bind_pose(
         raise FileError(file.path, "a bind matrix of the skin has no inverse.")
     bind = np.linalg.inv(inverse)
     lengths = np.linalg.norm(bind[:, :3, :3], axis=1)
-    bind_place, bind_quat = bind[:, :3, 3], rotation.from_matrix(bind[:, :3, :3] / lengths[:, None, :])
+    bind_place = bind[:, :3, 3]
+    bind_quat = _turn(file.path, bind[:, :3, :3] / lengths[:, None, :], "a bind matrix of the skin")
     return _in_scale(nodes, joints, place, quat, bind_place, bind_quat)
 
 

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from pipeline.errors import FileError
 from pipeline.files import page_memory
+from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 from pipeline.readers.robot_motion import RobotMotion
 from pipeline.readers.text_file import MAX_FRAMES, to_float
 from pipeline.readers.text_stream import open_text
@@ -24,6 +25,8 @@ from pipeline.readers.text_stream import open_text
 ROOT = 7
 MOST_COMMENTS = 1000
 """Lines of comments that are looked at."""
+MAX_RATE_ERROR = 0.02
+"""Largest deviation of the stated rate from that of the times, as a share of it."""
 
 
 def read_robot_csv(path: Path) -> RobotMotion:
@@ -44,7 +47,7 @@ def read_robot_csv(path: Path) -> RobotMotion:
     fps = _commented_fps(comments)
     if header is not None and "time_s" in header:
         time_s = values[:, header.index("time_s")]
-        fps = fps or _rate(path, time_s)
+        fps = _one_rate(path, fps, _rate(path, time_s))
         values = np.delete(values, header.index("time_s"), axis=1)
         header = [name for name in header if name != "time_s"]
     columns = [3, 4, 5, 6] if header is None else _quaternion_columns(path, header)
@@ -78,8 +81,10 @@ def _values(path: Path, rows: Iterator[tuple[int, list[str]]], width: int, lines
     for number, cells in rows:
         if count == MAX_FRAMES:
             raise FileError(path, f"it has more than the {MAX_FRAMES} frames allowed.")
-        part = _numbers(path, number, cells, width)
-        values[count], count = part, count + 1
+        values[count] = _numbers(path, number, cells, width)
+        count += 1
+    for start in range(0, count, ROWS_AT_ONCE):
+        values[start : start + ROWS_AT_ONCE] = known_numbers(values[start : start + ROWS_AT_ONCE])
     return values[:count]
 
 
@@ -101,9 +106,8 @@ def _numbers(path: Path, line: int, cells: list[str], width: int) -> list[float]
     try:
         values = [to_float(cell) for cell in cells]
     except ValueError as error:
-        problem = f"{error}.".replace("could not convert string to float", "not a number")
-        raise FileError(path, problem, line=line) from error
-    return [value if np.isfinite(value) else float("nan") for value in values]
+        raise FileError(path, f"{error}.", line=line) from error
+    return values
 
 
 def _commented_fps(comments: list[str]) -> float | None:
@@ -119,6 +123,14 @@ def _rate(path: Path, time_s: np.ndarray) -> float:
     if not len(step_s) or not np.isfinite(step_s).all() or np.ptp(step_s) > 0.02 * np.median(step_s):
         raise FileError(path, "the times in 'time_s' are not evenly spaced.")
     return float(1.0 / np.mean(step_s))
+
+
+def _one_rate(path: Path, commented: float | None, timed: float) -> float:
+    """The rate [Hz] of the comment, which that of the times must be. Raises FileError."""
+    if commented is not None and abs(commented - timed) > MAX_RATE_ERROR * timed:
+        problem = f"its comment states {commented:g} Hz, and its times 'time_s' are {timed:g} Hz apart."
+        raise FileError(path, problem, "Remove or correct one of them.")
+    return commented or timed
 
 
 def _quaternion_columns(path: Path, header: list[str]) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -142,12 +143,14 @@ def _link(first: MakerLink, second: MakerLink) -> list[Difference]:
 _JOINT = (("lower", "rad"), ("upper", "rad"), ("torque", "N m"), ("speed", "rad/s"), ("armature", "kg m^2"))
 
 
-def _equal(first: object, second: object) -> bool:
+def _equal(first: Any, second: Any) -> bool:
     if first is None or second is None or isinstance(first, str):
         return first == second
-    scale = float(np.max(np.abs([first, second]))) if np.size(first) > 1 else 0.0
-    tolerance = max(ABSOLUTE, RELATIVE * scale)
-    return bool(np.allclose(first, second, rtol=RELATIVE, atol=tolerance))  # type: ignore[arg-type]
+    one, other = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
+    if one.shape != other.shape:
+        return False
+    scale = float(max(np.abs(one).max(), np.abs(other).max())) if one.size > 1 else 0.0
+    return bool(np.allclose(one, other, rtol=RELATIVE, atol=max(ABSOLUTE, RELATIVE * scale)))
 
 
 def _text(value: object) -> str:

@@ -48,7 +48,7 @@ class Body:
 
 
 def find_body(model: MakerModel) -> Body:
-    """Raises FileError where no legs and arms of four joints or more can be told apart."""
+    """Raises FileError where no legs and arms of four joints or more can be distinguished."""
     origins, turns = model.origins()
     middle = _middle_links(model, origins)
     roots = [child for link in middle for child in model.children(link) if child not in middle]

@@ -53,8 +53,8 @@ def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> Proposed
         to_check.append(f"sites.csv: {', '.join(guessed)} are proposed from the end of the arm's shapes: look at them.")
     places |= of_file
     rows = tuple(
-        SiteRow(line=line, site=name, link=link, **dict(zip("xyz", rounded(pos), strict=True)), source=said)
-        for line, (name, (link, pos, said)) in enumerate(places.items(), start=2)
+        SiteRow(line=line, site=name, link=link, **dict(zip("xyz", rounded(pos), strict=True)), source=origin)
+        for line, (name, (link, pos, origin)) in enumerate(places.items(), start=2)
     )
     corners = [tuple(f"{side}_sole_{corner}" for corner in CORNERS) for side in SIDES]
     return ProposedSites(
@@ -69,12 +69,12 @@ def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> Proposed
 def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:
     foot = model.links[leg.end].name
     low, high, bottom = _sole(source, foot)
-    said = f"derived: bottom of the foot's shapes in {source.path.name}"
-    places: Places = {f"{side}_sole_centre": (foot, np.array([*(0.5 * (low + high)), bottom]), said)}
+    origin = f"derived: bottom of the foot's shapes in {source.path.name}"
+    places: Places = {f"{side}_sole_centre": (foot, np.array([*(0.5 * (low + high)), bottom]), origin)}
     ends = {"front": high[0], "rear": low[0], "left": high[1], "right": low[1]}
     for corner in CORNERS:
         x, y = (ends[part] for part in corner.split("_"))
-        places[f"{side}_sole_{corner}"] = (foot, np.array([x, y, bottom]), said)
+        places[f"{side}_sole_{corner}"] = (foot, np.array([x, y, bottom]), origin)
     places[f"{side}_ankle"] = (foot, np.zeros(3), "derived: origin of the last ankle joint")
     places[f"{side}_hip"] = (model.links[leg.links[1]].name, np.zeros(3), "derived: origin of the second hip joint")
     places[f"{side}_knee"] = (model.links[leg.links[BEND]].name, np.zeros(3), "derived: origin of the knee joint")
@@ -104,8 +104,8 @@ def _arm(source: MakerModel, model: MakerModel, side: str, arm: Limb) -> tuple[P
     guessed = [f"{side}_hand"]
     places[f"{side}_hand"] = (end, hand, "proposed: end of the arm's shapes")
     if len(arm.links) > BEND + 1:
-        said = "derived: origin of the first wrist joint"
-        places[f"{side}_wrist"] = (forearm, model.links[arm.links[BEND + 1]].pos, said)
+        origin = "derived: origin of the first wrist joint"
+        places[f"{side}_wrist"] = (forearm, model.links[arm.links[BEND + 1]].pos, origin)
     else:
         guessed.append(f"{side}_wrist")
         places[f"{side}_wrist"] = (forearm, near, "proposed: beside the hand")

@@ -72,7 +72,7 @@ class RaisedBound:
 
     def to_dict(self) -> dict[str, Any]:
         """JSON types, with derived values and the sentence."""
-        return {**dataclasses.asdict(self), "reached": self.reached, "short": self.short, "said": self.text()}
+        return {**dataclasses.asdict(self), "reached": self.reached, "short": self.short, "text": self.text()}
 
 
 def raised_bounds(

@@ -1,42 +1,100 @@
-"""Train a policy: `python -m pipeline.training --bundle DIR --out DIR --preset NAME`.
+"""Train a walking policy: `python -m pipeline.training --bundle DIR --out DIR`.
 
-    --bundle DIR        what is trained on, as plain files: robot and expert frames (`pipeline.expert.training_bundle`)
-    --out DIR           where the run goes; a folder of its own
-    --preset NAME       `paper`, `paper_flat`, `long_steps` … (`--list` prints them and what each changes)
-    --set NAME=VALUE    change one option of the preset; may be given often
-    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error, never a silent change
-    --physics plain|warp  MuJoCo in threads (a processor's default), or MuJoCo Warp (a GPU's)
-    --start-from FILE   begin with the network of a policy file (npz); its critic learns anew
-    --num-envs N        environments (each GPU)
-    --iterations N      of 24 steps each; with `--resume` counted from the beginning of the run
-    --minutes M         end after M minutes of training (those before a resume counted in), whichever comes first
+    --bundle DIR        robot, expert frames and tracker as plain files; amp_policy writes it to
+                        data/policies/<robot>/bundle
+    --out DIR           folder of the run
+    --preset NAME       `recipe` (the default) or `paper`
+    --set NAME=VALUE    change one option, as `discriminator.loss=bce`; may be repeated (`--list` prints all options)
+    --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained
+    --stages NAME ...   `distillation`, `amp`: other stages than the device's
+    --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
     --seed S            of everything random
-    --resume            go on from the newest checkpoint in `--out/checkpoints`; without one, start
-    --list              print presets and options as JSON, and end
+    --list              print all options with their values in both presets, units and sources, and exit
 
-Files that it writes below `--out`:
-
-    config.json         preset, every option, seed, environments, device, digests of bundle and database, versions
-    curves.csv          a row an iteration: see `pipeline/training/curves.py` for its columns; goes on when resumed
-    checkpoints/model_000100.pt …   every 100 iterations and the last; read with `weights_only=True`
-    policy.npz          the newest checkpoint's network with its gains, as `pipeline.deployment.load_policy` reads it
-    done.json           written last, when the run ended by itself: iterations, seconds, steps, steps_per_s, reason
-
-On stdout a line an iteration: `iteration 12 of 300, 5 s: …`. Exit status 0 when done, 2 for wrong arguments or files
-(the message on stderr is whole), 130 when interrupted; a run that was killed is taken up by `--resume`.
-
-Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training …`, as rsl-rl does it; `--num-envs` is per GPU.
-A checkpoint becomes a policy by `python -m pipeline.training.export_policy --checkpoint FILE --bundle DIR --out FILE`.
+Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
+`iteration 12 of 3000 of amp, 5 s, 30.1 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
+when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`; `simulation.num_envs` is that of
+each. A checkpoint becomes a policy by
+`python -m pipeline.training.export_policy --checkpoint FILE --bundle DIR --out FILE`.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # else torch's threads spin where MuJoCo's want the processor
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
-from pipeline.training.command import main
+from pipeline.learning.arguments import chosen_device, pairs
+from pipeline.learning.training_error import TrainingError
+from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Train; the exit status."""
+    given = _parser().parse_args(arguments)
+    if given.list:
+        print(options_table())
+        return 0
+    try:
+        _train(given)
+    except TrainingError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; repeating the command continues from the newest checkpoint.", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _train(given: argparse.Namespace) -> None:
+    if given.bundle is None or given.out is None:
+        raise TrainingError("--bundle and --out are needed; see python -m pipeline.training --help.")
+    config = changed_by_texts(preset(given.preset), pairs(given.set))
+    device = chosen_device(given.device)
+    from pipeline.training.bundle import read_bundle  # mjlab takes seconds to import
+    from pipeline.training.chain import stages_of, train
+    from pipeline.training.stage import Request
+
+    request = Request(
+        out=given.out, preset=given.preset, config=config, device=device, seed=given.seed, physics=given.physics
+    )
+    stages = stages_of(request, given.stages)
+    train(read_bundle(given.bundle, config.discriminator.use_augmented), request, stages)
+
+
+def options_table() -> str:
+    """Every option: its name, value in the recipe and in the paper, unit, meaning and source."""
+    paper = PAPER.values()
+    rows = [("option", "recipe", "paper", "unit", "meaning", "source")]
+    rows += [
+        (name, str(value), str(paper[name]), facts["unit"], facts["text"], facts["source"])
+        for name, value, facts in RECIPE.options()
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    return "\n".join(
+        "  ".join([*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[5]]) for row in rows
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m pipeline.training", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--bundle", type=Path)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--preset", default=DEFAULT)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--stages", nargs="+", choices=("distillation", "amp"))
+    parser.add_argument("--physics", choices=("warp", "plain"))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--list", action="store_true")
+    return parser
+
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

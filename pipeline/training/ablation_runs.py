@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.option_texts import texts_of
+from pipeline.training.config import texts_of
 
 CONFIG, CURVES, DONE, POLICY = "config.json", "curves.csv", "done.json", "policy.npz"
-OPTION = "use_augmented"
+OPTION = "discriminator.use_augmented"
 """The one option in which arms differ."""
 KEYS = ("preset", "options", "changed", "seed", "num_envs", "device", "bundle_digest", "bundle")
 """What a run's config must say."""
@@ -53,10 +53,7 @@ class ArmRun:
         return texts_of({name: value for name, value in self.config["changed"].items() if name != OPTION})
 
     def command(self, bundle: Path) -> str:
-        """The command that makes the run again from `bundle`, but for its iterations and minutes, which no file says.
-
-        Of a policy that it began with only the digest is known, which is named in the file's place.
-        """
+        """The command that makes the run again from `bundle`."""
         config = self.config
         count = config.get("processes", 1)
         module = f"-m torch.distributed.run --standalone --nproc-per-node={count} " if count > 1 else ""
@@ -66,9 +63,7 @@ class ArmRun:
             "preset": config["preset"],
             "device": "cpu" if config["device"] == "cpu" else "cuda",
             "physics": config.get("physics"),
-            "num-envs": config["num_envs"],
             "seed": self.seed,
-            "start-from": config.get("start_from"),
         }
         texts = [f"--{name} {value}" for name, value in given.items() if value is not None]
         texts += [f"--set {text}" for text in texts_of(config["changed"])]
@@ -117,7 +112,7 @@ def _file_faults(folder: Path) -> Iterator[str]:
         if not (folder / name).is_file():
             yield f"{folder / name}: there is no such file. Bring the whole folder of the run back."
     if not (folder / DONE).is_file():
-        yield f"{folder / DONE}: there is none, so the run is not finished. Go on with it by --resume until it is done."
+        yield f"{folder / DONE}: there is none, so the run is not finished. Repeat its command until it is done."
 
 
 def _read_run(folder: Path, arm: str, seed: int) -> ArmRun:
@@ -182,7 +177,7 @@ def _curve_faults(path: Path) -> Iterator[str]:
     if missing:
         yield f"{path}: has no rows with {', '.join(missing)}. Bring the file back again."
     elif not all(any(_finite(row[name]) for row in rows) for name in COLUMNS):
-        yield f"{path}: has no number in {' or '.join(COLUMNS)}. Train with a discriminator (option 'style' above 0)."
+        yield f"{path}: has no number in {' or '.join(COLUMNS)}. Train with discriminator.style above 0."
 
 
 def _finite(text: str | None) -> bool:

@@ -1,10 +1,10 @@
-"""The paper's environment on mjlab: its step, in parts that a GPU replays, and the windows the discriminator reads."""
+"""The environment on mjlab: its step in parts that a GPU replays, and the windows that the discriminator reads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
+from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 import torch
@@ -13,42 +13,36 @@ from mjlab.envs import ManagerBasedRlEnv
 
 from pipeline.learning.plain_simulation import PlainSimulation
 from pipeline.learning.training_error import TrainingError
+from pipeline.training.amp.expert import weights
+from pipeline.training.amp.features import chosen_features, state_features
 from pipeline.training.bundle import Bundle
 from pipeline.training.captured import Captured
-from pipeline.training.commands import VelocityCommand
+from pipeline.training.config import Config
 from pipeline.training.curves import Record
-from pipeline.training.double_stance import DoubleStance
 from pipeline.training.environment_cfg import DECIMATION, environment_cfg
-from pipeline.training.expert_sampling import ReferenceStates
-from pipeline.training.initial_state import write_starts
-from pipeline.training.leg_swings import ClipSwings, LegSwings
 from pipeline.training.masks import members, replace
-from pipeline.training.motion_features import state_features, window_frames, window_span
-from pipeline.training.observations import LARGEST
-from pipeline.training.options import Options
-from pipeline.training.power_excess import PowerExcess
-from pipeline.training.pushes import ComingPush
-from pipeline.training.ramps import Ramps
-from pipeline.training.readings import Readings
-from pipeline.training.reward_terms import motor_limit
-from pipeline.training.slopes import Slopes
-from pipeline.training.step_times import StepTimes
-from pipeline.training.tracked_clip import TrackedClip
-from pipeline.training.trunk_forces import TrunkForces
-from pipeline.training.trunk_lean import TrunkLean
+from pipeline.training.mdp.commands import VelocityCommand
+from pipeline.training.mdp.events import Slopes
+from pipeline.training.mdp.observations import LARGEST
+from pipeline.training.mdp.start_states import OWN_COMMAND_SHARE, StartStates, expert_states, write_starts
+from pipeline.training.robot_state import RobotState
+from pipeline.training.terrain import ROUGHNESS_M
 
 VELOCITY_STEPS = 8
-"""Velocities are recorded at every so many steps."""
+"""Velocities are recorded every so many steps."""
 
 
-def chosen_physics(device: str, asked: str | None) -> str:
-    """`warp` on a GPU; on a processor `plain`, which is the faster there, if nothing else is asked for.
+@runtime_checkable
+class FollowedClips(Protocol):
+    """What distillation adds to the environment: the clip that each robot follows (`distillation/teacher.py`)."""
 
-    Raises TrainingError for `plain` on a GPU.
-    """
-    if asked == "plain" and device != "cpu":
-        raise TrainingError(f"--physics is 'plain', which steps on a processor, and --device '{device}'.")
-    return asked or ("plain" if device == "cpu" else "warp")
+    command: torch.Tensor
+    lost: torch.Tensor
+    ended: torch.Tensor
+
+    def begin(self, env: AmpEnvironment, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None: ...
+
+    def advance(self, env: AmpEnvironment) -> None: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,90 +50,112 @@ class Context:
     """What the environment's terms read besides the simulation."""
 
     bundle: Bundle
-    options: Options
-    references: ReferenceStates
+    config: Config
+    starts: StartStates
+
+
+def chosen_physics(device: str, given: str | None) -> str:
+    """`warp` on a GPU; on a CPU `plain`, which is faster there, unless another is given.
+
+    Raises TrainingError for `plain` on a GPU.
+    """
+    if given == "plain" and device != "cpu":
+        raise TrainingError(f"--physics is 'plain', which runs on a CPU, and --device is '{device}'.")
+    return given or ("plain" if device == "cpu" else "warp")
 
 
 class AmpEnvironment(ManagerBasedRlEnv):
-    """mjlab's environment with the readings of `Readings` and, in `extras`, the discriminator's windows."""
+    """mjlab's environment with `RobotState` and, in `extras`, the discriminator's windows."""
 
     def __init__(
-        self, bundle: Bundle, options: Options, num_envs: int, device: str, seed: int, physics: str | None = None
+        self,
+        bundle: Bundle,
+        config: Config,
+        device: str,
+        seed: int,
+        physics: str | None = None,
+        captured: bool = True,
+        teacher: FollowedClips | None = None,
+        starts: StartStates | None = None,
     ):
-        robot = bundle.robot
+        """
+        Args:
+            bundle: robot and expert
+            config: of the run
+            device: `cpu` or a GPU
+            seed: of everything random
+            physics: `warp` or `plain`; None: the faster one on the device
+            captured: whether a GPU replays the parts of a step; the result is identical
+            teacher: the clips that robots follow, in distillation
+            starts: where episodes begin; None: at expert frames
+        """
+        robot, num_envs = bundle.robot, config.simulation.num_envs
         self.physics = chosen_physics(device, physics)
-        references = ReferenceStates(bundle.expert, options, seed, device)
-        self.context = Context(bundle=bundle, options=options, references=references)
+        self.teacher = teacher
         self.policy_index = torch.from_numpy(robot.index(robot.policy_joints)).to(device)
         self.controlled_index = torch.from_numpy(robot.index(robot.controlled)).to(device)
         self.default_joint_pos = torch.from_numpy(robot.default_joint_pos).float().to(device)
         self.effort_limit = torch.from_numpy(robot.effort_limit).float().to(device)
-        self._stall_torque, self._no_load_speed = (
+        self.stall_torque, self.no_load_speed = (
             torch.from_numpy(np.nan_to_num(values, nan=np.inf)).float().to(device)
             for values in (robot.saturation_effort, robot.no_load_speed)
         )
-        self.fell = torch.zeros(num_envs, dtype=torch.bool, device=device)
-        self.stalled = torch.zeros(num_envs, dtype=torch.bool, device=device)
-        self.quiet = torch.arange(num_envs, device=device) < round(options.quiet_share * num_envs)
-        """Environments without noise."""
-        unpushed = round((1.0 - options.quiet_pushed) * options.quiet_share * num_envs)
-        self.pushed = torch.arange(num_envs, device=device) >= unpushed
-        """Environments with pushes."""
-        self.schedule: float | None = None
-        """The iteration that schedules are at, where they don't go by the environment's own steps."""
+        self.context = Context(
+            bundle=bundle, config=config, starts=starts or self._expert_starts(bundle, config, device, seed)
+        )
+        self.columns = chosen_features(config.discriminator.features, robot).to(device)
+        self.ground_m = ROUGHNESS_M if config.simulation.terrain == "rough" else 0.0
+        """Height of the highest ground [m]."""
         self.ended_steps = torch.zeros(num_envs, dtype=torch.long, device=device)
         """Length of each environment's last episode."""
-        self.step_times = StepTimes(bundle.expert, device)
-        self.trunk_lean = TrunkLean(bundle.expert, device)
-        self.clip_double_stance = DoubleStance(bundle.expert, robot, device) if options.double_stance else None
-        self.clip_swings = ClipSwings(bundle.expert, robot.controlled, device) if options.full_swing else None
         self.own_command = torch.full((num_envs, 3), torch.nan, device=device)
-        """The command that goes with what an episode began at; NaN where none does."""
-        self.begun_command = torch.zeros(num_envs, 3, device=device)
-        """The command that the robot obeyed as its episode began (n, 3)."""
-        self.rotor_link_share = torch.zeros(num_envs, device=device)
-        """Share of the rotors' inertia that is on the links (n,)."""
-        self.ramps = Ramps(options, device)
+        """Command of the state that an episode began at (n, 3); NaN where it is drawn."""
+        self.start_velocity = torch.zeros(num_envs, 3, device=device)
+        """Velocity of that state (n, 3)."""
+        self.push_w = torch.zeros(num_envs, 3, device=device)
+        """Force of a push on the trunk (n, 3) [N]."""
+        self.disturbance = torch.zeros((), device=device)
+        """Ramp of delays, slopes and pushes, 0 to 1; on the device, where a replayed step reads it."""
         self.restarts: list[Callable[[torch.Tensor], None]] = []
-        """What terms do where (n,) an episode begins; each puts its own in."""
-        self.coming_pushes: list[ComingPush] = []
-        """Of each kind of push the next ones; each kind puts its own in."""
+        """What terms do for environments (n,) that begin an episode; each term appends its own."""
         if device == "cpu":
-            wp.config.optimization_level = 0  # on a CPU Warp only tries training: kernels that compile soon count more
-        super().__init__(environment_cfg(robot, options, num_envs, seed), device)
+            wp.config.optimization_level = 0  # kernels that compile soon count more than fast ones in a test
+        super().__init__(environment_cfg(robot, config, seed, teacher is not None), device)
         self._given = torch.zeros_like(self.action_manager.action)
-        # who reads more than the state as motors are told their targets, or as a sensor is updated, must count here
-        states_suffice = isinstance(self.sim, PlainSimulation) and not self.trunk_forces.helps
-        self._step_between = self.sim.step_between if states_suffice else self.sim.step
+        plain = isinstance(self.sim, PlainSimulation)
+        self._step_between = self.sim.step_between if plain else self.sim.step  # motors read the state alone
 
         def part(work: Callable[[], None]) -> Captured:
-            return Captured(work, device, options.captured)
+            return Captured(work, device, captured)
 
-        self._aims = (part(self._aim_first), *(part(self._aim_again) for _ in range(DECIMATION - 1)))
-        self._judge = part(self._judge_state)
+        self._targets = (part(self._first_targets), *(part(self._write_targets) for _ in range(DECIMATION - 1)))
+        self._judge = part(self._terminate_and_reward)
         self._begin = part(lambda: self._begin_episodes(self.reset_buf))
-        self._see = part(self._see_state)
+        self._see = part(self._observe)
         self._note = part(self._note_velocity)
 
+    @staticmethod
+    def _expert_starts(bundle: Bundle, config: Config, device: str, seed: int) -> StartStates:
+        expert, robot = bundle.expert, bundle.robot
+        weight = weights(expert, np.arange(len(expert.frames)), config, seed)
+        own = OWN_COMMAND_SHARE if config.discriminator.by_command else 0.0
+        return expert_states(expert, weight, robot.index(robot.controlled), robot.default_joint_pos, device, own)
+
     def load_managers(self) -> None:
-        """mjlab's managers; the readings must be there before, the windows' size is known after."""
-        robot, options = self.context.bundle.robot, self.context.options
+        """mjlab's managers; the state that their terms read exists before them."""
+        robot, config = self.context.bundle.robot, self.context.config
         if self.physics == "plain":
             self.sim = PlainSimulation(self.sim)
-        self.slopes = Slopes(self) if options.slope_share else None
-        self.readings = Readings(self, robot.feet, (*robot.hands, *robot.feet))
+        self.slopes = Slopes(self)
+        self.slopes.grow(0.0)
+        self.robot_state = RobotState(self, robot.feet, (*robot.hands, *robot.feet))
         self.joint_limits = tuple(self.scene["robot"].data.joint_pos_limits[0].unbind(dim=1))
-        size = 18 + 2 * len(self.controlled_index) + (3 if options.discriminator_command else 0)
-        self._motion = torch.zeros(self.num_envs, window_span(options), size, device=self.device)
+        (trunk,), _ = self.scene["robot"].find_bodies(robot.root_link)
+        self._trunk = slice(trunk, trunk + 1)  # a list of indices would be copied to the GPU at each step
+        self._no_torque = torch.zeros_like(self.push_w)[:, None]
+        self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
+        self._motion = torch.zeros(self.num_envs, config.discriminator.frames, len(self.columns), device=self.device)
         self.record = Record(self.device)
-        self.trunk_forces = TrunkForces(self)
-        self.tracked_clip = TrackedClip(self) if options.tracked else None
-        self.leg_swings = LegSwings(self) if options.full_swing else None
-        if self.leg_swings is not None:
-            self.restarts.append(self.leg_swings.restart)
-        self.power_excess = PowerExcess(self) if options.power_free else None
-        if self.power_excess is not None:
-            self.restarts.append(self.power_excess.restart)
         super().load_managers()
 
     @property
@@ -149,48 +165,27 @@ class AmpEnvironment(ManagerBasedRlEnv):
 
     @property
     def velocity_command(self) -> VelocityCommand:
-        """The term that keeps it."""
+        """The command term."""
         return cast(VelocityCommand, self.command_manager.get_term("velocity"))
 
-    def iteration(self) -> float:
-        """How many iterations of training the environment has lived through, or what the schedule says instead."""
-        lived = self.common_step_counter / self.context.options.steps
-        return lived if self.schedule is None else self.schedule
-
-    def go_on(self) -> None:
-        """Ramps and slopes go to the iteration that it is."""
-        iteration = self.iteration()
-        self.ramps.at(iteration)
-        if self.slopes is not None:
-            self.slopes.at(iteration)
-
-    def motor_limit(self, of: str) -> torch.Tensor:
-        """The motors' constant `limit`, or what the `line` leaves of it at their speed [N m]."""
-        read = self.readings
-        if of == "limit" or self.context.options.motors == "box":
-            return self.effort_limit
-        return motor_limit(read.torque, read.joint_vel, self.effort_limit, self._stall_torque, self._no_load_speed)
-
-    @property
-    def tracked_velocity(self) -> torch.Tensor:
-        """Velocity (n, 3) that is held against the command."""
-        mean = self.context.options.tracking_of == "mean"
-        return self.readings.mean_velocity if mean else self.readings.velocity
+    def set_disturbance(self, share: float) -> None:
+        """Set delays, slopes and pushes to a share of their largest."""
+        self.disturbance.fill_(share)
+        self.slopes.grow(share)
 
     def step(self, action: torch.Tensor):
         """mjlab's step in parts that a GPU replays; `extras` gets `motion` (n, h, f) and `motion_valid` (n,): windows
         within one episode.
 
-        Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations see links as they were
-        a physics step ago. Observations are the caller's; all else that is returned is written over by the next step.
+        Episodes end and begin by masks, never by indices. As in mjlab, rewards and terminations read links as they were
+        a physics step ago. Observations are the caller's; all else that is returned is overwritten by the next step.
         """
         self.extras["log"] = {}
-        self.go_on()
         self._given.copy_(action)
-        for aim in self._aims:
+        for targets in self._targets:
             self._sim_step_counter += 1
-            aim()
-            if aim is self._aims[-1]:
+            targets()
+            if targets is self._targets[-1]:
                 self.sim.step()
             else:
                 self._step_between()
@@ -203,24 +198,24 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._see()
         if self.common_step_counter % VELOCITY_STEPS == 0:
             self._note()
-        self.readings.fresh()
-        self.obs_buf = {name: seen.clone() for name, seen in self._seen.items()}  # the next step writes over them
+        self.robot_state.invalidate()
+        self.obs_buf = {name: group.clone() for name, group in self._groups.items()}  # the next step overwrites them
         return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
 
-    def _aim_first(self) -> None:
+    def _first_targets(self) -> None:
         self.action_manager.process_action(self._given)
-        if not self.trunk_forces.helps:
-            self.trunk_forces.write()
-        self._aim_again()
+        self.scene["robot"].write_external_wrench_to_sim(self.push_w[:, None], self._no_torque, body_ids=self._trunk)
+        self._write_targets()
 
-    def _aim_again(self) -> None:
+    def _write_targets(self) -> None:
         self.action_manager.apply_action()
-        if self.trunk_forces.helps:
-            self.trunk_forces.write()
         self.scene.write_data_to_sim()
 
-    def _judge_state(self) -> None:
-        """Ends, rewards and pushes."""
+    def _terminate_and_reward(self) -> None:
+        """Terminations, rewards and pushes."""
+        self.robot_state.advance()
+        if self.teacher is not None:
+            self.teacher.advance(self)
         self.episode_length_buf += 1
         self.reset_buf = self.termination_manager.compute()
         self.reset_terminated = self.termination_manager.terminated
@@ -230,10 +225,10 @@ class AmpEnvironment(ManagerBasedRlEnv):
             self.event_manager.apply(mode="step", dt=self.step_dt)
 
     def _begin_episodes(self, mask: torch.Tensor) -> None:
-        """Everything that an episode begins with, of those (n,) whose simulation has been reset.
+        """Begin episodes in environments (n,) whose simulation has been reset.
 
-        In place of mjlab's managers, which reset by indices. Its scene is left out: motors and sensors here keep no
-        state, and targets are written before the next physics step.
+        In place of mjlab's managers, which reset by indices. Its scene is left out: motors and sensors keep no state
+        here, and targets are written before the next physics step.
         """
         replace(self.ended_steps, mask, self.episode_length_buf)
         write_starts(self, mask)
@@ -243,38 +238,36 @@ class AmpEnvironment(ManagerBasedRlEnv):
             restart(mask)
         replace(self.episode_length_buf, mask, 0)
 
-    def _see_state(self) -> None:
-        """Commands grow older, then what is seen of the state and kept of it."""
+    def _observe(self) -> None:
+        """Commands grow older, then observations, motion windows and figures are computed."""
         self.command_manager.compute(dt=self.step_dt * ~self.reset_buf)
-        self._seen = self.observation_manager.compute(update_history=True)
+        self._groups = self.observation_manager.compute(update_history=True)
         self._motion.copy_(torch.cat([self._motion[:, 1:], self.motion_features()[:, None]], dim=1))
-        self.extras["motion"] = window_frames(self._motion, self.context.options)
+        self.extras["motion"] = self._motion
         self.extras["motion_valid"] = self.episode_length_buf >= self._motion.shape[1]
         self.record.add(self)
 
     def _note_velocity(self) -> None:
-        self.readings.fresh()
+        self.robot_state.invalidate()
         self.record.add_velocity(self)
 
     def get_observations(self) -> dict:
-        """What the last step returned, not the memory that the next one writes over."""
+        """The observations of the last step, not the memory that the next one overwrites."""
         return self.obs_buf
 
     def motion_features(self) -> torch.Tensor:
-        """Features of the current states (n, f), with the command where the discriminator sees it."""
-        read, index = self.readings, self.controlled_index
+        """Features of the current states that the discriminator reads (n, f)."""
+        state, index = self.robot_state, self.controlled_index
         values = state_features(
-            read.root_pos_w,
-            read.root_rotation_w,
-            read.lin_vel_b,
-            read.ang_vel_b,
-            read.joint_pos[:, index],
-            read.joint_vel[:, index],
-            read.ends_pos_w,
+            state.root_pos_w,
+            state.root_rotation_w,
+            state.lin_vel_b,
+            state.ang_vel_b,
+            state.joint_pos[:, index],
+            state.joint_vel[:, index],
+            state.ends_pos_w,
         )
-        if self.context.options.discriminator_command:
-            values = torch.cat([values, self.command], dim=1)
-        return torch.nan_to_num(values).clamp(-LARGEST, LARGEST)
+        return torch.nan_to_num(values).clamp(-LARGEST, LARGEST)[:, self.columns]
 
     def _reset_idx(self, env_ids: torch.Tensor | None = None) -> None:
         assert env_ids is not None

@@ -1,42 +1,45 @@
-"""The paper's environment in mjlab's terms: scene, sensors, terms and what is drawn at random."""
+"""The environment in mjlab's terms: scene, sensors, managers."""
 
 from __future__ import annotations
 
+import dataclasses
+
+from mjlab.entity import EntityCfg
 from mjlab.envs import ManagerBasedRlEnvCfg
-from mjlab.envs.mdp import dr
-from mjlab.managers.event_manager import EventTermCfg
-from mjlab.managers.scene_entity_config import SceneEntityCfg
 from mjlab.scene import SceneCfg
 from mjlab.sensor import ContactMatch, ContactSensorCfg
 from mjlab.sim import MujocoCfg, SimulationCfg
 
 from pipeline.learning.robot_entity import robot_entity
 from pipeline.learning.robot_facts import RobotFacts
-from pipeline.training.action import PolicyActionCfg
-from pipeline.training.commands import VelocityCommandCfg
-from pipeline.training.observations import observation_cfg
-from pipeline.training.options import Options
-from pipeline.training.pushes import PushForce, PushVelocity
-from pipeline.training.reward_table import reward_cfg
-from pipeline.training.rotor_links import draw_rotors_on_links
-from pipeline.training.terminations import termination_cfg
+from pipeline.training.config import Config
+from pipeline.training.mdp.actions import PolicyActionCfg
+from pipeline.training.mdp.commands import RESAMPLE_S, VelocityCommandCfg
+from pipeline.training.mdp.events import event_cfg
+from pipeline.training.mdp.observations import observation_cfg
+from pipeline.training.mdp.rewards import reward_cfg
+from pipeline.training.mdp.terminations import termination_cfg
 from pipeline.training.terrain import terrain_cfg
 
 PHYSICS_S = 0.005
 DECIMATION = 4
+EPISODE_S = 20.0
+"""Length of an episode [s]."""
+SOFT_LIMITS = 0.97
+"""Share of a joint's range beyond which mjlab's `joint_pos_limits` penalizes."""
 
 
-def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: int) -> ManagerBasedRlEnvCfg:
-    """The environment in mjlab's terms."""
-    rough = options.terrain == "rough"
+def environment_cfg(robot: RobotFacts, config: Config, seed: int, distils: bool) -> ManagerBasedRlEnvCfg:
+    """The environment of a configuration; `distils`: it follows reference clips."""
+    rough = config.simulation.terrain == "rough"
     return ManagerBasedRlEnvCfg(
         decimation=DECIMATION,
-        episode_length_s=options.episode_s,
+        episode_length_s=EPISODE_S,
         seed=seed,
         scene=SceneCfg(
-            num_envs=num_envs,
-            terrain=terrain_cfg(options, seed),
-            entities={"robot": robot_entity(robot, options.motors)},
+            num_envs=config.simulation.num_envs,
+            terrain=terrain_cfg(config.simulation.terrain, seed),
+            entities={"robot": _entity(robot)},
             sensors=_sensors(robot),
         ),
         sim=SimulationCfg(
@@ -45,12 +48,19 @@ def environment_cfg(robot: RobotFacts, options: Options, num_envs: int, seed: in
             mujoco=MujocoCfg(timestep=PHYSICS_S, iterations=10, ls_iterations=20),
         ),
         observations=observation_cfg(),
-        actions={"joints": PolicyActionCfg(entity_name="robot")},
-        commands={"velocity": VelocityCommandCfg(resampling_time_range=options.resample_s)},
-        rewards=reward_cfg(),
-        terminations=termination_cfg(options),
-        events=_events(robot, options),
+        actions={"joints": PolicyActionCfg(entity_name="robot", delay_s=config.randomization.delay_s)},
+        commands={"velocity": VelocityCommandCfg(resampling_time_range=RESAMPLE_S, config=config.commands)},
+        rewards=reward_cfg(config),
+        terminations=termination_cfg(config, distils),
+        events=event_cfg(robot, config, distils),
     )
+
+
+def _entity(robot: RobotFacts) -> EntityCfg:
+    entity = robot_entity(robot)
+    assert entity.articulation is not None
+    limits = dataclasses.replace(entity.articulation, soft_joint_pos_limit_factor=SOFT_LIMITS)
+    return dataclasses.replace(entity, articulation=limits)
 
 
 def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
@@ -66,37 +76,3 @@ def _sensors(robot: RobotFacts) -> tuple[ContactSensorCfg, ...]:
 
     feet = sensor("feet_contact", "body", tuple(f"^{link}$" for link in robot.foot_links))
     return feet, sensor("other_contact", "geom", tuple(f"^{shape}$" for shape in touching))
-
-
-def _events(robot: RobotFacts, options: Options) -> dict[str, EventTermCfg]:
-    feet = tuple(f"^{name}$" for name in robot.shapes["feet"])
-    trunk = (f"^{robot.root_link}$",)
-    events = {
-        "friction": EventTermCfg(
-            mode="startup",
-            func=dr.geom_friction,
-            params={
-                "asset_cfg": SceneEntityCfg("robot", geom_names=feet),
-                "operation": "abs",
-                "ranges": options.friction,
-                "shared_random": True,
-            },
-        ),
-        "gains": EventTermCfg(
-            mode="startup",
-            func=dr.pd_gains,
-            params={"kp_range": options.gain_range, "kd_range": options.gain_range},
-        ),
-        "trunk": EventTermCfg(
-            mode="startup",
-            func=dr.pseudo_inertia,
-            params={"asset_cfg": SceneEntityCfg("robot", body_names=trunk), "alpha_range": options.trunk_density},
-        ),
-    }
-    if options.rotor_link_share:
-        events["rotors"] = EventTermCfg(mode="startup", func=draw_rotors_on_links)
-    if options.push_speed[1] > 0.0:
-        events["push_velocity"] = EventTermCfg(mode="step", func=PushVelocity)
-    if options.push_impulse[1] > 0.0:
-        events["push_force"] = EventTermCfg(mode="step", func=PushForce)
-    return events

@@ -1,5 +1,8 @@
-"""States of some environments changed in place: masks, which a GPU reads itself, instead of indices, for whose number a
-processor would wait; and the same memory at every step, which `captured.py` asks for."""
+"""States of some environments changed in place, by masks.
+
+A GPU reads a mask itself; for indices the processor would wait for their number. Memory stays the same at every step,
+as `captured.py` requires.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import torch
 
 
 def replace(state: torch.Tensor, mask: torch.Tensor, value: torch.Tensor | float) -> None:
-    """Put the rows of `value`, like `state` (n, ...), into those rows of `state` where `mask` (n,) is set."""
+    """Copy the rows of `value`, shaped like `state` (n, ...), into the rows of `state` where `mask` (n,) is set."""
     rows = mask.view(-1, *[1] * (state.ndim - 1))
     if isinstance(value, torch.Tensor):
         state.copy_(torch.where(rows, value, state))

@@ -1,8 +1,8 @@
 """A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with nothing but mjlab's stack.
 
-A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is what it is in
-`pipeline/validation`, whose own walk has more conditions and is held against this one in a test. No PyTorch is imported
-here: the processes that walk start quickly and need little memory.
+A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is defined as in
+`pipeline/validation`, whose own walk has more conditions and is compared with this one in a test. No PyTorch is
+imported here, so that processes that walk start quickly and need little memory.
 """
 
 from __future__ import annotations
@@ -221,17 +221,11 @@ class Notes:
         feet = data.site_xpos[world.feet][:, :2].copy()
         moved = np.full(2, np.nan) if self._feet_before is None else np.linalg.norm(feet - self._feet_before, axis=1)
         self._feet_before = feet
-        joints = [data.qpos[7 + world.facts["joint_names"].index(f"Left_{name}_Pitch")] for name in ("Hip", "Knee")]
         heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
-        lean = np.degrees(np.arcsin(np.clip(rotation[2, :2], -1.0, 1.0)))
-        between = feet[0] - feet[1]
-        apart = between[1] * np.cos(heading) - between[0] * np.sin(heading)
-        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved, *joints, *lean, apart])
+        self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved])
 
     def figures(self) -> Figures:
-        """Means over what was written down; `lean` is how far the trunk leans ahead, `rock` the deviation of how far
-        it leans to a side [deg], `feet_apart` how far the left foot is to the left of the right one [m],
-        `double_stance` the share of the time in which both touch."""
+        """Means over the recorded time."""
         table = np.array(self._rows, dtype=float)
         x, y, heading, vx, vy = table[:, :5].T
         touch, moved = table[:, 5:7] > 0.0, table[:, 7:9]
@@ -250,12 +244,6 @@ class Notes:
             "slip": float(slip),
             "drift": float(np.hypot(x[-1] - x[0], y[-1] - y[0])),
             "steps_per_min": 60.0 * sum(_set_down(touch[:, foot], control_s) for foot in (0, 1)) / MEASURE_S,
-            "hip_range": float(np.ptp(table[:, 9])),
-            "knee_range": float(np.ptp(table[:, 10])),
-            "lean": float(-table[:, 11].mean()),
-            "rock": float(table[:, 12].std()),
-            "feet_apart": float(table[:, 13].mean()),
-            "double_stance": float(touch.all(axis=1).mean()),
         }
 
 

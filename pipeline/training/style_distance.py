@@ -22,9 +22,9 @@ import torch
 from scipy.spatial.distance import cdist
 
 from pipeline.learning.training_error import TrainingError
+from pipeline.training.amp.expert import window_starts
+from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features, state_features
 from pipeline.training.bundle import ExpertFrames, read_bundle
-from pipeline.training.expert_sampling import window_starts
-from pipeline.training.motion_features import FeatureNormalizer, frame_features, state_features
 from pipeline.training.plain_walk import CONTROL_EVERY, MEASURE_S, STEP_S, Walk, World, network_of
 
 SPEEDS = (0.6, 1.0, 1.5)
@@ -101,7 +101,7 @@ def style_distances(
     """Of each policy at each speed, one a seed; `expert` is that between halves of the clips."""
     expert = read_bundle(bundle).expert
     features = frame_features(torch.from_numpy(expert.frames))
-    normalize, rng = FeatureNormalizer(features, expert.controlled), np.random.default_rng(0)
+    normalize, rng = FeatureNormalizer(features, floors(expert.controlled)), np.random.default_rng(0)
     found: dict[str, dict[float, list[float]]] = {name: {} for name in ("expert", *map(str, policies))}
     for speed in SPEEDS:
         sets = [windows_of(features.numpy(), each, normalize) for each in expert_sets(expert, (speed, 0.0, 0.0), rng)]

@@ -1,24 +1,24 @@
-"""The ground: a plane, or a heightfield of random roughness with a flat border."""
+"""The ground: a plane, or a heightfield of random roughness with a flat border (paper)."""
 
 from __future__ import annotations
 
 from mjlab.terrains import HfRandomUniformTerrainCfg, TerrainEntityCfg, TerrainGeneratorCfg
 
-from pipeline.training.options import Options
-
+ROUGHNESS_M = 0.03
+"""Height range of the rough ground [m]."""
 PATCH_M = 10.0
 PATCHES = 8
 """Rows and columns of patches that episodes begin on."""
 BORDER_M = 30.0
-"""Flat ground around them: how far a run of 20 s may lead out [m]."""
+"""Flat ground around them, as far as an episode of 20 s may lead [m]."""
 
 
-def terrain_cfg(options: Options, seed: int) -> TerrainEntityCfg:
-    """The ground under these options."""
-    if options.terrain == "plane":
+def terrain_cfg(kind: str, seed: int) -> TerrainEntityCfg:
+    """The ground of a kind: `plane` or `rough`."""
+    if kind == "plane":
         return TerrainEntityCfg(terrain_type="plane")
     patch = HfRandomUniformTerrainCfg(
-        noise_range=(0.0, options.roughness_m), noise_step=0.005, downsampled_scale=0.2, horizontal_scale=0.1
+        noise_range=(0.0, ROUGHNESS_M), noise_step=0.005, downsampled_scale=0.2, horizontal_scale=0.1
     )
     return TerrainEntityCfg(
         terrain_type="generator",

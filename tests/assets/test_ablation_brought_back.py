@@ -41,7 +41,7 @@ def project(tmp_path, root, monkeypatch):
 
 @pytest.fixture
 def runs(project, tmp_path):
-    return write_arm_runs(tmp_path / "runs", project.policies("t1") / "bundle", seeds=(1, 2), style=0.4)
+    return write_arm_runs(tmp_path / "runs", project.policies("t1") / "bundle", seeds=(1, 2), discriminator__style=0.4)
 
 
 def ablate(**config: Any) -> dg.ExecuteInProcessResult:
@@ -68,7 +68,7 @@ def test_runs_from_elsewhere_are_measured_recorded_and_served(project, runs):
     folder, recorded = project.policies("t1") / "augmentation_ablation", project.shipped_policies("t1")
     folder.mkdir()
     (folder / "augmented-seed7.csv").write_text("of an ablation before")
-    said = told(ablate(runs=str(runs), commit=COMMIT, seeds=[5], preset="paper", options=["style=0.1"]))
+    said = told(ablate(runs=str(runs), commit=COMMIT, seeds=[5], preset="paper", options=["discriminator.style=0.1"]))
     assert said["origin"] == "trained elsewhere, measured here"
     assert said["what it is"] == "full trainings"
     assert said["iterations"].startswith("augmented-seed1 2, original-seed1 2, ")
@@ -81,10 +81,10 @@ def test_runs_from_elsewhere_are_measured_recorded_and_served(project, runs):
 
 
 def test_what_is_recorded_is_that_of_the_runs(project, runs):
-    assert ablate(runs=str(runs), commit=COMMIT, seeds=[5], preset="paper", options=["style=0.1"]).success
+    assert ablate(runs=str(runs), commit=COMMIT, seeds=[5], preset="paper", options=["discriminator.style=0.1"]).success
     folder = project.policies("t1") / "augmentation_ablation"
     found = json.loads((folder / "ablation.json").read_text())
-    assert (found["preset"], found["options"], found["trial"]) == ("gated_style", ["style=0.4"], False)
+    assert (found["preset"], found["options"], found["trial"]) == ("paper", ["discriminator.style=0.4"], False)
     assert (found["database"], found["label"]) == ("d1", "mirror and time-scale only")
     names = ["augmented-seed1", "original-seed1", "augmented-seed2", "original-seed2"]
     assert [each["name"] for each in found["runs"]] == names
@@ -97,7 +97,7 @@ def test_what_is_recorded_is_that_of_the_runs(project, runs):
     assert (facts["robot"], facts["run"], facts["commit"]) == ("t1", "original-seed2", COMMIT)
     assert (facts["device"], facts["done"]["iterations"]) == ("NVIDIA H100 80GB HBM3", 2)
     assert "--bundle data/policies/t1/bundle" in facts["command"]
-    assert facts["command"].endswith("--set style=0.4 --set use_augmented=false")
+    assert facts["command"].endswith("--set discriminator.style=0.4 --set discriminator.use_augmented=false")
 
 
 def test_runs_need_the_commit_that_trained_them(project, runs):

@@ -103,7 +103,7 @@ def test_where_the_bound_kept_windows_out_more_are_taken_exactly_up_to_the_new_o
     assert html.unescape(page["what feedback brought"].value) == f"- {said}"
     assert page["windows not taken"] == 2
     bound = brought(after)
-    assert bound["reached"] and bound["said"] == said and not short_of_wanted(after.settings)
+    assert bound["reached"] and bound["text"] == said and not short_of_wanted(after.settings)
 
 
 def test_where_the_bound_kept_none_out_the_same_windows_are_taken_and_that_is_said(project, asset):

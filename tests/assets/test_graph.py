@@ -37,7 +37,10 @@ LINEAGE = {
     "augmented_motions": {"reference_motions", "tracking_policy", "adapted_robot"},
     "feasible_motions": {"augmented_motions", "reference_motions", "adapted_robot", "approved_weights"},
     "expert_db": {"feasible_motions", "robot_model"},
-    "amp_policy": {"expert_db", "adapted_robot", "approved_randomization"},
+    "amp_policy": {
+        *("expert_db", "adapted_robot", "approved_randomization"),
+        *("reference_motions", "augmented_motions", "tracking_policy"),
+    },
     "augmentation_ablation": {"expert_db", "adapted_robot"},
     "exported_policy": {"amp_policy", "robot_model"},
     "mujoco_validation": {"exported_policy", "adapted_robot"},

@@ -250,9 +250,10 @@ def test_approved_ranges_widen_one_end_each():
         before: float
 
     found = amp_policy.widened("paper", [Change("friction", 0.3, 0.4), Change("push_speed", 1.7, 1.5)])
-    assert found == ("friction=0.3,1.2", "push_speed=0.3,1.7")
-    instead = amp_policy.widened("tracking_amp", [Change("push_speed", 1.65, 1.5)])
-    assert instead == ("push_impulse=0,74.8",), "pushes that the preset has not are not switched on"
+    assert found == ("pushes.kick_m_s=0.3,1.7", "randomization.friction=0.3,1.2")
+    found = amp_policy.widened("recipe", [Change("gain_range", 0.85, 0.9), Change("push_speed", 1.7, 1.5)])
+    assert found == ("pushes.kick_m_s=0,2.04", "randomization.gains=0.85,1.1")
+    assert amp_policy.widened("recipe", [Change("friction", 0.5, 0.6)]) == ("randomization.friction=0.4,1.2",)
     assert amp_policy.widened("paper", []) == ()
 
 
@@ -300,7 +301,7 @@ def test_arms_differ_in_augmentation_alone(project, robot, monkeypatch):
     configs = {arm: json.loads((folder / "config.json").read_text()) for arm, folder in runs.items()}
     options = {arm: set(config.pop("set")) for arm, config in configs.items()}
     assert configs["augmented"] == configs["original"]
-    assert options["augmented"] ^ options["original"] == {"use_augmented=true", "use_augmented=false"}
+    assert options["augmented"] ^ options["original"] == {f"{ablation.OPTION}={value}" for value in ("true", "false")}
 
 
 def test_the_augmented_arm_says_what_it_has():

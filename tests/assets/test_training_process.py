@@ -14,7 +14,7 @@ import pytest
 
 from assets import training_process
 from assets.training_process import Run, TrainingConfig, TrainingFailedError, run_of, train
-from pipeline.training.presets import DEFAULT
+from pipeline.training.config import DEFAULT
 from tests.factories.training_stand_in import write_training_stand_in
 
 LOG = logging.getLogger("training")
@@ -40,9 +40,17 @@ def start(run, place):
     train(run, place, place / "lock", LOG)
 
 
+def option(run, name):
+    (value,) = (text.split("=")[1] for text in run.options if text.startswith(f"{name}="))
+    return value
+
+
 def test_without_a_gpu_a_trial_is_trained(place, monkeypatch):
     run = asked(place, 0, monkeypatch)
-    assert (run.trial, run.device, run.num_envs, run.iterations) == (True, "cpu", 8, 2)
+    assert (run.trial, run.device) == (True, "cpu")
+    sizes = [option(run, name) for name in ("simulation.num_envs", "schedule.iterations", "distillation.iterations")]
+    assert sizes == ["8", "2", "0"], "the bundle has no tracker"
+    assert run.command[-3:] == ["--stages", "distillation", "amp"]
     assert run.folder.name.startswith(f"trial-{DEFAULT}-seed1-")
     start(run, place)
     config = json.loads((run.folder / "config.json").read_text())
@@ -50,27 +58,19 @@ def test_without_a_gpu_a_trial_is_trained(place, monkeypatch):
     assert run.done
 
 
+def test_a_trial_distils_where_the_bundle_has_a_tracker(place, monkeypatch):
+    (place / "bundle" / "tracker.npz").write_bytes(b"network")
+    assert option(asked(place, 0, monkeypatch), "distillation.iterations") == "2"
+
+
 def test_with_gpus_it_is_a_full_training_by_torchrun(place, monkeypatch):
     one = asked(place, 4, monkeypatch)
-    assert (one.trial, one.device, one.num_envs, one.command[:2]) == (False, "cuda", 4096, ["-m", "pipeline.training"])
-    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024)
+    assert (one.trial, one.device, one.options) == (False, "cuda", ())
+    assert one.command[:2] == ["-m", "pipeline.training"] and "--stages" not in one.command
+    four = asked(place, 4, monkeypatch, gpus=4, num_envs=1024, minutes=12.5)
     assert "--nproc-per-node=4" in four.command
-    assert four.command[four.command.index("--num-envs") + 1] == "1024"
+    assert (option(four, "simulation.num_envs"), option(four, "schedule.minutes")) == ("1024", "12.5")
     assert four.folder != one.folder
-
-
-def test_a_processor_that_goes_on_from_a_policy_trains_in_earnest(place, monkeypatch):
-    policy = place / "policy.npz"
-    policy.write_bytes(b"one")
-    run = asked(place, 0, monkeypatch, start_from=str(policy), preset="refined_steps")
-    assert (run.trial, run.device, run.num_envs, run.iterations) == (False, "cpu", 512, 1500)
-    assert run.folder.name.startswith("refined_steps-seed1-")
-    assert run.command[run.command.index("--start-from") + 1] == str(policy)
-    assert "discriminator_batch=64" not in run.command
-    policy.write_bytes(b"another")
-    assert asked(place, 0, monkeypatch, start_from=str(policy), preset="refined_steps").folder != run.folder
-    with pytest.raises(TrainingFailedError, match=r"none\.npz: there is no such policy"):
-        asked(place, 0, monkeypatch, start_from=str(place / "none.npz"))
 
 
 def test_a_gpu_that_is_not_there_is_no_silent_trial(place, monkeypatch):
@@ -78,7 +78,9 @@ def test_a_gpu_that_is_not_there_is_no_silent_trial(place, monkeypatch):
         asked(place, 1, monkeypatch, device="cuda", gpus=2)
 
 
-@pytest.mark.parametrize("other", [{"seed": 2}, {"preset": "paper"}, {"options": ["style=0"]}, {"num_envs": 16}])
+@pytest.mark.parametrize(
+    "other", [{"seed": 2}, {"preset": "paper"}, {"options": ["discriminator.style=0"]}, {"num_envs": 16}]
+)
 def test_another_question_is_another_run(place, monkeypatch, other):
     assert asked(place, 0, monkeypatch).folder == asked(place, 0, monkeypatch).folder
     assert asked(place, 0, monkeypatch).folder != asked(place, 0, monkeypatch, **other).folder
@@ -96,8 +98,8 @@ def test_a_run_that_is_done_is_not_trained_again(place, monkeypatch):
 
 def test_a_run_is_taken_up_where_it_was_left(place, monkeypatch):
     run = asked(place, 0, monkeypatch, iterations=3)
-    (run.folder / "checkpoints").mkdir(parents=True)
-    (run.folder / "checkpoints" / "model_000002.pt").write_bytes(b"state")
+    (run.folder / "amp" / "checkpoints").mkdir(parents=True)
+    (run.folder / "amp" / "checkpoints" / "model_000002.pt").write_bytes(b"state")
     start(run, place)
     assert (run.folder / "starts").read_text() == "from 3\n"
 
@@ -140,12 +142,12 @@ def test_the_lock_is_the_processs_own_as_well(place, monkeypatch):
 import logging, sys
 from pathlib import Path
 from assets.training_process import Run, train
-run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), preset="p", options=(), seed=99,
-          device="cpu", gpus=1, num_envs=8, iterations=2, minutes=1.0, trial=True)
+run = Run(folder=Path({str(run.folder)!r}), bundle=Path({str(run.bundle)!r}), preset="p", seed=99,
+          options={run.options!r}, device="cpu", gpus=1, trial=True)
 train(run, Path({str(place)!r}), Path({str(place / "lock")!r}), logging.getLogger())
 """
     asset = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)
-    checkpoint = run.folder / "checkpoints" / "model_000001.pt"
+    checkpoint = run.folder / "amp" / "checkpoints" / "model_000001.pt"
     while not checkpoint.is_file():
         assert asset.poll() is None
         time.sleep(0.05)

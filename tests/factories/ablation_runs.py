@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipeline.training.presets import changed_from, preset
+from pipeline.training.config import changed_from, preset
 
 ARMS = {"augmented": True, "original": False}
 CURVES = "iteration,seconds,d_rollout\n1,1.5,-0.5\n2,3.0,-0.25\n"
@@ -19,18 +18,18 @@ def write_arm_run(folder: Path, bundle: Path, *, arm: str = "augmented", seed: i
     """A run of an arm that was trained on a bundle (its `bundle.json`), with `policy.npz` that tells its name."""
     run = folder / f"{arm}-seed{seed}"
     run.mkdir(parents=True)
-    chosen = preset("gated_style").changed(use_augmented=ARMS[arm], **options)
+    values = {name.replace("__", "."): value for name, value in options.items()}
+    chosen = preset("paper").changed({"discriminator.use_augmented": ARMS[arm], **values})
     data = (bundle / "bundle.json").read_bytes()
     config = {
-        "preset": "gated_style",
-        "options": dataclasses.asdict(chosen),
-        "changed": changed_from("gated_style", chosen),
+        "preset": "paper",
+        "options": chosen.values(),
+        "changed": changed_from("paper", chosen),
         "seed": seed,
         "num_envs": 4096,
         "processes": 1,
         "device": "NVIDIA H100 80GB HBM3",
         "physics": "warp",
-        "start_from": None,
         "bundle_digest": hashlib.sha256(data).hexdigest(),
         "bundle": json.loads(data),
         "versions": {"torch": "2.11.0"},

@@ -8,15 +8,21 @@ import numpy as np
 
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.actuators.settings import ActuatorSettings
-from pipeline.expert.training_bundle import write_training_bundle
+from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.expert.write import ExpertEntry, write_database
 from pipeline.files import settings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
+from tests.factories.tracked_motion import waving
+from tests.factories.tracking_bundle import tracker_file
 
 
-def small_bundle(folder: Path, root: Path, robot: Robot) -> Path:
-    """A bundle of a standing clip and of a wandering one that counts as augmented."""
+def small_bundle(folder: Path, root: Path, robot: Robot, tracker: str = "") -> Path:
+    """A bundle of a standing clip and of a wandering one that counts as augmented.
+
+    `tracker`: also a tracker with a standing and a waving clip; `passive`: its targets are the clip's joints;
+    `shipped`: the one that ships.
+    """
     actuators = adapt(robot, [], settings.read(root / "data" / "actuators.yaml", ActuatorSettings))
     write_adapted_robot(folder / "robot", root / "robots" / robot.name, actuators)
     entries = [
@@ -27,7 +33,13 @@ def small_bundle(folder: Path, root: Path, robot: Robot) -> Path:
         )
     ]
     write_database(folder / "database", entries, robot, stages={})
-    write_training_bundle(folder / "bundle", folder / "database", folder / "robot")
+    files = None
+    if tracker:
+        clips = [standing(robot, seconds=4.0, name="test/still"), waving(robot, seconds=6.0)]
+        shipped = root / "robots" / robot.name / "policies" / "tracker" / "tracker.npz"
+        network = shipped if tracker == "shipped" else tracker_file(folder / "tracker.npz", robot)
+        files = TrackerFiles(network=network, clips=[TrackedClip(reference=clip, rollout=clip) for clip in clips])
+    write_training_bundle(folder / "bundle", folder / "database", folder / "robot", files)
     return folder / "bundle"
 
 

@@ -9,35 +9,38 @@ import argparse, json, os, shutil, signal, sys, time
 from pathlib import Path
 
 parser = argparse.ArgumentParser()
-for name in ("bundle", "out", "preset", "device", "num-envs", "iterations", "minutes", "seed"):
+for name in ("bundle", "out", "preset", "device", "seed"):
     parser.add_argument(f"--{name}", required=True)
 parser.add_argument("--set", action="append", default=[])
-parser.add_argument("--resume", action="store_true")
+parser.add_argument("--stages", nargs="+")
 given = parser.parse_args()
+options = dict(text.split("=") for text in given.set)
+iterations, num_envs = int(options["schedule.iterations"]), int(options["simulation.num_envs"])
 out = Path(given.out)
-(out / "checkpoints").mkdir(parents=True, exist_ok=True)
-begun = sorted((out / "checkpoints").glob("model_*.pt"))
+states = out / "amp" / "checkpoints"
+states.mkdir(parents=True, exist_ok=True)
+begun = sorted(states.glob("model_*.pt"))
 first = int(begun[-1].stem[-6:]) + 1 if begun else 1
 about = json.loads((Path(given.bundle) / "bundle.json").read_text())
-config = {"preset": given.preset, "seed": int(given.seed), "num_envs": int(given.num_envs), "device": given.device}
+config = {"preset": given.preset, "seed": int(given.seed), "num_envs": num_envs, "device": given.device}
 (out / "config.json").write_text(json.dumps({**config, "bundle": about, "set": given.set}))
 with (out / "starts").open("a") as stream:
     stream.write(f"from {first}\\n")
-for iteration in range(first, int(given.iterations) + 1):
-    print(f"iteration {iteration} of {given.iterations}, 0 s: task 0.5", flush=True)
-    (out / "checkpoints" / f"model_{iteration:06d}.pt").write_bytes(b"state")
+for iteration in range(first, iterations + 1):
+    print(f"iteration {iteration} of {iterations}, 0 s: task 0.5", flush=True)
+    (states / f"model_{iteration:06d}.pt").write_bytes(b"state")
     if given.seed == "13":
         print("Traceback: the simulation went to pieces", file=sys.stderr)
         sys.exit(3)
     if given.seed == "99":
         time.sleep(60)
-numbers = range(1, int(given.iterations) + 1)
+numbers = range(1, iterations + 1)
 rows = [f"{i},{float(i)},100.0,{0.1 * i},0.2,{-1.0 * i},0.5,-0.5,{5.0 + i},1.9,1.7" for i in numbers]
 head = "iteration,seconds,steps_per_s,task_reward,style_reward,d_rollout,d_expert,d_policy,episode_s"
 head += ",top_commanded,top_achieved"
 (out / "curves.csv").write_text("\\n".join([head, *rows]) + "\\n")
 shutil.copy(Path(given.bundle) / "network.npz", out / "policy.npz")
-done = {"reason": "iterations", "iterations": int(given.iterations), "seconds": 1.5}
+done = {"reason": "iterations", "iterations": iterations, "seconds": 1.5}
 (out / "done.json").write_text(json.dumps(done))
 """
 

@@ -154,26 +154,26 @@ def test_what_is_wrong_is_said_all_of_it(table: pd.DataFrame):
     rows = _rows(table, "sunk, of the robot")
     for code in ("penetration_max", "penetration_p95"):
         assert rows[code]["verdict"] == "broken"
-        assert "below the ground" in rows[code]["said"]
-    assert _rows(table, "unlike")["limb_error_deg"]["said"] == "limbs point 60.0 deg away from the human's"
+        assert "below the ground" in rows[code]["message"]
+    assert _rows(table, "unlike")["limb_error_deg"]["message"] == "limbs point 60.0 deg away from the human's"
     assert _rows(table, "short")[TOO_SHORT]["margin"] == pytest.approx(-0.25)
     (holes,) = table[table["clip"] == "holes"].to_dict("records")
     assert (holes["criterion"], holes["verdict"], holes["piece"]) == ("not_finite", "broken", "")
-    assert "frame 7: joint_pos" in holes["said"]
+    assert "frame 7: joint_pos" in holes["message"]
 
 
 def test_what_does_not_apply_says_why_and_does_not_hold(table: pd.DataFrame):
     rows = _rows(table, "sunk, of the robot")
-    assert rows["contact_disagreement"]["said"] == rows["foot_slip_mean"]["said"] == "no contact labels"
+    assert rows["contact_disagreement"]["message"] == rows["foot_slip_mean"]["message"] == "no contact labels"
     assert rows["foot_glide_s"]["verdict"] == rows["foot_told_slip_mean"]["verdict"] == "holds"
     assert _rows(table, "good")["foot_slip_mean"]["verdict"] == "holds"
     assert _rows(table, "good")["foot_told_slip_mean"]["verdict"] == "holds"
-    assert _rows(table, "good")["foot_glide_s"]["said"] == "contacts are labelled"
-    assert rows["limb_error_deg"]["said"] == "no figure of retargeting: the robot's own recording"
-    assert _rows(table, "unlike")["trunk_error_deg"]["said"] == "no figure of retargeting: KP3 had no sample of it"
+    assert _rows(table, "good")["foot_glide_s"]["message"] == "contacts are labelled"
+    assert rows["limb_error_deg"]["message"] == "no figure of retargeting: the robot's own recording"
+    assert _rows(table, "unlike")["trunk_error_deg"]["message"] == "no figure of retargeting: KP3 had no sample of it"
     tracked = table[table["group"] == "tracking stability"]
     assert set(tracked["verdict"]) == {"not applicable"}
-    assert set(tracked["said"]) == {"no tracked rollout"}
+    assert set(tracked["message"]) == {"no tracked rollout"}
     assert tracked["number"].isna().all()
     assert set(tracked.loc[tracked["criterion"] == "tracking_gravity", "threshold"]) == {0.8}
 

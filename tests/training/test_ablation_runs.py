@@ -11,15 +11,15 @@ import pytest
 
 from pipeline.learning.arguments import pairs
 from pipeline.learning.training_error import TrainingError
-from pipeline.training.ablation_runs import COLUMNS, read_runs
-from pipeline.training.command import _parser, main
-from pipeline.training.option_texts import changed_by_texts, texts_of
-from pipeline.training.presets import PRESETS, changed_from, preset
+from pipeline.training.__main__ import _parser, main
+from pipeline.training.ablation_runs import COLUMNS, OPTION, read_runs
+from pipeline.training.config import changed_by_texts, preset
 from pipeline.viewing.training_curves import discriminator_curves
 from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, write_arm_runs
 from tests.factories.training_bundle import small_bundle
 
-SMALL = ["expert_windows=200", "replay_windows=200", "discriminator_batch=32", "discriminator_steps=1", "steps=4"]
+EXTRA = ("discriminator.style=0.4", "pushes.impulse_n_s=0.0,50.0")
+SMALL = ["schedule.iterations=2", "simulation.num_envs=4"]
 
 
 @pytest.fixture
@@ -35,7 +35,9 @@ def bundle(tmp_path):
 @pytest.fixture
 def runs(tmp_path, bundle):
     """Both arms with two seeds."""
-    return write_arm_runs(tmp_path / "runs", bundle, seeds=(10, 2), style=0.4, push_impulse=(0.0, 60.0))
+    return write_arm_runs(
+        tmp_path / "runs", bundle, seeds=(10, 2), discriminator__style=0.4, pushes__impulse_n_s=(0.0, 50.0)
+    )
 
 
 def test_runs_are_read_seed_by_seed_in_the_order_of_the_arms(runs, bundle):
@@ -43,7 +45,7 @@ def test_runs_are_read_seed_by_seed_in_the_order_of_the_arms(runs, bundle):
     found = read_runs(runs, ARMS, bundle)
     assert [run.name for run in found] == ["augmented-seed2", "original-seed2", "augmented-seed10", "original-seed10"]
     assert [(run.arm, run.seed) for run in found[1:3]] == [("original", 2), ("augmented", 10)]
-    assert {tuple(run.options) for run in found} == {("push_impulse=0.0,60.0", "style=0.4")}
+    assert all(set(EXTRA) == set(run.options) for run in found)
     assert found[0].done == {"iterations": 2, "reason": "minutes", "seconds": 3.0}
 
 
@@ -52,38 +54,31 @@ def test_the_command_makes_the_run_again(runs, bundle):
     python, flag, module, *arguments = shlex.split(run.command(bundle))
     assert (python, flag, module) == ("python", "-m", "pipeline.training")
     given = _parser().parse_args(arguments)
-    assert (given.bundle, given.preset, given.device, given.physics) == (bundle, "gated_style", "cuda", "warp")
-    assert (given.num_envs, given.seed, given.minutes, given.start_from) == (4096, 2, None, None)
-    expected = preset("gated_style").changed(use_augmented=False, style=0.4, push_impulse=(0.0, 60.0))
-    assert changed_by_texts(preset(given.preset), pairs(given.set)) == expected
+    assert (given.bundle, given.preset, given.device, given.physics) == (bundle, "paper", "cuda", "warp")
+    assert given.seed == 2
+    changes = {OPTION: False, "discriminator.style": 0.4, "pushes.impulse_n_s": (0.0, 50.0)}
+    assert changed_by_texts(preset(given.preset), pairs(given.set)) == preset("paper").changed(changes)
 
 
-def test_the_command_tells_several_gpus_and_what_it_began_with(runs, bundle):
+def test_the_command_has_the_runs_number_of_gpus(runs, bundle):
     for run in runs.iterdir():
-        change_config(run, lambda config: config.update(processes=4, start_from="abc123"))
+        change_config(run, lambda config: config.update(processes=4))
     command = read_runs(runs, ARMS, bundle)[0].command(bundle)
     assert command.startswith("python -m torch.distributed.run --standalone --nproc-per-node=4 -m pipeline.training ")
-    assert "--start-from abc123" in command
-
-
-@pytest.mark.parametrize("name", PRESETS)
-def test_options_as_texts_are_read_as_the_same_options(name):
-    texts = texts_of(changed_from("paper", preset(name)))
-    assert changed_by_texts(preset("paper"), pairs(texts)) == preset(name)
 
 
 def test_what_training_writes_is_taken(tmp_path, root, robot):
     bundle = small_bundle(tmp_path, root, robot)
     for arm, augmented in ARMS.items():
         given = ["--bundle", str(bundle), "--out", str(tmp_path / "runs" / f"{arm}-seed3"), "--seed", "3"]
-        given += ["--preset", "gated_style", "--device", "cpu", "--num-envs", "8", "--iterations", "2"]
-        options = [*SMALL, f"use_augmented={str(augmented).lower()}"]
+        given += ["--preset", "paper", "--device", "cpu", "--stages", "amp"]
+        options = [*SMALL, f"{OPTION}={str(augmented).lower()}"]
         assert main([*given, *(text for each in options for text in ("--set", each))]) == 0
     one, other = read_runs(tmp_path / "runs", ARMS, bundle)
     assert (one.arm, other.arm, one.seed, one.config["device"]) == ("augmented", "original", 3, "cpu")
     assert one.options == sorted(SMALL)
     assert "--device cpu" in one.command(bundle)
-    assert other.command(bundle).endswith("--set use_augmented=false")
+    assert other.command(bundle).endswith("--set schedule.iterations=2 --set simulation.num_envs=4")
 
 
 def test_the_columns_are_those_that_the_picture_draws():
@@ -131,7 +126,7 @@ def test_a_run_that_is_not_finished_is_refused_and_all_of_them_are_told(runs, bu
         (runs / name / "done.json").unlink()
     told = refused(runs, bundle)
     for name in ("original-seed2", "augmented-seed10"):
-        assert f"{name}/done.json: there is none, so the run is not finished. Go on with it by --resume" in told
+        assert f"{name}/done.json: there is none, so the run is not finished. Repeat its command" in told
 
 
 @pytest.mark.parametrize("name", ["config.json", "done.json"])
@@ -144,12 +139,15 @@ def test_a_broken_file_is_refused(runs, bundle, name, text, told):
 CONFIGS = {
     "seed": (lambda config: config.update(seed=4), "the seed is 4, the folder's name says 2. Name the folder by"),
     "augmented": (
-        lambda config: config["options"].update(use_augmented=True),
-        r"option 'use_augmented' is true, arm 'original' has false. Name the folder by its arm, or train",
+        lambda config: config["options"].update({OPTION: True}),
+        r"option 'discriminator.use_augmented' is true, arm 'original' has false. Name the folder by its arm, or train",
     ),
     "lacks": (lambda config: config.pop("preset"), "does not say preset. Take what python -m pipeline.training wrote"),
     "form": (lambda config: config.update(changed=[]), "does not say changed. Take what"),
-    "contradicts": (lambda config: config["changed"].update(style=0.1), "'changed' and 'options' disagree on style"),
+    "contradicts": (
+        lambda config: config["changed"].update({"discriminator.style": 0.1}),
+        "'changed' and 'options' disagree on discriminator.style",
+    ),
     "database": (
         lambda config: config["bundle"].update(database_digest="d2"),
         "was trained on another expert database than the bundle in .* Train on that bundle, or check out",
@@ -161,16 +159,15 @@ CONFIGS = {
     ),
     "bundle": (lambda config: config.update(bundle_digest="b2"), r"was trained on another bundle \(its files\) than"),
     "preset": (
-        lambda config: config.update(preset="paper"),
-        r"differs from augmented-seed2 in more than 'use_augmented' \(preset: gated_style there, paper here\)",
+        lambda config: config.update(preset="recipe"),
+        r"differs from augmented-seed2 in more than 'discriminator.use_augmented' \(preset: paper there, recipe here\)",
     ),
     "option": (
-        lambda config: config["options"].update(steps=7),
-        r"differs from augmented-seed2 .*\(options.steps: 24 there, 7 here\)",
+        lambda config: config["options"].update({"discriminator.updates": 7}),
+        r"differs from augmented-seed2 .*\(options.discriminator.updates: 8 there, 7 here\)",
     ),
     "size": (lambda config: config.update(num_envs=512), r"\(num_envs: 4096 there, 512 here\)"),
     "device": (lambda config: config.update(device="cpu"), r"\(device: NVIDIA H100 80GB HBM3 there, cpu here\)"),
-    "begun": (lambda config: config.update(start_from="p1"), r"\(start_from: None there, p1 here\)"),
 }
 
 
@@ -197,7 +194,7 @@ def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
         ("iteration,d_rollout\n1,0.5\n", "has no rows with seconds. Bring"),
         ("seconds,d_rollout\n", "has no rows with seconds, d_rollout. Bring"),
         ("", "has no rows with seconds, d_rollout. Bring"),
-        ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with a discriminator"),
+        ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with discriminator.style"),
     ],
 )
 def test_curves_without_the_discriminators_score_are_refused(runs, bundle, text, told):

@@ -1,6 +1,7 @@
-"""What a GPU replays is the same work on the same memory at every step, and nobody waits for it: held on a CPU, by what
-PyTorch is called with. That a part replayed gives what the part called gives can only be seen on a GPU
-(`benchmarks/captured_steps.py`); so can a number that is made a tensor of in a part, which can't be recorded there.
+"""What a GPU replays is the same work on the same memory at every step, and the processor waits for none of it.
+
+Checked on a CPU by PyTorch's calls. That a replayed part computes what the called part does can only be checked on a
+GPU (`benchmarks/captured_steps.py`); so can a Python number that becomes a tensor, which can't be recorded there.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from torch.utils._pytree import tree_flatten
 
 from pipeline.training.bundle import read_bundle
 from pipeline.training.captured import Captured
+from pipeline.training.config import PAPER, RECIPE
+from pipeline.training.distillation.teacher import ClipTeacher
 from pipeline.training.environment import AmpEnvironment
-from pipeline.training.presets import preset
 from tests.factories.training_bundle import small_bundle
 
 ENVS = 6
 WAITS = ("nonzero", "_local_scalar_dense", "masked_select", "unique", "is_nonzero")
-"""Their result's size or value has to be known before the next call."""
+"""Calls whose result's size or value must be known before the next call."""
 PARTS = ("_judge", "_begin", "_see", "_note")
 
 
@@ -100,50 +102,40 @@ def differences(one: Calls, other: Calls) -> list[tuple]:
     return [(a, b) for a, b in zip(one.calls, other.calls, strict=True) if a != b]
 
 
-CHANGES: dict[str, dict[str, Any]] = {
-    "paper_flat": {"push_interval_s": (0.02, 0.04)},
-    "tracking_amp": {},
-    "long_steps": {"push_interval_s": (0.02, 0.04)},
-    "calm_steps": {"noise": (0.0, 0.0, 0.0, 0.0), "assist": 1.0, "tracked": 0.5},
-    "paper": {},
-    "foreseen_steps": {
-        "slope_share": 0.5,
-        "slope_deg": 5.0,
-        "slew_share": 0.5,
-        "rotor_link_share": 0.5,
-        "push_speed": (0.0, 1.0),
-        "push_interval_s": (0.02, 0.04),
-        "resample_s": (0.02, 0.06),
-    },
-    "caught_steps": {
-        "push_interval_s": (0.02, 0.04),
-        "resample_s": (0.02, 0.06),
-        "push_speed": (0.0, 1.0),
-        "recovery_s": 0.05,
-        "recovery_of": "steps",
-        "power_free": 0.5,
-    },
-    "upright_steps": {"push_interval_s": (0.02, 0.04), "resample_s": (0.02, 0.06)},
+OFTEN = {"pushes.interval_s": (0.02, 0.04), "pushes.kick_m_s": (0.0, 1.0), "simulation.num_envs": ENVS}
+CONFIGS = {
+    "recipe": RECIPE.changed(OFTEN),
+    "paper": PAPER.changed({**OFTEN, "simulation.terrain": "plane"}),
+    "rough": PAPER.changed({"simulation.num_envs": ENVS}),
 }
 
 
-@pytest.fixture(scope="module", params=CHANGES)
+@pytest.fixture(scope="module", params=[*CONFIGS, "distillation"])
 def env(request, tmp_path_factory, root, robot) -> Iterator[AmpEnvironment]:
-    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("captured"), root, robot))
-    env = AmpEnvironment(bundle, preset(request.param).changed(**CHANGES[request.param]), ENVS, "cpu", seed=1)
+    distils = request.param == "distillation"
+    bundle = read_bundle(
+        small_bundle(tmp_path_factory.mktemp("captured"), root, robot, tracker="passive" if distils else "")
+    )
+    if distils:
+        config = CONFIGS["recipe"]
+        assert bundle.teacher is not None
+        teacher = ClipTeacher(bundle.teacher, bundle.robot, config, "cpu")
+        env = AmpEnvironment(bundle, config, "cpu", seed=1, teacher=teacher, starts=teacher.starts(1))
+    else:
+        env = AmpEnvironment(bundle, CONFIGS[request.param], "cpu", seed=1)
     env.reset()
     yield env
 
 
 def test_every_step_is_the_same_work_on_the_same_memory(env: AmpEnvironment):
-    parts = [*env._aims, *(getattr(env, name) for name in PARTS)]
+    parts = [*env._targets, *(getattr(env, name) for name in PARTS)]
 
     def eight(ends: int) -> Callable[[], None]:
         def steps() -> None:
             env.episode_length_buf[:ends] = env.max_episode_length
             for step in range(8):
                 if step == 3:
-                    env.schedule = 100.0 * ends
+                    env.set_disturbance(ends / ENVS)
                 env.step(torch.randn(ENVS, 21))
 
         return steps
@@ -182,13 +174,13 @@ class Careless:
 
 
 @pytest.mark.parametrize("name", ["bound_anew", "a_number", "sometimes"])
-def test_work_that_is_another_at_the_next_step_is_told(name: str):
+def test_work_that_differs_at_the_next_step_is_found(name: str):
     part = Captured(getattr(Careless(), name), "cpu")
     first, second, third = recorded([part], [part, part, part])
     assert differences(first, second) + differences(second, third)
 
 
-def test_work_that_waits_is_told():
+def test_work_that_waits_is_found():
     part = Captured(Careless().waits, "cpu")
     assert recorded([part], [part])[0].waits
 
@@ -198,36 +190,47 @@ def test_what_a_step_returns_is_not_written_over_by_the_next(env: AmpEnvironment
     observation, *_ = env.step(torch.randn(ENVS, 21))
     seen = cast(torch.Tensor, observation["actor"])
     before = seen.clone()
-    cast(torch.Tensor, env._seen["actor"]).add_(1.0)  # as a replay does
+    cast(torch.Tensor, env._groups["actor"]).add_(1.0)  # as a replay does
     assert torch.equal(seen, before)
 
 
 def test_a_step_is_the_one_of_mjlab(tmp_path, root, robot):
     """With nothing drawn at random in it, and no episode that ends."""
     bundle = read_bundle(small_bundle(tmp_path, root, robot))
-    calm = {"noise": (0.0, 0.0, 0.0, 0.0), "push_impulse": (0.0, 0.0), "reference_share": 0.0}
-    options = preset("long_steps").changed(**calm)
-    seen: list[list[torch.Tensor]] = []
+    calm = {"randomization.noise": 0.0, "randomization.delay_s": 0.0, "simulation.reference_share": 0.0}
+    calm |= {"pushes.kick_m_s": (0.0, 0.0), "pushes.impulse_n_s": (0.0, 0.0), "simulation.num_envs": 3}
+    found: list[list[torch.Tensor]] = []
     for step in (ManagerBasedRlEnv.step, AmpEnvironment.step):
-        env = AmpEnvironment(bundle, options, 3, "cpu", seed=4)
-        env.schedule = 700.0
-        env.ramps.at(env.schedule)
+        env = AmpEnvironment(bundle, RECIPE.changed(calm), "cpu", seed=4)
         env.reset(seed=4)
         given = torch.Generator().manual_seed(5)
-        found = []
+        values = []
+        if step is ManagerBasedRlEnv.step:
+            _advance_before_terminations(env)
         for _ in range(10):
             observation, reward, ended, *_ = step(env, 0.3 * torch.randn(3, 21, generator=given))
-            env.readings.fresh()
+            env.robot_state.invalidate()
             assert not ended.any()
-            found += [cast(torch.Tensor, observation[name]).clone() for name in ("actor", "critic")]
-            found += [reward.clone(), env.motion_features(), env.velocity_command.age.clone()]
-        seen.append(found)
-    assert max(each.abs().max() for each in seen[0]) > 1.0
-    for mjlabs, ours in zip(*seen, strict=True):
+            values += [cast(torch.Tensor, observation[name]).clone() for name in ("actor", "critic")]
+            values += [reward.clone(), env.motion_features(), env.velocity_command.age.clone()]
+        found.append(values)
+    assert max(each.abs().max() for each in found[0]) > 1.0
+    for mjlabs, ours in zip(*found, strict=True):
         assert ours.numpy() == pytest.approx(mjlabs.numpy(), abs=1e-5)
 
 
-def test_an_episode_begins_anew_only_where_it_ended(env: AmpEnvironment):
+def _advance_before_terminations(env: AmpEnvironment) -> None:
+    """Let mjlab's step update the averaged velocity where ours does."""
+    compute = env.termination_manager.compute
+
+    def advanced() -> torch.Tensor:
+        env.robot_state.advance()
+        return compute()
+
+    env.termination_manager.compute = advanced
+
+
+def test_an_episode_begins_only_where_one_ended(env: AmpEnvironment):
     """Everything that a term keeps of an episode is another, or as at the start of one, and no other is touched."""
     torch.manual_seed(11)
     env.reset()
@@ -253,13 +256,13 @@ def test_an_episode_begins_anew_only_where_it_ended(env: AmpEnvironment):
 
 
 def _states(env: AmpEnvironment) -> dict[str, torch.Tensor]:
-    """What is drawn anew, never the same twice."""
+    """What is drawn again, never the same twice."""
     return {
         "qpos": env.sim.data.qpos[:],
         "qvel": env.sim.data.qvel[:],
         "time": env.sim.data.time[:],
         "time_left": env.velocity_command.time_left,
-        "mean velocity": env.readings.mean_velocity,
+        "mean velocity": env.robot_state.mean_velocity,
     }
 
 
@@ -267,32 +270,31 @@ def _kept(env: AmpEnvironment) -> dict[str, torch.Tensor]:
     """What may be set to anything before, and is not that after."""
     action = env.action_manager.get_term("joints")
     terms = [env.observation_manager.get_term_cfg("actor", "history").func, action]
-    if env.context.options.stall:
-        terms.append(env.termination_manager.get_term_cfg("stall").func)
-    pushes = [name for name in ("push_force", "push_velocity") if name in env.cfg.events]
-    terms += [env.event_manager.get_term_cfg(name).func for name in pushes]
-    terms += [term._coming for term in terms[-len(pushes) :]] if pushes else []
-    named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left", "left_s", "since_s", "_share_w"]
-    named += ["_least", "_most", "_over"]
-    named += ["_lag"] if env.context.options.action_lag_steps else []
-    terms += [term for term in (env.leg_swings, env.power_excess) if term is not None]
+    if "stalled" in env.termination_manager.active_terms:
+        terms.append(env.termination_manager.get_term_cfg("stalled").func)
+    pushes = [env.event_manager.get_term_cfg(name).func for name in ("push", "kick") if name in env.cfg.events]
+    terms += [*pushes, *(push._timer for push in pushes)]
+    named = ["_frames", "_raw", "_target", "_before", "_seconds", "_left_s"]
+    named += ["_lag"] if env.context.config.randomization.delay_s else []
     found = {
-        f"{type(term).__name__}.{name}": getattr(term, name) for term in terms for name in named if hasattr(term, name)
+        f"{type(term).__name__}{number}.{name}": getattr(term, name)
+        for number, term in enumerate(terms)
+        for name in named
+        if hasattr(term, name)
     }
-    if env.tracked_clip is not None:
-        clip = env.tracked_clip
-        found |= {"clip's steps": clip._steps, "nearness": clip.near}
+    if env.teacher is not None:
+        teacher = cast(ClipTeacher, env.teacher)
+        found |= {name: getattr(teacher, name) for name in ("path_xy", "turn", "_last_action")}
     return found | {
-        "push": env.trunk_forces.push_w,
+        "push": env.push_w,
         "length": env.episode_length_buf,
         "ended steps": env.ended_steps,
         "action": env.action_manager.action,
         "action before": env.action_manager.prev_action,
         "command": env.command,
         "goal of the command": env.velocity_command.goal,
-        "command begun with": env.begun_command,
+        "start velocity": env.start_velocity,
         "age of the command": env.velocity_command.age,
         "own command": env.own_command,
-        "stance": env.readings.stance_time,
-        "foot set down": env.readings._set_down,
+        "stance": env.robot_state._stance,
     }

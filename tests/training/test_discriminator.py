@@ -1,8 +1,7 @@
-"""The discriminator: penalty and reward against closed forms, replay, windows that stay in one clip."""
+"""The discriminator: losses and reward against closed forms, replay, windows that stay in one clip."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -10,22 +9,25 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.training.bundle import ExpertFrames
-from pipeline.training.discriminator import Discriminator, Replay, gradient_penalty, style_reward
-from pipeline.training.expert_sampling import (
-    ReferenceStates,
-    cell_weights,
-    expert_windows,
-    frame_weights,
-    window_starts,
+from pipeline.learning.robot_facts import read_robot_facts
+from pipeline.training.amp.discriminator import (
+    Discriminator,
+    accuracy,
+    gradient_norm,
+    gradient_penalty,
+    style_reward,
 )
-from pipeline.training.motion_features import FeatureNormalizer, frame_features, window_frames, window_span
-from pipeline.training.options import Options
-from tests.factories.training_bundle import identity_frames
+from pipeline.training.amp.expert import command_weights, expert_windows, frame_weights, window_starts
+from pipeline.training.amp.features import FeatureNormalizer, chosen_features, floors, frame_features
+from pipeline.training.amp.replay import Replay
+from pipeline.training.bundle import ExpertFrames
+from pipeline.training.config import PAPER, RECIPE
+from tests.factories.training_bundle import identity_frames, small_bundle
 
 JOINTS = 21
 COLUMNS = 37 + 2 * JOINTS
-OPTIONS = Options(expert_windows=500, window=4, window_stride=2)
+SIZE = 18 + 2 * JOINTS
+SMALL = {"simulation.num_envs": 10, "discriminator.frames": 4}
 
 
 @pytest.fixture
@@ -41,17 +43,6 @@ def expert() -> ExpertFrames:
     )
 
 
-def test_frames_of_a_window_are_means_of_the_steps_up_to_the_next():
-    steps = torch.arange(24.0).reshape(2, 6, 2)
-    options = OPTIONS.changed(window=3, window_stride=2, window_means=True)
-    assert window_span(options) == 6
-    expected = (steps[:, ::2] + steps[:, 1::2]) / 2.0
-    assert torch.equal(window_frames(steps, options), expected)
-    firsts = options.changed(window_means=False)
-    assert window_span(firsts) == 5
-    assert torch.equal(window_frames(steps[:, :5], firsts), steps[:, :5:2])
-
-
 def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():
     score = nn.Linear(2, 1)
     with torch.no_grad():
@@ -63,18 +54,36 @@ def test_the_penalty_of_a_linear_score_is_its_slope_off_one_squared():
     assert score.weight.grad is not None
 
 
+def test_the_r1_gradient_of_a_linear_score_is_its_slope():
+    score = nn.Linear(2, 1)
+    with torch.no_grad():
+        score.weight.copy_(torch.tensor([[3.0, 4.0]]))
+    assert gradient_norm(score, torch.randn(6, 2)).tolist() == pytest.approx([5.0] * 6)
+
+
 @pytest.mark.parametrize(
     ("score", "reward"), [(0.0, 0.25), (1e6, 0.5), (-1e6, 0.0), (10.0, 0.25 * (1 + math.tanh(0.5)))]
 )
 def test_the_style_reward_is_alpha_times_one_plus_tanh(score, reward):
-    assert style_reward(torch.tensor([score]), 0.25, 0.05).item() == pytest.approx(reward)
+    assert style_reward(torch.tensor([score]), 0.05).item() == pytest.approx(reward)
+
+
+def test_with_logits_the_style_reward_is_half_the_probability_of_the_expert():
+    score = torch.linspace(-4.0, 4.0, 9)
+    assert style_reward(score, 0.5) == pytest.approx(0.5 * torch.sigmoid(score))
+
+
+def test_accuracy_is_one_for_separated_and_half_for_equal_scores():
+    low, high = torch.linspace(-2.0, -1.0, 50), torch.linspace(3.0, 4.0, 50)
+    assert accuracy(high, low).item() == 1.0
+    assert accuracy(low, low).item() == pytest.approx(0.5, abs=0.02)
 
 
 def test_windows_stay_within_one_clip(expert):
-    windows = expert_windows(expert, OPTIONS, seed=0)
-    assert windows.shape == (500, 4, 18 + 2 * JOINTS)
+    windows = expert_windows(expert, PAPER.changed(SMALL), torch.arange(SIZE), seed=0)
+    assert windows.shape == (1000, 4, SIZE)
     frame = (windows[:, :, 0].numpy() - 7) / 100.0
-    assert np.all(np.diff(frame, axis=1) == OPTIONS.window_stride)
+    assert np.all(np.diff(frame, axis=1) == 1)
     assert not np.any((frame[:, 0] < 30) & (frame[:, -1] >= 30))
 
 
@@ -85,18 +94,30 @@ def test_clips_are_drawn_by_their_weight(expert):
     assert weight[starts >= 30].sum() == pytest.approx(0.75)
 
 
-def test_by_cell_they_are_drawn_as_often_as_their_command_is_asked_for(expert):
+def test_by_command_frames_are_as_frequent_as_the_policys_commands(expert):
     starts = window_starts(expert, 7)
-    asked = Options(standing_share=0.9, fast_share=0.1)
-    weight = cell_weights(expert, starts, asked, seed=0)
+    changed = {"standing_share": 0.9, "fast_share": 0.1, "single_axis_share": 0.0}
+    config = RECIPE.changed({f"commands.{name}": value for name, value in changed.items()}).commands
+    given = expert.command[starts], frame_weights(expert, starts), config
+    weight = command_weights(*given, seed=0)
     assert weight[starts < 30].sum() == pytest.approx(0.9, abs=0.02)
-    assert np.array_equal(weight, cell_weights(expert, starts, asked, seed=0))
+    assert np.array_equal(weight, command_weights(*given, seed=0))
 
 
-def test_reference_states_come_with_the_command_they_obey(expert):
-    frames, command, _ = ReferenceStates(expert, Options(), 0, "cpu").draw(400)
-    index = (frames[:, 0] / 100.0).numpy().astype(int)
-    assert np.array_equal(command[:, 0].numpy(), expert.command[index, 0])
+def test_cells_without_an_allowed_frame_answer_no_command(expert):
+    weight = np.concatenate([np.zeros(30), np.full(20, 0.05)])
+    result = command_weights(expert.command, weight, RECIPE.commands, seed=0)
+    assert result[:30].sum() == 0.0 and result.sum() == pytest.approx(1.0)
+
+
+def test_leg_features_are_leg_joints_feet_and_trunk_velocities(tmp_path, root, robot):
+    facts = read_robot_facts(small_bundle(tmp_path, root, robot))
+    assert torch.equal(chosen_features("all", facts), torch.arange(SIZE))
+    columns = chosen_features("legs", facts).tolist()
+    legs = [at for at, name in enumerate(facts.controlled) if "_Hip_" in name or "_Knee_" in name or "_Ankle_" in name]
+    assert len(legs) == 12
+    feet, velocities = list(range(JOINTS + 6, JOINTS + 12)), list(range(JOINTS + 12, JOINTS + 18))
+    assert columns == [*legs, *feet, *velocities, *(JOINTS + 18 + leg for leg in legs)]
 
 
 def test_features_take_the_columns_the_frames_have_them_in():
@@ -106,13 +127,12 @@ def test_features_take_the_columns_the_frames_have_them_in():
     assert names == [*joints, *ends, *velocities, *range(46, 67)]
 
 
-def test_what_hardly_moves_is_divided_by_a_floor_and_cut():
-    expert = torch.zeros(100, 18 + 2 * JOINTS)
-    normalize = FeatureNormalizer(expert, JOINTS)
-    window = torch.zeros(1, 2, 18 + 2 * JOINTS)
+def test_features_that_hardly_move_are_divided_by_a_floor_and_clipped():
+    normalize = FeatureNormalizer(torch.zeros(100, SIZE), floors(JOINTS))
+    window = torch.zeros(1, 2, SIZE)
     window[0, 0, 0], window[0, 1, 0] = 0.2, 50.0
     value = normalize(window)
-    assert value.shape == (1, 2 * (18 + 2 * JOINTS))
+    assert value.shape == (1, 2 * SIZE)
     assert value[0, 0].item() == pytest.approx(2.0)
     assert value.max().item() == 10.0
 
@@ -126,15 +146,32 @@ def test_the_replay_forgets_the_oldest():
     assert set(replay.draw(200).flatten().tolist()) == {2.0, 3.0, 4.0, 5.0, 6.0}
 
 
-def test_it_learns_to_score_the_expert_above_the_policy():
+@pytest.mark.parametrize("loss", ["bce", "wasserstein"])
+def test_it_learns_to_score_the_expert_above_the_policy(loss):
     torch.manual_seed(0)
-    options = dataclasses.replace(OPTIONS, discriminator_batch=64, discriminator_steps=60, replay_windows=500)
-    size = 18 + 2 * JOINTS
-    expert = torch.randn(300, 4, size) + 2.0
-    discriminator = Discriminator(expert, JOINTS, options, "cpu")
+    config = RECIPE.changed({"discriminator.loss": loss, "discriminator.updates": 10}).discriminator
+    expert = torch.randn(300, 4, SIZE) + 2.0
+    discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
     discriminator.update()
     assert discriminator.figures == {}
-    discriminator.replay.insert(torch.randn(300, 4, size) - 2.0, torch.ones(300) > 0.0)
+    discriminator.replay.insert(torch.randn(300, 4, SIZE) - 2.0, torch.ones(300) > 0.0)
     discriminator.update()
     assert discriminator.figures["d_expert"] > discriminator.figures["d_policy"]
-    assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, size) - 2.0).mean()
+    assert discriminator.score(expert[:20]).mean() > discriminator.score(torch.randn(20, 4, SIZE) - 2.0).mean()
+
+
+def test_above_its_target_accuracy_it_takes_one_step_an_iteration():
+    torch.manual_seed(0)
+    expert = torch.randn(300, 4, SIZE) + 2.0
+    policy = torch.randn(300, 4, SIZE) - 2.0
+    margins = {}
+    for target in (0.51, 1.0):
+        torch.manual_seed(1)
+        config = RECIPE.changed({"discriminator.target_accuracy": target}).discriminator
+        discriminator = Discriminator(expert, floors(JOINTS), config, 8, "cpu")
+        discriminator.replay.insert(policy, torch.ones(300) > 0.0)
+        for _ in range(8):
+            discriminator.update()
+        margins[target] = discriminator.figures["d_expert"] - discriminator.figures["d_policy"]
+        assert discriminator.accuracy > 0.51
+    assert 0.0 < margins[0.51] < 0.8 * margins[1.0]

@@ -1,24 +1,16 @@
-"""Rotors on links: as the engines' comparison has them, and which environments do."""
+"""Rotors on links, compared with the engines' comparison and with a single joint."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
 import pytest
-import torch
-from scipy.spatial.transform import Rotation
 
 from pipeline.simulation.armature_on_links import put_armature_on_links
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.training.bundle import read_bundle
-from pipeline.training.environment import AmpEnvironment
 from pipeline.training.plain_walk import model_of
-from pipeline.training.presets import preset
-from pipeline.training.rotor_links import LEVELS
-from pipeline.training.rotors import put_rotors_on_links, rotors_on_links
+from pipeline.training.rotors import put_rotors_on_links
 from tests.factories.training_bundle import small_bundle
-
-ENVS = 24
 
 
 def _accelerations(model: mujoco.MjModel, seed: int) -> np.ndarray:
@@ -62,28 +54,6 @@ def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
         put_rotors_on_links(moved, share)
         assert moved.dof_armature[0] == pytest.approx(0.05 * (1.0 - share))
         assert acceleration(moved) == pytest.approx(acceleration(model), rel=1e-9)
-
-
-def _moment(principal: np.ndarray, quat: np.ndarray) -> np.ndarray:
-    """Of inertia [kg m^2] in the link's axes, from principal moments and their axes, w first."""
-    turn = Rotation.from_quat(np.roll(quat, -1)).as_matrix()
-    return turn @ np.diag(principal) @ turn.T
-
-
-def test_environments_have_shares_of_them_and_the_others_none(tmp_path_factory, root, robot):
-    bundle = read_bundle(small_bundle(tmp_path_factory.mktemp("rotors"), root, robot))
-    env = AmpEnvironment(bundle, preset("paper_flat").changed(rotor_link_share=0.6), ENVS, "cpu", seed=2)
-    share = env.rotor_link_share
-    levels = (LEVELS - 1) * share
-    assert torch.equal(levels, levels.round())
-    assert 0 < int((share == 0.0).sum()) < ENVS
-    model, fields = env.sim.mj_model, env.sim.model
-    for at in range(ENVS):
-        inertia, iquat, armature = rotors_on_links(model, float(share[at]))
-        assert fields.dof_armature[at].tolist() == pytest.approx(armature.tolist(), abs=1e-6)
-        for body in np.unique(model.jnt_bodyid[1:]):
-            given = _moment(fields.body_inertia[at][body].numpy(), fields.body_iquat[at][body].numpy())
-            assert given == pytest.approx(_moment(inertia[body], iquat[body]), abs=1e-6)
 
 
 def test_a_walk_with_rotors_on_links_has_no_armature(tmp_path, root, robot):

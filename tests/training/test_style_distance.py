@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from pipeline.learning.training_error import TrainingError
+from pipeline.training.amp.features import FeatureNormalizer, floors
 from pipeline.training.bundle import ExpertFrames
-from pipeline.training.motion_features import FeatureNormalizer
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import energy_distance, expert_sets, walked_features, windows_of
 from tests.factories.training_bundle import small_bundle
@@ -58,7 +58,7 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert np.abs(features[:, 34]).mean() < 0.15
     moved = np.abs(np.diff(features, axis=0)).max(axis=0)
     assert moved.min() > 1e-6, "every joint, hand, foot and velocity changes from step to step"
-    normalize = FeatureNormalizer(torch.from_numpy(features), 21)
+    normalize = FeatureNormalizer(torch.from_numpy(features), floors(21))
     windows = windows_of(features, np.arange(100), normalize)
     assert windows.shape == (100, 240)
     assert np.abs(windows).max() <= 10.0

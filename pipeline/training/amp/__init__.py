@@ -1,0 +1,1 @@
+"""Adversarial motion prior: expert windows, discriminator, replay, PPO with the style reward."""

@@ -1,0 +1,71 @@
+"""Mirror images of observations and actions, for rsl_rl's symmetry augmentation and for distillation."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import torch
+from rsl_rl.extensions import Symmetry
+from tensordict import TensorDict
+
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.training.mdp.observations import HISTORY
+
+
+class Mirror:
+    """Left and right swapped. Twice is the identity."""
+
+    def __init__(self, robot: RobotFacts, device: str):
+        joints = robot.index(robot.policy_joints)
+        partner = [robot.policy_joints.index(robot.joint_names[int(robot.mirror_index[joint])]) for joint in joints]
+        count = len(joints)
+        sign = torch.from_numpy(robot.mirror_sign[joints])
+        gyro, gravity, command = ([-1, 1, -1], [1, -1, 1], [1, -1, -1])
+        head = torch.tensor([*gyro, *gravity, *command], dtype=sign.dtype)
+        at = torch.tensor(partner)
+        index = torch.cat([torch.arange(9), 9 + at, 9 + count + at, 9 + 2 * count + at])
+        frame_sign = torch.cat([head, sign, sign, sign])
+        size = len(index)
+        self._action = (at.to(device), sign.float().to(device))
+        self._actor = (
+            (index[None] + size * torch.arange(HISTORY)[:, None]).flatten().to(device),
+            frame_sign.repeat(HISTORY).float().to(device),
+        )
+        base, feet = torch.tensor([1.0, -1.0, 1.0]), torch.ones(2)
+        self._critic = (
+            torch.cat([index, size + torch.arange(3), torch.tensor([size + 4, size + 3])]).to(device),
+            torch.cat([frame_sign.float(), base, feet]).to(device),
+        )
+
+    def actions(self, actions: torch.Tensor) -> torch.Tensor:
+        """Of actions (n, a) in the network's order."""
+        return _mirrored(actions, self._action)
+
+    def actor(self, observation: torch.Tensor) -> torch.Tensor:
+        """Of the actor's observations (n, o)."""
+        return _mirrored(observation, self._actor)
+
+    def observations(self, obs: TensorDict) -> TensorDict:
+        """Of the groups `actor` and `critic`."""
+        both = {"actor": _mirrored(obs["actor"], self._actor), "critic": _mirrored(obs["critic"], self._critic)}
+        return TensorDict(cast(Any, both), batch_size=obs.batch_size)
+
+
+def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
+    index, sign = how
+    return value[:, index] * sign
+
+
+class MirroredSamples(Symmetry):
+    """rsl_rl's symmetry without its figure, for which the network would be evaluated once more a mini-batch."""
+
+    def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
+        """0: samples are mirrored, there is no mirror loss."""
+        return torch.zeros((), device=batch.actions.device)
+
+
+def augment(env, obs: TensorDict, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor]:
+    """The samples and after them their mirror images, as rsl_rl asks for it; `env.mirror` knows the robot."""
+    mirror: Mirror = env.mirror
+    both = torch.cat([cast(Any, obs), mirror.observations(obs)])
+    return cast(TensorDict, both), torch.cat([actions, mirror.actions(actions)])

@@ -1,0 +1,158 @@
+"""The training chain: bundle -> distillation from the tracker -> AMP + PPO -> `policy.npz`.
+
+<out>/config.json      preset, every option, seed, device, digests of bundle and database, versions
+<out>/distillation/    the first stage (`stage.py` lists the files of a stage)
+<out>/amp/             the second one
+<out>/policy.npz       the last stage's network, as `pipeline.deployment.load_policy` reads it
+<out>/curves.csv       the last stage's curves
+<out>/done.json        written last: iterations, seconds and steps of all stages
+
+A stage that is done is not repeated; one that was interrupted continues from its newest checkpoint.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import mjlab
+import numpy as np
+import torch
+
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.learning.training_error import TrainingError
+from pipeline.training.bundle import Bundle
+from pipeline.training.config import changed_from
+from pipeline.training.distillation.run import DistillationStage
+from pipeline.training.environment import chosen_physics
+from pipeline.training.runner import AmpStage
+from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY, Request, device_name, write_json
+
+DISTILLATION, AMP = "distillation", "amp"
+STAGES = (DISTILLATION, AMP)
+CONFIG = "config.json"
+SETTINGS = ("options", "seed", "bundle_digest", "stages")
+"""Parts of `config.json` that must be equal for a run to continue."""
+POLL_S = 1.0
+"""How often other processes look whether the first one has distilled [s]."""
+
+
+def stages_of(request: Request, asked: Sequence[str] | None) -> tuple[str, ...]:
+    """The stages of a run: those that are asked for; otherwise both, and on a CPU distillation alone.
+
+    Raises TrainingError where nothing is left to do.
+    """
+    stages = tuple(asked) if asked else STAGES if request.device != "cpu" else (DISTILLATION,)
+    if request.config.distillation.iterations == 0:
+        stages = tuple(name for name in stages if name != DISTILLATION)
+    if not stages:
+        raise TrainingError(
+            "on a CPU only distillation is trained, and distillation.iterations is 0. Use a GPU, raise it, or give "
+            "--stages amp."
+        )
+    return stages
+
+
+def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
+    """Run the stages that are not done yet, and write the policy.
+
+    Raises TrainingError for a folder of another run, or a bundle that a stage can not use.
+    """
+    if DISTILLATION in stages and bundle.teacher is None:
+        raise TrainingError(
+            "the bundle has no tracker to distil from. Materialize augmented_motions and write the bundle again, or "
+            "train from scratch: --set distillation.iterations=0."
+        )
+    first = int(os.getenv("RANK", "0")) == 0
+    config = _config(bundle, request, stages)
+    _check_same_run(request.out, config)
+    if first:
+        write_json(request.out / CONFIG, config)
+    for name in stages:
+        folder = request.out / name
+        if (folder / DONE).is_file():
+            continue
+        if name == DISTILLATION:
+            if first:
+                DistillationStage(bundle, request, folder).run()
+            else:
+                _wait_for(folder / DONE)
+        else:
+            AmpStage(bundle, request, folder, _distilled(request, stages)).run()
+    if first:
+        _finish(request, stages)
+
+
+def _distilled(request: Request, stages: Sequence[str]) -> dict[str, torch.Tensor] | None:
+    """The actor that the distillation ended with."""
+    if DISTILLATION not in stages:
+        return None
+    path = newest_checkpoint(request.out / DISTILLATION / CHECKPOINTS)
+    if path is None:
+        raise TrainingError(f"{request.out / DISTILLATION}: is done but has no checkpoint. Remove the folder.")
+    return load_checkpoint(path, request.device)["actor_state_dict"]
+
+
+def _wait_for(path: Path) -> None:
+    """Wait for the first process, which distils on one GPU; torchrun ends this one if that one dies."""
+    while not path.is_file():
+        time.sleep(POLL_S)
+
+
+def _finish(request: Request, stages: Sequence[str]) -> None:
+    last = request.out / stages[-1]
+    for name in (CURVES, POLICY):
+        part = request.out / f"{name}.part"
+        shutil.copyfile(last / name, part)
+        part.replace(request.out / name)
+    each = {name: json.loads((request.out / name / DONE).read_text()) for name in stages}
+    sums = {key: sum(done[key] for done in each.values()) for key in ("seconds", "steps")}
+    done = {**each[stages[-1]], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9)}
+    write_json(request.out / DONE, {**done, "stages": each})
+
+
+def _check_same_run(out: Path, config: dict[str, Any]) -> None:
+    """Raises TrainingError where the folder is of a run with other settings."""
+    path = out / CONFIG
+    if not path.is_file():
+        return
+    try:
+        known = json.loads(path.read_text())
+    except ValueError as error:
+        raise TrainingError(f"{path}: is not JSON ({error}). Give another --out.") from error
+    asked = json.loads(json.dumps(config))
+    differs = [name for name in SETTINGS if known.get(name) != asked[name]]
+    if "options" in differs:
+        before, now = known.get("options") or {}, asked["options"]
+        changed = [name for name in now if before.get(name) != now[name]]
+        differs = [name for name in differs if name != "options"] + changed
+    if differs:
+        raise TrainingError(f"{out}: is of a run with another {', '.join(differs)}. Give another --out.")
+
+
+def _config(bundle: Bundle, request: Request, stages: Sequence[str]) -> dict[str, Any]:
+    return {
+        "preset": request.preset,
+        "options": request.config.values(),
+        "changed": changed_from(request.preset, request.config),
+        "seed": request.seed,
+        "stages": list(stages),
+        "num_envs": request.config.simulation.num_envs,
+        "processes": int(os.getenv("WORLD_SIZE", "1")),
+        "device": device_name(request.device),
+        "physics": chosen_physics(request.device, request.physics),
+        "bundle_digest": bundle.digest,
+        "bundle": bundle.about,
+        "versions": {
+            "python": platform.python_version(),
+            "torch": torch.__version__,
+            "numpy": np.__version__,
+            "mjlab": getattr(mjlab, "__version__", "1.6.0"),
+        },
+    }

@@ -1,0 +1,165 @@
+"""The stage `distillation`: DAgger from the tracker.
+
+Ross et al., "A reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011:
+robots act by the student, at first by the teacher; at every state the teacher says what it would do; the student learns
+that by least squares. Rewards do not count. Every second sample is mirrored, so that the student is symmetric. The
+labelled states are not in a checkpoint; a run that continues fills them again.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from pipeline.training.amp.algorithm import fast_matmul
+from pipeline.training.amp.symmetry import Mirror
+from pipeline.training.bundle import Bundle
+from pipeline.training.distillation.memory import LabelledStates
+from pipeline.training.distillation.teacher import ClipTeacher
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.mdp.observations import COMMAND, HISTORY, noise_scale
+from pipeline.training.runner import NETWORK
+from pipeline.training.stage import STEPS, Request, Stage
+
+NORMALIZER_ITERATIONS = 5
+"""First iterations, in which the normalizer is fitted while the teacher acts."""
+COMMAND_STD = 0.3
+"""Least deviation that commands are divided by [m/s, rad/s]: few clips go sideways."""
+NOISE = 0.05
+"""Standard deviation of the noise on the student's actions: states around its walk are labelled too."""
+GUIDED_SHARE = 0.2
+"""Share of the run in which the share of robots that act by the teacher falls from 1 to 0."""
+PASSES = 4.0
+"""How often each state is learned from while it is new."""
+MEMORY, BATCH = 300_000, 4096
+"""Labelled states, and states of a gradient step; fewer with fewer environments."""
+RATE, LAST_RATE = 1e-3, 0.05
+"""Learning rate of Adam, and its last value as a share of it; between them half a cosine."""
+
+
+class DistillationStage(Stage):
+    """One network learns the tracker's joint targets from the deployment's observation."""
+
+    def __init__(self, bundle: Bundle, request: Request, folder: Path):
+        distillation = request.config.distillation
+        super().__init__(bundle, request, folder, distillation.iterations, distillation.minutes)
+        assert bundle.teacher is not None, "`chain.train` checks it"
+        config = request.config.changed({"simulation.terrain": "plane"})
+        self.teacher = ClipTeacher(bundle.teacher, bundle.robot, config, request.device)
+        self.env = AmpEnvironment(
+            bundle,
+            config,
+            request.device,
+            request.seed,
+            request.physics,
+            teacher=self.teacher,
+            starts=self.teacher.starts(request.seed),
+        )
+        torch.manual_seed(request.seed)
+        self._observation = self.env.reset()[0]["actor"].clone()
+        actions, envs = len(bundle.robot.controlled), config.simulation.num_envs
+        self.student = MLPModel(self._group(self._observation), {"actor": ["actor"]}, "actor", actions, **NETWORK).to(
+            request.device
+        )
+        self._least_std = self._floor(noise_scale(config.randomization.noise, actions))
+        self.optimizer = torch.optim.Adam(self.student.mlp.parameters(), lr=RATE)
+        self._mirror = Mirror(bundle.robot, request.device)
+        size = min(MEMORY, max(20_000, 2_000 * envs))
+        self._memory = LabelledStates(size, self._observation.shape[1], actions, request.device)
+        self._batch = min(BATCH, max(256, 8 * envs))
+
+    @property
+    def _workers(self) -> int:
+        return 1
+
+    def iterate(self, share: float) -> dict[str, float]:
+        rate = RATE * (LAST_RATE + 0.5 * (1.0 - LAST_RATE) * (1.0 + math.cos(math.pi * share)))
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        fits = self.iteration < NORMALIZER_ITERATIONS
+        guided = 1.0 if fits else max(0.0, 1.0 - share / GUIDED_SHARE)
+        loss = self._act(guided, fits)
+        if fits:
+            self._limit_normalizer()
+        with fast_matmul(self.request.device):
+            fit = self._learn()
+        self.environment_steps = self.env.common_step_counter
+        record = self.env.record.take(self.env.step_dt)
+        return {"loss": loss, "fit": fit, "teacher_share": guided, "learning_rate": rate, **record}
+
+    @torch.no_grad()
+    def _act(self, guided: float, fits: bool) -> float:
+        """STEPS control steps, labelled; the mean squared error of the student's actions at the visited states."""
+        env, total = self.env, torch.zeros((), device=self.env.device)
+        led = (torch.rand(env.num_envs, device=env.device) < guided)[:, None]
+        self.student.train(fits)
+        for _ in range(STEPS):
+            label, own = self.teacher.act(env), self._answer(self._observation)
+            self._memory.add(self._observation, label)
+            self.student.update_normalization(self._group(self._observation))
+            total += torch.square(own - label).mean()
+            action = torch.where(led, label, own + NOISE * torch.randn_like(own))
+            self.teacher.executed(action)
+            self._observation = env.step(action)[0]["actor"]
+        return float(total) / STEPS
+
+    def _learn(self) -> float:
+        """Gradient steps of least squares; their mean loss."""
+        updates = max(1, round(PASSES * STEPS * self.env.num_envs / self._batch))
+        total = torch.zeros((), device=self.env.device)
+        for _ in range(updates):
+            observation, label = self._memory.draw(self._batch)
+            half = len(label) // 2
+            observation = torch.cat([observation[:half], self._mirror.actor(observation[half:])])
+            label = torch.cat([label[:half], self._mirror.actions(label[half:])])
+            loss = torch.square(self._answer(observation) - label).mean()
+            self.optimizer.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(self.student.mlp.parameters(), 1.0)
+            self.optimizer.step()
+            total += loss.detach()
+        return float(total) / updates
+
+    def _answer(self, observation: torch.Tensor) -> torch.Tensor:
+        return self.student.mlp(self.student.obs_normalizer(observation))
+
+    def _limit_normalizer(self) -> None:
+        """Let no deviation be below the sensors' noise, nor that of commands below COMMAND_STD."""
+        normalizer: Any = self.student.obs_normalizer
+        normalizer._var.copy_(torch.maximum(normalizer._var, torch.square(self._least_std)))
+        normalizer._std.copy_(torch.sqrt(normalizer._var))
+
+    def _floor(self, noise: torch.Tensor) -> torch.Tensor:
+        least = noise.clone()
+        least[COMMAND] = COMMAND_STD
+        return least.repeat(HISTORY)[None].to(self.request.device)
+
+    @staticmethod
+    def _group(observation: torch.Tensor) -> TensorDict:
+        return TensorDict(cast(Any, {"actor": observation}), batch_size=[len(observation)])
+
+    def state(self) -> dict[str, Any]:
+        return {
+            "actor_state_dict": self.student.state_dict(),
+            "critic_state_dict": {},
+            "optimizer_state_dict": self.optimizer.state_dict(),
+        }
+
+    def load(self, state: dict[str, Any]) -> None:
+        self.student.load_state_dict(state["actor_state_dict"])
+        self.optimizer.load_state_dict(state["optimizer_state_dict"])
+        self.env.common_step_counter = int(state["environment_steps"])
+
+    def line(self, row: dict[str, float]) -> str:
+        pairs = [
+            f"{name} {row[f'{name}_achieved']:.2f}/{row[f'{name}_commanded']:.2f}" for name in ("slow", "mid", "turn")
+        ]
+        return (
+            f"error {row['loss']:.4f}, teacher {row['teacher_share']:.2f}, {', '.join(pairs)}, "
+            f"{row['falls_per_min']:.2f} falls/min, {row['lost_per_min']:.2f} lost/min"
+        )

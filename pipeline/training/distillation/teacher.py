@@ -1,0 +1,201 @@
+"""The tracker as the teacher: the clip that each robot follows, and the action that the tracker would take.
+
+The command that the student observes is the velocity that the tracker's own rollout of the clip has at that frame
+(`References.command`). The clip follows the robot: every few steps its frame becomes the nearest of three, and what the
+robot is off the clip's path by more than a bound is forgotten, so that the tracker neither chases nor waits.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import mujoco
+import numpy as np
+import torch
+from mjlab.utils.lab_api.math import matrix_from_quat
+
+from pipeline.learning.policy_file import Network
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.tracking.reference import reference_states
+from pipeline.tracking.task import ACTION_SCALE
+from pipeline.training.amp.expert import command_weights
+from pipeline.training.bundle import References, Teacher
+from pipeline.training.config import Config
+from pipeline.training.masks import replace
+from pipeline.training.mdp.actions import SCALE
+from pipeline.training.mdp.start_states import StartStates
+
+SEARCH_EVERY = 4
+"""Control steps between searches for the nearest frame."""
+LARGEST_OFFSET_M = 0.1
+"""Distance from the clip's path that the tracker observes at most [m]."""
+LARGEST_TURN = 0.2
+"""Difference of heading that it observes at most [rad]."""
+LOST_HEIGHT_M, LOST_GRAVITY = 0.25, 0.8
+"""Errors of root height [m] and of the vertical that end an episode, as in mjlab's tracking task."""
+LAST_FRAMES = 25
+"""No episode begins in the last frames of a clip."""
+
+
+class ClipTeacher:
+    """Clips of N robots, and the tracker's actions for them."""
+
+    def __init__(self, teacher: Teacher, robot: RobotFacts, config: Config, device: str):
+        """
+        Args:
+            teacher: tracker and references of a bundle
+            robot: the bundle's robot
+            config: of the run
+            device: where it works
+
+        Raises TrainingError where no clip is tracked at its speed.
+        """
+        self.references = teacher.references.chosen(config.distillation.speed_tolerance)
+        self._network, self._robot, self._config = Network(teacher.network, device), robot, config
+        self._device, count = device, config.simulation.num_envs
+        self._read_clips(self.references, robot)
+        self._controlled = torch.from_numpy(robot.index(robot.controlled)).to(device)
+        self._policy = torch.from_numpy(robot.index(robot.policy_joints)).to(device)
+        self._default = torch.from_numpy(robot.default_joint_pos).float().to(device)
+        self.frame = torch.zeros(count, dtype=torch.long, device=device)
+        """Frame of all clips that each robot should be at now (n,)."""
+        self.path_xy = torch.zeros(count, 2, device=device)
+        """Position of the clip at that frame in the world (n, 2) [m]."""
+        self.turn = torch.zeros(count, device=device)
+        """Rotation of the clip about the vertical (n,) [rad]."""
+        self.command = torch.zeros(count, 3, device=device)
+        self.lost = torch.zeros(count, dtype=torch.bool, device=device)
+        self.ended = torch.zeros(count, dtype=torch.bool, device=device)
+        self._last_action = torch.zeros(count, len(robot.controlled), device=device)
+
+    def _read_clips(self, clips: References, robot: RobotFacts) -> None:
+        model = mujoco.MjModel.from_xml_string(robot.mjcf)
+        states = [
+            reference_states(model, *(part.astype(float) for part in parts))
+            for parts in (
+                (clips.root_pos_w[a:b], clips.root_quat_w[a:b], clips.joint_pos[a:b])
+                for a, b in itertools.pairwise(clips.clip_start)
+            )
+        ]
+
+        def joined(name: str, root: bool) -> torch.Tensor:
+            parts = [getattr(state, name)[:, 0] if root else getattr(state, name) for state in states]
+            return torch.from_numpy(np.concatenate(parts)).float().to(self._device)
+
+        self._joint_pos, self._joint_vel = joined("joint_pos", False), joined("joint_vel", False)
+        self._root_pos, self._root_quat = joined("body_pos_w", True), joined("body_quat_w", True)
+        self._lin_vel, self._ang_vel = joined("body_lin_vel_w", True), joined("body_ang_vel_w", True)
+        self._rotation = matrix_from_quat(self._root_quat)
+        self._yaw = torch.atan2(self._rotation[:, 1, 0], self._rotation[:, 0, 0])
+        self._label = torch.from_numpy(clips.command).float().to(self._device)
+        length = np.diff(clips.clip_start)
+        bounds = (np.repeat(clips.clip_start[:-1], length), np.repeat(clips.clip_start[1:] - 1, length))
+        self._first, self._last = (torch.from_numpy(each).long().to(self._device) for each in bounds)
+
+    def starts(self, seed: int) -> StartStates:
+        """States that episodes begin at, such that labels are distributed as the policy's commands."""
+        start = self.references.clip_start
+        allowed = np.concatenate([np.arange(b - a) < max(b - a - LAST_FRAMES, 1) for a, b in itertools.pairwise(start)])
+        weight = allowed / allowed.sum()
+        weight = command_weights(self.references.command, weight, self._config.commands, seed)
+        return StartStates(
+            root_pos=self._root_pos,
+            root_quat=self._root_quat,
+            joint_pos=self._joint_pos,
+            lin_vel_w=self._lin_vel,
+            ang_vel_w=self._ang_vel,
+            joint_vel=self._joint_vel,
+            command=self._label,
+            probability=torch.from_numpy(np.cumsum(weight)).float().to(self._device),
+            own_command_share=1.0,
+        )
+
+    def begin(self, env, mask: torch.Tensor, frame: torch.Tensor, turn: torch.Tensor) -> None:
+        """Put the clip of environments (n,) that begin an episode at a frame (n,), turned by an angle (n,) [rad]."""
+        replace(self.frame, mask, frame)
+        replace(self.turn, mask, turn)
+        replace(self.path_xy, mask, env.scene.env_origins[:, :2])
+        replace(self.command, mask, self._label[frame])
+        replace(self._last_action, mask, 0.0)
+
+    def advance(self, env) -> None:
+        """Move the clips on by a control step, to what the robots did; find out which are lost or ended."""
+        state = env.robot_state
+        before = self.frame.clone()
+        expected = torch.minimum(before + 1, self._last[before])
+        searches = (env.episode_length_buf + 1) % SEARCH_EVERY == 0
+        frame = torch.where(searches, self._nearest(expected, state.joint_pos), expected)
+        self.frame.copy_(frame)
+        cos, sin = torch.cos(self.turn), torch.sin(self.turn)
+        x, y = (self._root_pos[frame, :2] - self._root_pos[before, :2]).unbind(dim=1)
+        path = self.path_xy + torch.stack([x * cos - y * sin, x * sin + y * cos], dim=1)
+        off = state.root_pos_w[:, :2] - path
+        distance = torch.linalg.norm(off, dim=1, keepdim=True)
+        self.path_xy.copy_(path + off * (1.0 - LARGEST_OFFSET_M / distance.clamp(min=LARGEST_OFFSET_M)))
+        heading = torch.atan2(state.heading_w[:, 1], state.heading_w[:, 0])
+        turned = heading - self._yaw[frame] - self.turn
+        turned = torch.atan2(torch.sin(turned), torch.cos(turned))
+        self.turn += turned - turned.clamp(-LARGEST_TURN, LARGEST_TURN)
+        height = state.root_pos_w[:, 2] - env.scene.env_origins[:, 2] - self._root_pos[frame, 2]
+        vertical = state.root_rotation_w[:, 2, 2] - self._rotation[frame, 2, 2]
+        self.lost.copy_((height.abs() > LOST_HEIGHT_M) | (vertical.abs() > LOST_GRAVITY))
+        self.ended.copy_(frame >= self._last[frame] - 1)
+        self.command.copy_(self._label[frame])
+
+    def _nearest(self, expected: torch.Tensor, joint_pos: torch.Tensor) -> torch.Tensor:
+        """Of the expected frame (n,) and its two neighbours, the one whose joints are nearest (n,)."""
+        first, last = self._first[expected], self._last[expected]
+        candidates = torch.stack([expected, expected - 1, expected + 1], dim=1)
+        candidates = torch.minimum(torch.maximum(candidates, first[:, None]), last[:, None])
+        off = self._joint_pos[candidates][..., self._controlled] - joint_pos[:, None, self._controlled]
+        best = torch.square(off).sum(dim=2).argmin(dim=1, keepdim=True)
+        return candidates.gather(1, best)[:, 0]
+
+    def observe(self, env) -> torch.Tensor:
+        """The tracker's observation of the current states (n, o), term by term as `pipeline.tracking.observation`."""
+        state, target = env.robot_state, self._target()
+        robot = env.scene["robot"]
+        local, _ = robot.find_bodies(self._robot.key_links, preserve_order=True)
+        links = robot.indexing.body_ids[torch.as_tensor(local, device=self._device)]
+        to_root = state.root_rotation_w.transpose(1, 2)
+        cos, sin = torch.cos(self.turn), torch.sin(self.turn)
+        zero, one = torch.zeros_like(cos), torch.ones_like(cos)
+        turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], dim=1).view(-1, 3, 3)
+        ahead = turn @ (self._root_pos[target] - self._root_pos[self.frame])[..., None]
+        anchor_xy = self.path_xy + ahead[:, :2, 0]
+        height = env.scene.env_origins[:, 2:] + self._root_pos[target, 2:]
+        off = (torch.cat([anchor_xy, height], dim=1) - state.root_pos_w)[..., None]
+        link_pos = env.sim.data.xpos[:, links] - state.root_pos_w[:, None]
+        link_rotation = to_root[:, None] @ env.sim.data.xmat[:, links]
+        terms = [
+            self._joint_pos[target],
+            self._joint_vel[target],
+            (to_root @ off)[..., 0],
+            (to_root @ turn @ self._rotation[target])[..., :2].flatten(1),
+            (link_pos @ state.root_rotation_w).flatten(1),
+            link_rotation[..., :2].flatten(1),
+            state.lin_vel_b,
+            state.ang_vel_b,
+            state.joint_pos - self._default,
+            state.joint_vel,
+            self._last_action,
+        ]
+        return torch.cat(terms, dim=1)
+
+    def act(self, env) -> torch.Tensor:
+        """The policy's action (n, a) that gives the tracker's joint targets at the current states."""
+        residual = self._network(torch.nan_to_num(self.observe(env)))
+        targets = self._default.repeat(len(residual), 1)
+        targets[:, self._controlled] = self._joint_pos[self._target()][:, self._controlled] + ACTION_SCALE * residual
+        return (targets - self._default)[:, self._policy] / SCALE
+
+    def executed(self, action: torch.Tensor) -> None:
+        """Remember the policy's action (n, a) of this step, as the tracker's last action."""
+        targets = self._default.repeat(len(action), 1)
+        targets[:, self._policy] += SCALE * action
+        residual = (targets - self._joint_pos[self._target()])[:, self._controlled] / ACTION_SCALE
+        self._last_action.copy_(residual)
+
+    def _target(self) -> torch.Tensor:
+        """Frame to reach at the end of the control step (n,)."""
+        return torch.minimum(self.frame + 1, self._last[self.frame])

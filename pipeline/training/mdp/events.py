@@ -1,0 +1,164 @@
+"""What is drawn at random: friction, gains, trunk mass, rotors, slopes, kicks and pushes.
+
+mjlab's own pushes sample by indices and can not grow over a run; ours work by masks and follow `env.disturbance`, the
+ramp of the disturbances, 0 to 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+import torch
+import warp as wp
+from mjlab.envs.mdp import dr
+from mjlab.managers.event_manager import EventTermCfg, RecomputeLevel, requires_model_fields
+from mjlab.managers.scene_entity_config import SceneEntityCfg
+
+from pipeline.learning.robot_facts import RobotFacts
+from pipeline.physics import GRAVITY
+from pipeline.training.config import Config, PushesConfig
+from pipeline.training.masks import replace
+from pipeline.training.rotors import rotors_on_links
+
+FORCE_S = 0.1
+"""Duration of a push by a force [s]."""
+SMALLEST_PUSH = 0.2
+"""Of the largest one."""
+SLOPED_SHARE = 1.0 / 3.0
+"""Environments on a slope."""
+ROTOR_LEVELS = 5
+"""Shares of the rotors' inertia on the links, from none to all."""
+
+
+class Slopes:
+    """A sloped ground as tilted gravity: to a robot on a plane both are the same, and tilted gravity costs nothing.
+
+    The angle and direction of each environment are drawn once. The world's z axis is the ground's normal; gravity in
+    mjlab's data and in the simulation is the tilted one.
+    """
+
+    def __init__(self, env):
+        count, device = env.num_envs, env.device
+        sloped = torch.rand(count, device=device) < SLOPED_SHARE
+        steepest = math.radians(env.context.config.randomization.slope_deg)
+        self._angle = steepest * torch.rand(count, device=device) * sloped
+        way = 2.0 * math.pi * torch.rand(count, device=device)
+        self._way_w = torch.stack([torch.cos(way), torch.sin(way)], dim=1)
+        self.down_w = env.scene["robot"].data.gravity_vec_w
+        """Unit vector of gravity (n, 3), which mjlab's terms read as well."""
+        self._gravity_w = GRAVITY * self.down_w
+        if steepest:
+            env.sim.wp_model.opt.gravity = wp.from_torch(self._gravity_w, dtype=wp.vec3)
+            env.sim.create_graph()  # a graph recorded before reads the one vector of all environments
+
+    def grow(self, share: float) -> None:
+        """Set the slopes to a share of their steepest."""
+        tilt = share * self._angle[:, None]
+        self.down_w.copy_(torch.cat([torch.sin(tilt) * self._way_w, -torch.cos(tilt)], dim=1))
+        self._gravity_w.copy_(GRAVITY * self.down_w)
+
+
+class PushTimer:
+    """Times and directions of one kind of push, in the unit of its largest."""
+
+    def __init__(self, env, config: PushesConfig, largest: tuple[float, float]):
+        self._env, self._span, self._largest = env, config.interval_s, largest
+        self._left_s = torch.zeros(env.num_envs, device=env.device)
+        self.restart(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
+        env.restarts.append(self.restart)
+
+    def due(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """A control step later: whether a push begins (n,), and the push in the world (n, 3)."""
+        self._left_s -= self._env.step_dt
+        begins = self._left_s <= 0.0
+        low, high = self._largest
+        push_w = horizontal(len(begins), begins.device) * (low + (high - low) * self._env.disturbance)
+        self.restart(begins)
+        return begins, push_w
+
+    def restart(self, mask: torch.Tensor) -> None:
+        """Draw the time of the next push of some environments (n,)."""
+        low, high = self._span
+        replace(self._left_s, mask, low + (high - low) * torch.rand_like(self._left_s))
+
+
+def horizontal(count: int, device: str | torch.device) -> torch.Tensor:
+    """Vectors (count, 3) in random horizontal directions, of length SMALLEST_PUSH to 1."""
+    angle = 2.0 * math.pi * torch.rand(count, device=device)
+    length = SMALLEST_PUSH + (1.0 - SMALLEST_PUSH) * torch.rand(count, device=device)
+    return torch.stack([length * torch.cos(angle), length * torch.sin(angle), torch.zeros_like(angle)], dim=1)
+
+
+class Kick:
+    """A sudden change of the base's velocity every few seconds."""
+
+    def __init__(self, cfg: EventTermCfg, env):
+        pushes = env.context.config.pushes
+        self._timer = PushTimer(env, pushes, pushes.kick_m_s)
+
+    def __call__(self, env, env_ids: torch.Tensor | None) -> None:
+        begins, change_w = self._timer.due()
+        velocity_w = env.sim.data.qvel[:, :3]
+        velocity_w += torch.where(begins[:, None], change_w, 0.0)
+
+
+class Push:
+    """A force on the trunk's centre of mass for FORCE_S every few seconds; `env.push_w` (n, 3) is the force [N]."""
+
+    def __init__(self, cfg: EventTermCfg, env):
+        pushes = env.context.config.pushes
+        self._timer = PushTimer(env, pushes, pushes.impulse_n_s)
+        self._left_s = torch.zeros(env.num_envs, device=env.device)
+        env.restarts.append(self.restart)
+
+    def __call__(self, env, env_ids: torch.Tensor | None) -> None:
+        self._left_s -= env.step_dt
+        begins, impulse_w = self._timer.due()
+        replace(env.push_w, self._left_s <= 1e-6, 0.0)
+        replace(env.push_w, begins, impulse_w / FORCE_S)
+        replace(self._left_s, begins, FORCE_S)
+
+    def restart(self, mask: torch.Tensor) -> None:
+        """End the push of environments (n,) that begin an episode; the environment zeroes the force."""
+        replace(self._left_s, mask, 0.0)
+
+
+@requires_model_fields("body_inertia", "body_iquat", "dof_armature", recompute=RecomputeLevel.set_const)
+def rotors_on_some_links(env, env_ids: torch.Tensor | None) -> None:
+    """At startup: in some environments a share of the rotors' inertia is on the links."""
+    model, count = env.sim.mj_model, env.num_envs
+    level = torch.randint(1, ROTOR_LEVELS, (count,), device=env.device)
+    level *= torch.rand(count, device=env.device) < env.context.config.randomization.rotor_link_share
+    moved = [rotors_on_links(model, each / (ROTOR_LEVELS - 1)) for each in range(ROTOR_LEVELS)]
+    bodies = torch.from_numpy(np.unique(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]))
+    rows, bodies = torch.arange(count, device=env.device)[:, None], bodies.long().to(env.device)[None]
+    inertia, iquat, armature = (
+        torch.from_numpy(np.stack(values)).float().to(env.device) for values in zip(*moved, strict=True)
+    )
+    for name, table in (("body_inertia", inertia), ("body_iquat", iquat)):
+        getattr(env.sim.model, name)[rows, bodies] = table[level][rows, bodies]
+    env.sim.model.dof_armature[:] = armature[level]
+
+
+def event_cfg(robot: RobotFacts, config: Config, distils: bool) -> dict[str, EventTermCfg]:
+    """Events; no kicks and pushes in distillation."""
+    random, pushes = config.randomization, config.pushes
+    feet = SceneEntityCfg("robot", geom_names=tuple(f"^{name}$" for name in robot.shapes["feet"]))
+    trunk = SceneEntityCfg("robot", body_names=(f"^{robot.root_link}$",))
+    friction = {"asset_cfg": feet, "operation": "abs", "ranges": random.friction, "shared_random": True}
+    gains = {"kp_range": random.gains, "kd_range": random.gains}
+    mass = {"asset_cfg": trunk, "alpha_range": random.trunk_density}
+    events = {
+        "friction": EventTermCfg(mode="startup", func=dr.geom_friction, params=friction),
+        "gains": EventTermCfg(mode="startup", func=dr.pd_gains, params=gains),
+        "trunk": EventTermCfg(mode="startup", func=dr.pseudo_inertia, params=mass),
+    }
+    if random.rotor_link_share:
+        events["rotors"] = EventTermCfg(mode="startup", func=rotors_on_some_links)
+    if pushes.kick_m_s[1] and not distils:
+        events["kick"] = EventTermCfg(mode="step", func=Kick)
+    if pushes.impulse_n_s[1] and not distils:
+        events["push"] = EventTermCfg(mode="step", func=Push)
+    return events

@@ -1,0 +1,167 @@
+"""A stage of the training chain: its folder, its files and its time.
+
+<folder>/checkpoints/model_000100.pt   every 100 iterations and the last; read with `weights_only=True`
+<folder>/curves.csv                    one row an iteration
+<folder>/policy.npz                    the newest checkpoint's network with its gains
+<folder>/done.json                     written last, when the stage ended by itself
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.curves_file import CurvesFile
+from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.training_error import TrainingError
+from pipeline.training.bundle import Bundle
+from pipeline.training.config import Config
+
+SAVE_EVERY = 100
+"""Iterations between checkpoints."""
+STEPS = 24
+"""Control steps of each environment an iteration."""
+CHECKPOINTS, CURVES, POLICY, DONE = "checkpoints", "curves.csv", "policy.npz", "done.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a run is asked for."""
+
+    out: Path
+    preset: str
+    config: Config
+    device: str
+    seed: int
+    physics: str | None = None
+    """`warp` or `plain`; None: the faster one on the device."""
+
+
+class Stage(ABC):
+    """One stage in its folder; repeating it continues from its newest checkpoint."""
+
+    def __init__(self, bundle: Bundle, request: Request, folder: Path, iterations: int, minutes: float):
+        self.bundle, self.request, self.folder = bundle, request, folder
+        self._iterations, self._minutes = iterations, minutes
+        self.rank, self.world = int(os.getenv("RANK", "0")), int(os.getenv("WORLD_SIZE", "1"))
+        self.iteration, self.environment_steps = 0, 0
+        """Iterations that are done, and control steps of each environment."""
+        self.seconds = 0.0
+        """Time of training, that of earlier processes included [s]."""
+
+    @abstractmethod
+    def iterate(self, share: float) -> dict[str, float]:
+        """One iteration at a share (0 to 1) of the stage; its figures."""
+
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """What a checkpoint holds."""
+
+    @abstractmethod
+    def load(self, state: dict[str, Any]) -> None:
+        """Continue from a checkpoint."""
+
+    @abstractmethod
+    def line(self, row: dict[str, float]) -> str:
+        """The figures of a row in words, for the progress line."""
+
+    def agreed(self, seconds: float) -> float:
+        """The time of training by the first process's clock [s]: processes end together."""
+        return seconds
+
+    def run(self) -> None:
+        """Iterate to the end: the iterations or the minutes, whichever comes first."""
+        self._resume()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        curves = CurvesFile(self.folder / CURVES, self.iteration)
+        before, started, reason = curves.seconds, time.monotonic(), "iterations"
+        while self.iteration < self._iterations:
+            began = time.monotonic()
+            self.seconds = self.agreed(before + began - started)
+            if self._minutes and self.seconds > 60.0 * self._minutes:
+                reason = "minutes"
+                break
+            figures = self.iterate(self.share())
+            self.iteration += 1
+            took = time.monotonic() - began
+            row = self._row(figures, before + time.monotonic() - started, took)
+            if self.rank == 0:
+                curves.add(row)
+                print(f"{self._head(row, took)}: {self.line(row)}, {row['steps_per_s']:.0f} steps/s", flush=True)
+                if self.iteration % 10 == 0 or self.iteration < 10:
+                    curves.write()
+                if self.iteration % SAVE_EVERY == 0:
+                    self._save(curves)
+        if self.rank == 0:
+            self._save(curves)
+            self._finish(reason, before + time.monotonic() - started)
+
+    def share(self) -> float:
+        """Share of the stage that has passed, by iterations or by time."""
+        by_time = self.seconds / (60.0 * self._minutes) if self._minutes else 0.0
+        return min(1.0, max(by_time, self.iteration / self._iterations))
+
+    def _row(self, figures: dict[str, float], seconds: float, took: float) -> dict[str, float]:
+        steps = self.request.config.simulation.num_envs * STEPS * self._workers
+        return {"iteration": self.iteration, "seconds": seconds, "steps_per_s": steps / took, **figures}
+
+    @property
+    def _workers(self) -> int:
+        """Processes that step environments in this stage."""
+        return self.world
+
+    def _head(self, row: dict[str, float], took: float) -> str:
+        left = (self._iterations - self.iteration) * took
+        if self._minutes:
+            left = min(left, 60.0 * self._minutes - row["seconds"])
+        progress = f"iteration {self.iteration} of {self._iterations} of {self.folder.name}"
+        return f"{progress}, {row['seconds']:.0f} s, {max(left, 0.0) / 60.0:.1f} min left"
+
+    def _resume(self) -> None:
+        path = newest_checkpoint(self.folder / CHECKPOINTS)
+        if path is None:
+            return
+        state = load_checkpoint(path, self.request.device)
+        try:
+            self.load(state)
+        except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+            first = str(error).splitlines()[0]
+            raise TrainingError(
+                f"{path}: is of another network or setting and can't be continued ({first}). Give another --out."
+            ) from error
+        self.iteration, self.environment_steps = int(state["iteration"]), int(state["environment_steps"])
+
+    def _save(self, curves: CurvesFile) -> None:
+        state = self.state()
+        save_checkpoint(self.folder / CHECKPOINTS, self.iteration, state, self.environment_steps)
+        write_policy(self.folder / POLICY, policy_arrays(state, self.bundle.robot))
+        curves.write()
+
+    def _finish(self, reason: str, seconds: float) -> None:
+        steps = self.iteration * self.request.config.simulation.num_envs * STEPS * self._workers
+        done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+        write_json(self.folder / DONE, {**done, "steps_per_s": steps / max(seconds, 1e-9)})
+
+
+def device_name(device: str) -> str:
+    """Name of the GPU, or `cpu`."""
+    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write a file, whole or not at all. Raises TrainingError where the disk refuses."""
+    part = path.with_suffix(".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+        part.replace(path)
+    except OSError as error:
+        raise TrainingError(f"{path}: could not be written ({error.strerror or error}). Is the disk full?") from error

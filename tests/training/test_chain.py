@@ -1,0 +1,163 @@
+"""The chain of stages: from a bundle to a policy, resumed, refused, and from scratch."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.deployment import load_policy
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.learning.policy_file import Network
+from pipeline.training import chain, runner
+from pipeline.training.__main__ import main
+from pipeline.training.amp.algorithm import ramp
+from pipeline.training.export_policy import main as export
+from pipeline.training.stage import Stage
+from tests.factories.training_bundle import small_bundle
+
+SIZES = {"simulation.num_envs": 4, "distillation.iterations": 2, "schedule.iterations": 2}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, root, robot):
+    return small_bundle(tmp_path_factory.mktemp("chain"), root, robot, tracker="passive")
+
+
+def command(folder, out, *stages: str, **changed) -> list[str]:
+    values = {**SIZES, **{name.replace("__", "."): value for name, value in changed.items()}}
+    sets = [text for name, value in values.items() for text in ("--set", f"{name}={value}")]
+    chosen = ["--stages", *stages] if stages else []
+    return ["--bundle", str(folder), "--out", str(out), "--device", "cpu", *sets, *chosen]
+
+
+BOTH = ("distillation", "amp")
+
+
+@pytest.fixture(scope="module")
+def run(folder, tmp_path_factory):
+    """A run of both stages."""
+    out = tmp_path_factory.mktemp("run") / "out"
+    assert main(command(folder, out, *BOTH)) == 0
+    return out
+
+
+def rows_of(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_both_stages_make_a_policy(run, folder, tmp_path):
+    done = json.loads((run / "done.json").read_text())
+    assert {name: stage["iterations"] for name, stage in done["stages"].items()} == {"distillation": 2, "amp": 2}
+    assert done["steps"] == 2 * 2 * 4 * 24
+    config = json.loads((run / "config.json").read_text())
+    assert (config["preset"], config["seed"], config["device"]) == ("recipe", 1, "cpu")
+    assert config["changed"] == SIZES
+    assert config["bundle"]["database_digest"]
+    rows = rows_of(run / "curves.csv")
+    assert [row["iteration"] for row in rows] == ["1", "2"]
+    assert all(float(row[name]) == float(row[name]) for row in rows for name in ("task_reward", "d_expert", "accuracy"))
+    newest = newest_checkpoint(run / "amp" / "checkpoints")
+    assert newest is not None
+    exported = tmp_path / "exported.npz"
+    assert export(["--checkpoint", str(newest), "--bundle", str(folder), "--out", str(exported)]) == 0
+    assert exported.read_bytes() == (run / "policy.npz").read_bytes()
+    policy = load_policy(exported)
+    assert policy.gains is not None
+    observation = torch.randn(5, 720)
+    arrays = dict(np.load(exported))
+    assert policy.act(observation.double().numpy()) == pytest.approx(
+        Network(arrays, "cpu")(observation).numpy(), abs=1e-3
+    )
+
+
+def test_amp_begins_with_the_distilled_network_and_its_frozen_normalizer(run):
+    """The critic learns alone at first, so two iterations later the actor is still the distilled one."""
+    states = [load_checkpoint(run / name / "checkpoints" / "model_000002.pt", "cpu") for name in BOTH]
+    distilled, trained = (state["actor_state_dict"] for state in states)
+    for name in distilled:
+        if name.startswith("mlp."):
+            assert torch.equal(distilled[name], trained[name]), name
+        elif not name.endswith("count"):
+            assert torch.allclose(distilled[name], trained[name], atol=1e-3), name
+    assert int(trained["obs_normalizer.count"]) >= runner.FROZEN
+
+
+def test_repeating_a_finished_run_trains_nothing(run, folder, monkeypatch):
+    before = (run / "policy.npz").read_bytes()
+    monkeypatch.setattr(Stage, "run", lambda stage: pytest.fail("trained again"))
+    assert main(command(folder, run, *BOTH)) == 0
+    assert (run / "policy.npz").read_bytes() == before
+
+
+@pytest.mark.parametrize("killed", BOTH)
+def test_a_killed_stage_continues_from_its_newest_checkpoint(folder, tmp_path, monkeypatch, killed):
+    monkeypatch.setattr("pipeline.training.stage.SAVE_EVERY", 1)
+    kind = chain.DistillationStage if killed == "distillation" else chain.AmpStage
+    iterate = kind.iterate
+
+    def dies(stage, share):
+        if stage.iteration == 1:
+            raise KeyboardInterrupt
+        return iterate(stage, share)
+
+    monkeypatch.setattr(kind, "iterate", dies)
+    assert main(command(folder, tmp_path, *BOTH)) == 130
+    assert not (tmp_path / killed / "done.json").exists()
+    begun = []
+    monkeypatch.setattr(kind, "iterate", lambda stage, share: begun.append(stage.iteration) or iterate(stage, share))
+    assert main(command(folder, tmp_path, *BOTH)) == 0
+    assert begun == [1]
+    rows = rows_of(tmp_path / killed / "curves.csv")
+    assert [row["iteration"] for row in rows] == ["1", "2"]
+    assert float(rows[0]["seconds"]) < float(rows[1]["seconds"])
+    assert (tmp_path / "policy.npz").is_file()
+
+
+def test_a_folder_of_another_run_is_refused(run, folder, capsys):
+    assert main([*command(folder, run, *BOTH), "--seed", "7"]) == 2
+    assert "is of a run with another seed. Give another --out." in capsys.readouterr().err
+    assert main(command(folder, run, *BOTH, ppo__entropy=0.5)) == 2
+    assert "another ppo.entropy." in capsys.readouterr().err
+
+
+def test_on_a_cpu_only_distillation_is_trained(folder, tmp_path):
+    assert main(command(folder, tmp_path)) == 0
+    assert not (tmp_path / "amp").exists()
+    assert (tmp_path / "policy.npz").read_bytes() == (tmp_path / "distillation" / "policy.npz").read_bytes()
+
+
+def test_from_scratch_no_stage_distils(folder, tmp_path, capsys):
+    assert main(command(folder, tmp_path, distillation__iterations=0)) == 2
+    assert "on a CPU only distillation is trained, and distillation.iterations is 0" in capsys.readouterr().err
+    assert main(command(folder, tmp_path, *BOTH, distillation__iterations=0)) == 0
+    assert not (tmp_path / "distillation").exists()
+
+
+def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, robot, capsys):
+    bare = small_bundle(tmp_path / "bare", root, robot)
+    assert main(command(bare, tmp_path / "out")) == 2
+    assert "the bundle has no tracker to distil from" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--device", "cpu"], "--bundle and --out are needed"),
+        (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
+        (["--bundle", "b", "--out", "o", "--device", "cpu"], "bundle.json: the file is missing"),
+        (["--bundle", "b", "--out", "o", "--device", "cuda"], "PyTorch finds no GPU here. Use --device cpu"),
+    ],
+)
+def test_a_wrong_request_gets_one_sentence(arguments, message, capsys, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_ramps_go_from_0_to_1_over_their_span():
+    assert [ramp(at, (0.2, 0.4)) for at in (0.0, 0.2, 0.3, 0.4, 1.0)] == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0])
+    assert [ramp(at, (0.0, 0.0)) for at in (0.0, 1.0)] == [1.0, 1.0]

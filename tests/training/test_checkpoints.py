@@ -1,0 +1,121 @@
+"""Checkpoints: the newest one, damage, foreign content, and shortage of disk or memory."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
+from pipeline.learning.policy_file import policy_arrays
+from pipeline.learning.training_error import TrainingError
+from pipeline.training.bundle import read_bundle
+from tests.factories.training_bundle import small_bundle
+
+STATE = {"actor_state_dict": {"a": torch.ones(2)}, "critic_state_dict": {}, "optimizer_state_dict": {}}
+
+
+def test_the_newest_checkpoint_is_the_one_of_most_iterations(tmp_path):
+    assert newest_checkpoint(tmp_path) is None
+    for iteration in (900, 1000, 100):
+        save_checkpoint(tmp_path, iteration, STATE, iteration * 24)
+    newest = newest_checkpoint(tmp_path)
+    assert newest is not None
+    state = load_checkpoint(newest, "cpu")
+    assert (state["iteration"], state["environment_steps"]) == (1000, 24_000)
+
+
+class _Planted:
+    """Runs code where it is unpickled."""
+
+    def __reduce__(self):
+        return (open, ("planted", "w"))
+
+
+def test_a_checkpoint_that_would_run_code_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "model_000100.pt"
+    torch.save({**STATE, "iteration": _Planted(), "environment_steps": 0}, path)
+    with pytest.raises(TrainingError, match="no checkpoint of ours and was not loaded"):
+        load_checkpoint(path, "cpu")
+    path.write_bytes(pickle.dumps(_Planted()))
+    with pytest.raises(TrainingError, match="not loaded"):
+        load_checkpoint(path, "cpu")
+    assert not (tmp_path / "planted").exists()
+
+
+def test_a_checkpoint_that_the_disk_refuses_is_told_and_leaves_nothing(tmp_path, monkeypatch):
+    def full(state, path):
+        path.write_bytes(b"half")
+        raise RuntimeError("unexpected pos 64 vs 0")
+
+    monkeypatch.setattr(torch, "save", full)
+    with pytest.raises(TrainingError, match=r"model_000100\.pt: could not be written \(unexpected pos 64 vs 0\)"):
+        save_checkpoint(tmp_path, 100, dict(STATE), 0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_checkpoint_that_is_not_there_is_not_called_damaged(tmp_path):
+    with pytest.raises(TrainingError, match=r"gone\.pt: can't be read \(No such file"):
+        load_checkpoint(tmp_path / "gone.pt", "cpu")
+
+
+@pytest.mark.parametrize("error", [torch.OutOfMemoryError("CUDA out of memory. Tried 2 MiB\nmore"), MemoryError()])
+def test_a_checkpoint_for_which_there_is_no_memory_is_not_called_damaged(tmp_path, monkeypatch, error):
+    def full(*_, **__):
+        raise error
+
+    monkeypatch.setattr(torch, "load", full)
+    with pytest.raises(TrainingError, match=r"good\.pt: there is no memory left on cpu to load it") as told:
+        load_checkpoint(tmp_path / "good.pt", "cpu")
+    assert "no checkpoint of ours" not in str(told.value)
+
+
+def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
+    path = tmp_path / "model_000001.pt"
+    torch.save({"weights": torch.ones(1)}, path)
+    with pytest.raises(TrainingError, match="lacks actor_state_dict, critic_state_dict"):
+        load_checkpoint(path, "cpu")
+
+
+def test_a_damaged_checkpoint_gives_one_sentence_or_a_whole_state(tmp_path):
+    """Cut short anywhere, or with bits turned over: what PyTorch's parsers raise is told plainly, whatever it is."""
+    rng = np.random.default_rng(0)
+    tensors = {"mlp.0.weight": torch.ones(4, 3), "std": torch.ones(2)}
+    whole = save_checkpoint(tmp_path, 5, {name: dict(tensors) for name in STATE}, 120).read_bytes()
+    path, refused = tmp_path / "model_000001.pt", 0
+    cuts = [whole[:size] for size in np.linspace(0, len(whole) - 1, 60).astype(int)]
+    flipped = []
+    for count in (1, 8, 64) * 60:
+        damaged = np.frombuffer(whole, dtype=np.uint8).copy()
+        damaged[rng.integers(len(damaged), size=count)] ^= np.uint8(1 << rng.integers(8))
+        flipped.append(damaged.tobytes())
+    for content in (*cuts, *flipped, b"", b"PK", b"\x80\x02.", b"\x80\x04K\x01."):
+        path.write_bytes(content)
+        try:
+            state = load_checkpoint(path, "cpu")
+        except TrainingError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert str(path) in str(error)
+        else:
+            assert isinstance(state["iteration"], int)
+    assert refused > 150
+
+
+@pytest.mark.parametrize(
+    ("part", "value"), [("iteration", -1), ("iteration", "9"), ("actor_state_dict", torch.ones(1))]
+)
+def test_a_checkpoint_whose_parts_are_of_another_kind_is_refused(tmp_path, part, value):
+    path = tmp_path / "model_000001.pt"
+    torch.save({**STATE, "iteration": 1, "environment_steps": 24, part: value}, path)
+    with pytest.raises(TrainingError, match=f"{part} of another kind"):
+        load_checkpoint(path, "cpu")
+
+
+def test_a_checkpoint_of_another_network_becomes_no_policy(tmp_path, root, robot):
+    facts = read_bundle(small_bundle(tmp_path, root, robot)).robot
+    with pytest.raises(TrainingError, match=r"actor is no network of ours \(KeyError"):
+        policy_arrays({"actor_state_dict": {"weights": torch.ones(2)}}, facts)

@@ -1,0 +1,148 @@
+"""Slopes, kicks, pushes and rotors, each against physics that is known."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from pipeline.physics import GRAVITY
+from pipeline.training.bundle import read_bundle
+from pipeline.training.config import RECIPE
+from pipeline.training.environment import AmpEnvironment
+from pipeline.training.mdp.events import FORCE_S, ROTOR_LEVELS, SMALLEST_PUSH, horizontal
+from pipeline.training.rotors import rotors_on_links
+from tests.factories.training_bundle import small_bundle
+
+ENVS = 24
+STEEPEST_DEG = 10.0
+CALM = {"randomization.noise": 0.0, "pushes.kick_m_s": (0.0, 0.0), "pushes.impulse_n_s": (0.0, 0.0)}
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory, root, robot):
+    return read_bundle(small_bundle(tmp_path_factory.mktemp("events"), root, robot))
+
+
+def made(bundle, **changed) -> AmpEnvironment:
+    values = {"simulation.num_envs": ENVS, "simulation.stall_s": 0.0, "randomization.delay_s": 0.0, **CALM}
+    env = AmpEnvironment(bundle, RECIPE.changed({**values, **changed}), "cpu", seed=4)
+    env.reset()
+    return env
+
+
+@pytest.fixture(scope="module")
+def sloped(bundle) -> AmpEnvironment:
+    return made(bundle, **{"randomization.slope_deg": STEEPEST_DEG, "randomization.rotor_link_share": 0.6})
+
+
+def tilt_deg(env: AmpEnvironment) -> torch.Tensor:
+    return torch.rad2deg(torch.atan2(env.slopes.down_w[:, :2].norm(dim=1), -env.slopes.down_w[:, 2]))
+
+
+def test_slopes_grow_with_the_disturbance_in_a_third_of_the_environments(sloped):
+    tilts = []
+    for share in (0.0, 0.5, 1.0):
+        sloped.set_disturbance(share)
+        tilts.append(tilt_deg(sloped))
+        assert sloped.slopes.down_w.norm(dim=1) == pytest.approx(torch.ones(ENVS), abs=1e-6)
+    level = tilts[2] == 0.0
+    assert 0 < int(level.sum()) < ENVS
+    assert tilts[2].max() <= STEEPEST_DEG
+    assert tilts[0].max() == 0.0
+    assert tilts[1] == pytest.approx(tilts[2] / 2.0, abs=1e-4)
+
+
+def test_a_robot_in_the_air_falls_along_its_tilted_gravity(sloped):
+    env = sloped
+    env.set_disturbance(1.0)
+    env.reset()
+    env.sim.data.qpos[:, 2] += 5.0
+    env.sim.data.qpos[:, 7:] = env.default_joint_pos
+    env.sim.data.qvel[:] = 0.0
+    root = env.scene["robot"].indexing.root_body_id
+    env.sim.forward()
+    start = env.sim.data.subtree_com[:, root].clone()
+    env.step(torch.zeros(ENVS, 21))
+    env.step(torch.zeros(ENVS, 21))
+    steps, dt = round(2 * env.step_dt / env.physics_dt), env.physics_dt
+    fall_m = 0.5 * steps * (steps + 1) * dt * dt * GRAVITY  # semi-implicit Euler: the newest velocity moves it
+    moved = env.sim.data.subtree_com[:, root] - start
+    assert moved == pytest.approx(fall_m * env.slopes.down_w, abs=3e-4)
+    assert moved[:, :2].abs().max() > 1e-3
+
+
+def test_sensors_and_mjlab_terms_read_the_tilted_gravity(sloped):
+    sloped.set_disturbance(1.0)
+    sloped.reset()
+    seen = sloped.step(torch.zeros(ENVS, 21))[0]["actor"]
+    w, x, y, z = sloped.sim.data.qpos[:, 3:7].T.double().numpy()
+    turn = Rotation.from_quat(np.stack([x, y, z, w], axis=1)).inv()
+    expected = turn.apply(sloped.slopes.down_w.double().numpy())
+    assert seen[:, -72 + 3 : -72 + 6].numpy() == pytest.approx(expected, abs=1e-4)
+    assert sloped.scene["robot"].data.projected_gravity_b.numpy() == pytest.approx(expected, abs=1e-4)
+
+
+def moment(principal: np.ndarray, quat: np.ndarray) -> np.ndarray:
+    """Inertia in the link's axes [kg m^2] from principal moments and their axes, w first."""
+    turn = Rotation.from_quat(np.roll(quat, -1)).as_matrix()
+    return turn @ np.diag(principal) @ turn.T
+
+
+def test_some_environments_have_a_share_of_the_rotors_on_links(sloped):
+    model, fields = sloped.sim.mj_model, sloped.sim.model
+    hinge = int(model.jnt_dofadr[np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)[0]])
+    shares = set()
+    for at in range(ENVS):
+        share = 1.0 - float(fields.dof_armature[at][hinge]) / float(model.dof_armature[hinge])
+        inertia, iquat, armature = rotors_on_links(model, share)
+        assert fields.dof_armature[at].tolist() == pytest.approx(armature.tolist(), abs=1e-6)
+        for body in np.unique(model.jnt_bodyid[1:]):
+            given = moment(fields.body_inertia[at][body].numpy(), fields.body_iquat[at][body].numpy())
+            if body != 1 + int(sloped.scene["robot"].indexing.root_body_id):  # the trunk's mass is random too
+                assert given == pytest.approx(moment(inertia[body], iquat[body]), abs=2e-6)
+        shares.add(round(share * (ROTOR_LEVELS - 1), 3))
+    assert shares <= {float(level) for level in range(ROTOR_LEVELS)}
+    assert 0.0 in shares and len(shares) > 1
+
+
+def test_pushes_have_all_horizontal_directions_and_lengths():
+    torch.manual_seed(0)
+    push = horizontal(5000, "cpu")
+    length = push.norm(dim=1)
+    assert (push[:, 2] == 0.0).all()
+    assert length.min() >= SMALLEST_PUSH - 1e-3 and length.max() <= 1.0 + 1e-3
+    assert push.mean(dim=0).abs().max() < 0.03
+
+
+def test_a_kick_changes_the_velocity_by_at_most_the_ramps_value(bundle):
+    env = made(bundle, **{"pushes.kick_m_s": (0.0, 2.0), "pushes.interval_s": (0.02, 0.02)})
+    term = env.event_manager.get_term_cfg("kick").func
+    for disturbance, largest in ((0.0, 0.0), (0.5, 1.0), (1.0, 2.0)):
+        env.set_disturbance(disturbance)
+        before = env.sim.data.qvel[:, :3].clone()
+        term(env, None)
+        change = (env.sim.data.qvel[:, :3] - before).norm(dim=1)
+        assert change.max() <= largest + 1e-5
+        assert change.min() >= SMALLEST_PUSH * largest - 1e-5
+
+
+def test_a_force_acts_for_a_tenth_of_a_second_and_ends_with_the_episode(bundle):
+    env = made(bundle, **{"pushes.impulse_n_s": (40.0, 40.0), "pushes.interval_s": (0.3, 0.4)})
+    trunk, _ = env.scene["robot"].find_bodies(env.context.bundle.robot.root_link)
+    lasted, seen, largest = torch.zeros(ENVS, dtype=torch.long), set(), 0.0
+    for step in range(40):
+        if step == 25:
+            env.episode_length_buf[:] = env.max_episode_length
+        env.step(torch.zeros(ENVS, 21))
+        new = env.episode_length_buf == 0
+        assert (env.push_w[new] == 0.0).all()
+        force = env.scene["robot"].data.body_external_force[:, trunk[0]].norm(dim=1)
+        largest = max(largest, float(force.max()))
+        acts = force > 0.0
+        seen |= set(lasted[~acts & ~new & (lasted > 0)].tolist())
+        lasted = torch.where(acts & ~new, lasted + 1, 0)
+    assert seen == {round(FORCE_S / env.step_dt)}
+    assert 0.5 * 400.0 < largest <= 400.0 + 1e-3
