@@ -92,7 +92,7 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
 def measure_runs(config: AblationConfig, robot: str, pool: ClipPoolResource) -> Path:
     """Measure arms that were trained elsewhere, and write what came of it; its folder.
 
-    Raises NoPolicyError where it is not said which code trained what, TrainingError for runs that are no ablation of
+    Raises NoPolicyError where the runs do not name their code, TrainingError for runs that are no ablation of
     what the project has now.
     """
     if not config.runs:

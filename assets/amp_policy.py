@@ -139,7 +139,7 @@ def _trained_on(run: Run, project: Project, robot: str) -> str:
 
 
 def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) -> tuple[Path, dict[str, Any]]:
-    """The npz of the best of the last `count` checkpoints in a sweep, and what is told of it; of a trial the newest."""
+    """The npz of the best of the last `count` checkpoints in a sweep, and its metadata; of a trial the newest."""
     newest = run.folder / "policy.npz"
     if run.trial or count == 0:
         why = "a trial" if run.trial else "asked for"
@@ -154,8 +154,8 @@ def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) 
     found = sweep_checkpoints(robots, pool.pool())
     chosen = best(found)
     rows = pd.DataFrame([each.to_dict() for each in found])
-    said = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
-    return files[chosen.iteration], {"checkpoint": said, "sweep of checkpoints": table_of(rows, list(rows))}
+    text = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
+    return files[chosen.iteration], {"checkpoint": text, "sweep of checkpoints": table_of(rows, list(rows))}
 
 
 def run_facts(run: Run, robot: str, commit: str) -> dict[str, Any]:

@@ -50,7 +50,9 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     differs.add_argument("--weaker", metavar="JOINT=SHARE", type=_of_joint, action="append", default=[])
     differs.add_argument("--hot", metavar="JOINT=FACTOR", type=_of_joint, action="append", default=[])
     differs.add_argument("--gains", metavar="FACTOR", type=float, default=1.0, help="of kp and kd the motors follow")
-    differs.add_argument("--told", metavar="SHARE", type=float, default=1.0, help="of the command, reaches the policy")
+    differs.add_argument(
+        "--command-scale", metavar="SHARE", type=float, default=1.0, help="of the command, reaches the policy"
+    )
     differs.add_argument("--friction", type=float, default=1.0)
     differs.add_argument("--delay", metavar="S", type=float, default=0.0, help="from targets to motors")
     differs.add_argument("--trunk", metavar="FACTOR", type=float, default=1.0, help="of the trunk's mass")
@@ -125,7 +127,7 @@ def _deviations(parsed: argparse.Namespace) -> Deviations:
         torque_scale=dict(parsed.weaker),
         hot=dict(parsed.hot),
         gain_scale=parsed.gains,
-        command_scale=parsed.told,
+        command_scale=parsed.command_scale,
         friction=parsed.friction,
         delay_s=parsed.delay,
         root_mass_factor=parsed.trunk,

@@ -91,8 +91,8 @@ def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[Arm
     seeds = {arm: {int(found[2]) for found in named.values() if found and found[1] == arm} for arm in arms}
     alike = set.intersection(*seeds.values())
     if not folders or any(found != alike for found in seeds.values()):
-        told = "; ".join(f"{arm} {', '.join(map(str, sorted(found))) or 'none'}" for arm, found in seeds.items())
-        raise TrainingError(f"{folder}: the arms' seeds are {told}. Each arm needs the same: {form}.")
+        listed = "; ".join(f"{arm} {', '.join(map(str, sorted(found))) or 'none'}" for arm, found in seeds.items())
+        raise TrainingError(f"{folder}: the arms' seeds are {listed}. Each arm needs the same: {form}.")
     _refuse([fault for path in folders for fault in _file_faults(path)])
     found = [_read_run(folder / f"{arm}-seed{seed}", arm, seed) for seed in sorted(alike) for arm in arms]
     _refuse([fault for run in found for fault in _run_faults(run, arms[run.arm], bundle)])
@@ -159,8 +159,8 @@ def _run_faults(run: ArmRun, augmented: bool, bundle: Path) -> Iterator[str]:
 def _bundle_faults(path: Path, config: dict[str, Any], bundle: Path) -> Iterator[str]:
     """Whether it was trained on what the project has now."""
     data = (bundle / "bundle.json").read_bytes()
-    here, told = json.loads(data), config["bundle"]
-    other = [words for key, words in DIGESTS.items() if told.get(key) != here.get(key)]
+    here, trained_on = json.loads(data), config["bundle"]
+    other = [words for key, words in DIGESTS.items() if trained_on.get(key) != here.get(key)]
     if config["bundle_digest"] != hashlib.sha256(data).hexdigest():
         other = other or ["bundle (its files)"]
     if other:

@@ -3,7 +3,7 @@
 A control step has hundreds of launches beside physics, each of some microseconds of a processor: more than the GPU
 needs for them. A part is called a few times, then recorded once and replayed from there on. It may therefore only read
 and write memory that is the same at every step, must not ask for a number that the GPU works out, and is given nothing
-that changes but in such memory. What a later part reads of an earlier one in the same step may be bound anew, as the
+that changes but in such memory. What a later part reads of an earlier one in the same step may be bound again, as the
 earlier one is recorded first. `tests/training/test_captured_steps.py` holds each part to that, on a CPU.
 """
 

@@ -167,7 +167,7 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Trunk too low or too much tilted, or what it is told is no number: MuJoCo would begin anew."""
+        """Trunk too low or too much tilted, or a target that is no number: MuJoCo would begin again."""
         upright = self.data.qpos[2] >= MIN_HEIGHT_M and self.data.xmat[self.root][8] >= MAX_TILT_COS
         return not (upright and np.isfinite(self.target).all())
 

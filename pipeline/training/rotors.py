@@ -1,7 +1,7 @@
 """Rotors' inertia on the links that they move, wholly or in part: what engines without an armature do.
 
 An armature acts on a joint's speed alone; on the link the same inertia also counts how the parent turns, and what a leg
-swings with it the trunk has to hold. Robots lie between the two, and a walk that only one of them bears is no walk.
+swings with it the trunk has to hold. Robots lie between the two, and a walk that only one of them survives is no walk.
 """
 
 from __future__ import annotations

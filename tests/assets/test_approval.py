@@ -126,7 +126,9 @@ def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(proje
     with pytest.raises(PipelineError, match=r"'weights': its changes do not have the digest.*approve 'weights' of"):
         approved_part(project, "weights", "t1")
     assert approved_part(project, "motors", "t1"), "the other sections are as they were"
-    with pytest.raises(ApprovalError, match="nothing was approved, as what is approved of 'weights' can't be told"):
+    with pytest.raises(
+        ApprovalError, match="nothing was approved, since the approved changes of 'weights' can't be read"
+    ):
         approve_proposal(project, digest, "a person", policies=("a" * 64,))
     take_back_sections(project, ("weights",), "a person")
     assert not approvals_of(project).faults
