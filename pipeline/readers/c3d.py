@@ -216,9 +216,7 @@ def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None
         return None, ()
     if STATED_LEG_MIN <= leg * METRES[unit] <= STATED_LEG_MAX:
         return unit, ()
-    text = (
-        f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the leg's length gives the unit"
-    )
+    text = f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is told by the leg"
     return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
 
 

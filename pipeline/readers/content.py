@@ -37,7 +37,7 @@ def _named(path: Path, source: Source) -> list[Path]:
 
 
 def _tracked(path: Path, source: Source) -> list:
-    """What the motion that a recording tracked is, as far as it is known; nothing for most."""
+    """What the motion that a recording tracked is, as far as it can be told; nothing for most."""
     try:
         named = named_reference(path, source)
     except SettingsError as error:

@@ -14,13 +14,13 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers.choose_map import BEST, choose_maps, leg_misfit
 from pipeline.readers.joint_names import without_prefix
 from pipeline.readers.local_axes import with_axes_of_map
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.rest_pose import measured_map
 from pipeline.readers.roles import Roles, find_roles
 from pipeline.readers.skeleton_map import SkeletonMap, shipped_maps, stated_map
+from pipeline.readers.told_apart import BEST, leg_misfit, told_apart
 from pipeline.readers.unknown_skeleton import unknown_skeleton
 
 COMPARED = (
@@ -74,7 +74,7 @@ def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
     if not best:
         raise FileError(path, *unknown_skeleton(bare.joint_names, roles))
     if len(best) > 1:
-        best = choose_maps(bare, best)
+        best = told_apart(bare, best)
     if len(best) > 1:
         found = ", ".join(skeleton.name for skeleton in best)
         raise AmbiguousFileError(path, f"several skeletons fit: {found}.", "State `skeleton:` in data/sources.yaml.")

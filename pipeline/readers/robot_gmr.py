@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
-from pipeline.readers.quaternion_by_soles import ORDERS
 from pipeline.readers.robot_motion import RobotMotion
+from pipeline.readers.told_order import ORDERS
 
 POSITIONS = ("root_pos", "root_trans_offset")
 JOINTS = ("dof_pos", "dof")

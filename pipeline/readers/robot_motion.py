@@ -23,10 +23,10 @@ from pipeline.readers.joint_order import (
     taken_joint_order,
     taken_quaternion_order,
 )
-from pipeline.readers.quaternion_by_soles import MAX_TILT_DEG, ORDERS, in_order, order_by_soles, trunk_tilt_deg
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
 from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.told_order import MAX_TILT_DEG, ORDERS, in_order, told_order, trunk_tilt_deg
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
@@ -73,7 +73,7 @@ def to_robot_clip(
     """The clip, joints in the robot's order, and what was found out about the file's orders.
 
     `fps` may be wrong by a factor where the file's is; None raises AmbiguousFileError once the robot is known. Raises
-    FileError, AmbiguousFileError for joints and quaternions whose order is ambiguous.
+    FileError, AmbiguousFileError for joints and quaternions whose order can't be told.
     """
     path = motion.path
     robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
@@ -143,14 +143,14 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
 def _quaternion_order(
     motion: RobotMotion, robot: Robot, columns: list[int], fps: float, statement: Statement
 ) -> tuple[str, tuple[Reason, ...]]:
-    """The order of the root's quaternion: stated, certain, or found by the kinematics with a note if it is unusual."""
+    """The order of the root's quaternion: stated, certain, or told by the kinematics with a note if it is unusual."""
     stated = _stated_order(motion.path, statement)
     if stated is not None:
         return stated, ()
     if motion.order_is_certain:
         return motion.quat_order, ()
     joint_pos, root = motion.joint_pos[:, columns], motion.root_pos_w
-    order = order_by_soles(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
+    order = told_order(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
     if order == motion.quat_order:
         return order, ()
     text = (

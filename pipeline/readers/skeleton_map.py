@@ -154,10 +154,10 @@ def read_map(path: Path) -> SkeletonMap:
     faults = [f"body '{name}' is missing" for name in BODIES if name not in skeleton.bodies]
     faults += [f"unknown body '{name}'" for name in skeleton.bodies if name not in BODIES]
     for name, body in skeleton.bodies.items():
-        directions = body.directions()
-        if len(directions) != 2 or set(directions) == {"up", "down"}:
-            faults.append(f"body '{name}' names {len(directions)} of ahead, left, up, down, wanted two that differ")
-        elif {value.lstrip("-") for value in directions.values()} in ({"x"}, {"y"}, {"z"}):
+        said = body.directions()
+        if len(said) != 2 or set(said) == {"up", "down"}:
+            faults.append(f"body '{name}' names {len(said)} of ahead, left, up, down, wanted two that differ")
+        elif {value.lstrip("-") for value in said.values()} in ({"x"}, {"y"}, {"z"}):
             faults.append(f"body '{name}' uses one axis twice")
     if faults:
         raise SettingsError(path, "; ".join(faults) + ".")

@@ -75,7 +75,7 @@ class Source:
         return of_file[-1] if of_file else self.licence
 
     def notes_of(self, path: Path) -> tuple[Reason, ...]:
-        """What is wrong with the statement of one file, which is then not used; nothing for most."""
+        """What is wrong with what is said of one file and does not count for that; nothing for most."""
         if self.stated_licence_of(path) is not None:
             return ()
         faults = {"broken_sidecar": _sidecar_fault(path), "broken_index": _index_fault(self.folder, path)}

@@ -30,7 +30,7 @@ class Reference:
 
 
 def named_reference(path: Path, source: Source) -> str | None:
-    """The motion that a recording states it tracked; None for most. Raises SettingsError for a file beside it that says
+    """What a recording is said to have tracked; None for most. Raises SettingsError for a file beside it that says
     something else than a path."""
     stated = source.statement_of(path).tracks
     return stated if stated is not None else _beside(path)

@@ -1,4 +1,4 @@
-"""The message on a skeleton that no map fits, and a map to start from."""
+"""What is said of a skeleton that no map fits, and a map to start from."""
 
 from __future__ import annotations
 

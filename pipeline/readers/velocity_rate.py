@@ -12,7 +12,7 @@ from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.statement import Statement
 
 RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500, 600, 1000, 2000)
-"""Standard rates: a rate from velocities within 2 % of one is taken for it."""
+"""Rates that one told by velocities is taken for when it is within 2 %."""
 
 MIN_CORRELATION = 0.98
 """Of differences of position with the stored velocity; below it they tell no rate."""
@@ -69,17 +69,17 @@ def checked_rate(
     if declared is None:
         text = f"{path.name} does not say its frame rate; its positions and velocities are {by_velocity:g} Hz apart"
         return by_velocity, (Reason(code="derived_rate", text=text, effect="noted", value=by_velocity, unit="Hz"),)
-    stated = declared_rate(declared) or declared
-    if abs(stated - by_velocity) <= CONTRADICTED * by_velocity:
+    said = declared_rate(declared) or declared
+    if abs(said - by_velocity) <= CONTRADICTED * by_velocity:
         return declared, ()
     stays = statement.fps is not None
     then = f"{statement.fps:g} Hz is stated and stays" if stays else f"{by_velocity:g} Hz is taken"
-    text = f"the file says {stated:g} Hz, but its own velocities are those of {by_velocity:g} Hz: {then}"
+    text = f"the file says {said:g} Hz, but its own velocities are those of {by_velocity:g} Hz: {then}"
     reason = Reason(
         code="time_base",
         text=text,
         effect="noted" if stays else "repaired",
-        value=round(by_velocity / stated, 3),
+        value=round(by_velocity / said, 3),
         limit=1.0 + CONTRADICTED,
     )
     return by_velocity, (reason,)

@@ -1,4 +1,4 @@
-"""Which of several skeleton maps a motion is of, by its poses.
+"""Which of several skeleton maps a motion is of, told by its poses.
 
 Two maps that fit the same names and bones differ in how they turn thigh, shank and foot about their own lengths. With
 the right one the knees bend about the thighs' left axes, and in the middle of the frames thighs are not twisted
@@ -30,14 +30,14 @@ MARGIN = np.deg2rad(8.0)
 """How much smaller it has to be than any other map's [rad]."""
 
 
-def choose_maps(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
+def told_apart(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
     """The one map that the legs' poses fit, or all of `maps` where the poses do not tell."""
     misfits = np.array([leg_misfit(with_axes_of_map(motion, one), one) for one in maps])
     if not np.isfinite(misfits).all():
         return list(maps)
     first, second = np.argsort(misfits, kind="stable")[:2]
-    clear = misfits[first] <= BEST and misfits[second] - misfits[first] >= MARGIN
-    return [maps[first]] if clear else list(maps)
+    told = misfits[first] <= BEST and misfits[second] - misfits[first] >= MARGIN
+    return [maps[first]] if told else list(maps)
 
 
 def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:

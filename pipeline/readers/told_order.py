@@ -59,7 +59,7 @@ def in_order(columns: Float[np.ndarray, "t 4"], order: str) -> Float[np.ndarray,
     return columns if order == "wxyz" else np.roll(columns, 1, axis=1)
 
 
-def order_by_soles(
+def told_order(
     path: Path,
     columns: Float[np.ndarray, "t 4"],
     root_pos_w: Float[np.ndarray, "t 3"],
@@ -83,7 +83,7 @@ def order_by_soles(
         return usual  # nothing moves and both stand alike: the same motion under two headings
     if soles[worse].score < SURE * soles[better].score:
         problem = (
-            f"the order of the root's quaternion is ambiguous: as {usual} the standing sole is tilted by "
+            f"the order of the root's quaternion can't be told: as {usual} the standing sole is tilted by "
             f"{soles[usual].tilt_deg:.0f} degrees and slides at {soles[usual].speed:.2f} m/s, as {other} by "
             f"{soles[other].tilt_deg:.0f} degrees and at {soles[other].speed:.2f} m/s."
         )
