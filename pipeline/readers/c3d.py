@@ -44,6 +44,8 @@ DAMAGED_C3D = (
 
 FARTHEST = 1e7
 """A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
+FRAMES_AT_ONCE = 512
+"""Frames whose bodies are worked out together."""
 MEASURED_FRAMES = 4096
 """Frames from which the lengths of bones are taken."""
 
@@ -68,10 +70,15 @@ class PointPoses:
         self, joints: Sequence[int], start: int, stop: int
     ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
         """Positions and orientations of some bodies in frames [start, stop)."""
-        part = self.values[start:stop]
-        points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
-        pos, quat = body_poses(points)
-        return pos[:, list(joints)], quat[:, list(joints)]
+        stop = min(stop, self.frame_count)
+        pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
+        for first in range(start, stop, FRAMES_AT_ONCE):
+            part = self.values[first : min(first + FRAMES_AT_ONCE, stop)]
+            points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
+            place, turn = body_poses(points)
+            rows = slice(first - start, first - start + len(part))
+            pos[rows], quat[rows] = place[:, list(joints)], turn[:, list(joints)]
+        return pos, quat
 
 
 def read_c3d(path: Path) -> RawMotion:
