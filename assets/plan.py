@@ -164,7 +164,14 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
     return (
         Plan(name="amp_policy", packages=trained, robot=robot),
         Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),
-        Plan(name="exported_policy", packages=export, robot=robot, as_they_are=("amp_policy",), shipped_policies=True),
+        Plan(
+            name="exported_policy",
+            packages=export,
+            robot=robot,
+            robot_settings_files=("deployment.yaml",),
+            as_they_are=("amp_policy",),
+            shipped_policies=True,
+        ),
         Plan(
             name="limit_cycles",
             packages=("validation", "dart", "deployment", "actuators", "hardware_logs"),
