@@ -52,7 +52,7 @@ MEASURED_FRAMES = 4096
 
 @dataclass(frozen=True, kw_only=True)
 class PointPoses:
-    """World poses of the canonical bodies from points, worked out for the frames that are asked for."""
+    """World poses of the canonical bodies from points, worked out for the frames that are requested."""
 
     names: tuple[str, ...]
     values: Float[np.ndarray, "t c"]
@@ -124,7 +124,7 @@ def _faults(path: Path) -> Iterator[None]:
 
 
 def _labels(reader: c3d.Reader) -> list[str]:
-    """Names of the points; lists of more than 255 go on in LABELS2, LABELS3, …"""
+    """Names of the points; lists of more than 255 continue in LABELS2, LABELS3, …"""
     group = reader.get("POINT")
     if group is None:
         return []
@@ -216,14 +216,16 @@ def _rest_offsets(path: Path, poses: PointPoses, parents: tuple[int, ...]) -> Fl
 
 
 def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:
-    """The declared unit; None, with a note, where a person of that size does not exist: then the legs tell it."""
+    """The declared unit; None, with a note, where it gives no human legs: the unit is inferred from them then."""
     leg = sum(float(np.linalg.norm(offsets[BODIES.index(name)])) for name in ("left_knee", "left_ankle"))
     unit = declared.strip().lower()
     if unit not in METRES:
         return None, ()
     if STATED_LEG_MIN <= leg * METRES[unit] <= STATED_LEG_MAX:
         return unit, ()
-    text = f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is told by the leg"
+    text = (
+        f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is inferred from the leg"
+    )
     return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
 
 
