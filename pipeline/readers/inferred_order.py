@@ -83,7 +83,7 @@ def inferred_order(
         return usual  # nothing moves and both stand alike: the same motion under two headings
     if soles[worse].score < SURE * soles[better].score:
         problem = (
-            f"the order of the root's quaternion can't be told: as {usual} the standing sole is tilted by "
+            f"the order of the root's quaternion can't be inferred: as {usual} the standing sole is tilted by "
             f"{soles[usual].tilt_deg:.0f} degrees and slides at {soles[usual].speed:.2f} m/s, as {other} by "
             f"{soles[other].tilt_deg:.0f} degrees and at {soles[other].speed:.2f} m/s."
         )

@@ -56,7 +56,7 @@ class Matched:
 def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
     """The map of a motion, or the one that is stated (a name or a `.yaml` file).
 
-    Raises FileError for an unknown skeleton, AmbiguousFileError where the poses do not distinguish several maps that fit.
+    Raises FileError for an unknown skeleton, AmbiguousFileError where several maps fit and the poses fit each of them.
     """
     bare = motion.renamed(without_prefix(motion.joint_names))
     if stated is not None:
