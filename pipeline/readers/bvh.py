@@ -134,7 +134,7 @@ class _Header:
 
 @dataclass(frozen=True, kw_only=True)
 class _MotionHeader:
-    """What stands between MOTION and the rows."""
+    """The lines between MOTION and the rows."""
 
     frames: int
     """As declared."""

@@ -44,13 +44,15 @@ DAMAGED_C3D = (
 
 FARTHEST = 1e7
 """A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
+FRAMES_AT_ONCE = 512
+"""Frames whose bodies are worked out together."""
 MEASURED_FRAMES = 4096
 """Frames from which the lengths of bones are taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointPoses:
-    """World poses of the canonical bodies from points, worked out for the frames that are asked for."""
+    """World poses of the canonical bodies from points, worked out for the frames that are requested."""
 
     names: tuple[str, ...]
     values: Float[np.ndarray, "t c"]
@@ -68,10 +70,15 @@ class PointPoses:
         self, joints: Sequence[int], start: int, stop: int
     ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
         """Positions and orientations of some bodies in frames [start, stop)."""
-        part = self.values[start:stop]
-        points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
-        pos, quat = body_poses(points)
-        return pos[:, list(joints)], quat[:, list(joints)]
+        stop = min(stop, self.frame_count)
+        pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
+        for first in range(start, stop, FRAMES_AT_ONCE):
+            part = self.values[first : min(first + FRAMES_AT_ONCE, stop)]
+            points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
+            place, turn = body_poses(points)
+            rows = slice(first - start, first - start + len(part))
+            pos[rows], quat[rows] = place[:, list(joints)], turn[:, list(joints)]
+        return pos, quat
 
 
 def read_c3d(path: Path) -> RawMotion:
@@ -117,7 +124,7 @@ def _faults(path: Path) -> Iterator[None]:
 
 
 def _labels(reader: c3d.Reader) -> list[str]:
-    """Names of the points; lists of more than 255 go on in LABELS2, LABELS3, …"""
+    """Names of the points; lists of more than 255 continue in LABELS2, LABELS3, …"""
     group = reader.get("POINT")
     if group is None:
         return []
@@ -209,14 +216,16 @@ def _rest_offsets(path: Path, poses: PointPoses, parents: tuple[int, ...]) -> Fl
 
 
 def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:
-    """The declared unit; None, with a note, where a person of that size does not exist: then the legs tell it."""
+    """The declared unit; None, with a note, where it gives no human legs: the unit is inferred from them then."""
     leg = sum(float(np.linalg.norm(offsets[BODIES.index(name)])) for name in ("left_knee", "left_ankle"))
     unit = declared.strip().lower()
     if unit not in METRES:
         return None, ()
     if STATED_LEG_MIN <= leg * METRES[unit] <= STATED_LEG_MAX:
         return unit, ()
-    text = f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is told by the leg"
+    text = (
+        f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is inferred from the leg"
+    )
     return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
 
 

@@ -12,7 +12,7 @@ from pipeline.readers.tracked import inside, named_reference
 
 
 def content_digest(path: Path, source: Source) -> str:
-    """Digest of a motion file, of the files that belong to it, and of what its source says of it.
+    """Digest of a motion file, of the files that belong to it, and of what its source states about it.
 
     To it belong the skeletons (`.asf`) beside an `.amc` and the files that its statement names: a skeleton map of the
     user's own, a body model, an ASF; and the motion that it tracked, with what is stated of that. A motion that is a
@@ -37,7 +37,7 @@ def _named(path: Path, source: Source) -> list[Path]:
 
 
 def _tracked(path: Path, source: Source) -> list:
-    """What the motion that a recording tracked is, as far as it can be told; nothing for most."""
+    """What the motion that a recording tracked is, as far as it is known; nothing for most."""
     try:
         named = named_reference(path, source)
     except SettingsError as error:

@@ -22,7 +22,7 @@ BLANKS, DIGITS = b" \t\n", b"0123456789"
 def read_decimals(lines: list[str], columns: int) -> Float[np.ndarray, "t columns"] | None:
     """Rows of `columns` decimals (`-12.5`, `3`, `.25`) between blanks and tabs; lines without a number are skipped.
 
-    None where anything is written in another way, or a row has another length: whoever asked then reads word by word.
+    None where anything is written in another way, or a row has another length: the caller then reads word by word.
     """
     parts = []
     for first in range(0, len(lines), LINES_AT_ONCE):

@@ -1,7 +1,7 @@
 """Skeletal animations of glTF 2.0: joints as nodes, keys as samplers, the rest pose from the skin.
 
-A joint's frame in a glTF lies as its program left it. Here every frame is turned so that all are parallel in the bind
-pose, as in a BVH; the rest is told by names, tree and rest pose. Keys are sampled at their own rate.
+The exporting program chooses the joints' frames in a glTF. Here they are turned so that all are parallel in the bind
+pose, as in a BVH; names, tree and rest pose give the rest. Keys are sampled at their own rate.
 """
 
 from __future__ import annotations

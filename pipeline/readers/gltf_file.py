@@ -161,6 +161,6 @@ def _decoded(path: Path, uri: str, number: int) -> np.ndarray:
             part = base64.b64decode(uri[at : at + PIECE], validate=True)
             data[count : count + len(part)] = np.frombuffer(part, "u1")
             count += len(part)
-    except (ValueError, binascii.Error) as error:
+    except ValueError as error:
         raise FileError(path, f"buffers[{number}] is not base64.") from error
     return data[:count]

@@ -62,7 +62,7 @@ class Node:
 
 @dataclass(frozen=True, kw_only=True)
 class NodePoses:
-    """World poses of nodes, worked out for those that are asked for."""
+    """World poses of nodes, worked out for the requested ones."""
 
     nodes: tuple[Node, ...]
     scale: Float[np.ndarray, " j"]

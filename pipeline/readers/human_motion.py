@@ -44,7 +44,7 @@ def to_human(motion: RawMotion, name: str, statement: Statement, *, consume: boo
         consume: free the memory of the motion's frames on the way; it can't be used again
 
     Raises FileError (unknown skeleton, mirrored, axes that are not the map's) and AmbiguousFileError (skeleton, unit,
-    up axis or rate that the file does not tell).
+    up axis or rate that the file does not give).
     """
     path = motion.files[0]
     if motion.frame_count < MIN_FRAMES:
@@ -160,6 +160,6 @@ def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> N
 
 
 def _ahead(clip: HumanClip, side: str) -> Float[np.ndarray, "t 3"]:
-    """Where a leg points [m]: ankle to toe, plus how far the knee lies before the line of hip and ankle."""
+    """Where a leg points [m]: ankle to toe, plus how far the knee is before the line of hip and ankle."""
     hip, knee, ankle, toe = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle", "toe"))
     return (toe - ankle) + (knee - 0.5 * (hip + ankle))

@@ -80,7 +80,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
 
 
 def _rate_of_bodies(header: ArrayFile, bodies: int) -> float | None:
-    """The rate that `body_linear_velocities` tells [Hz]."""
+    """Rate inferred from `body_linear_velocities` [Hz]."""
     if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
         return None
     return rate_of_velocities(

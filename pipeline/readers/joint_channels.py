@@ -1,4 +1,4 @@
-"""World poses of joints from the channels of a BVH, worked out for the joints and frames that are asked for."""
+"""World poses of joints from the channels of a BVH, worked out for the requested joints and frames."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ChannelPoses:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop`, which nobody asks for again."""
+        """Free the memory of the frames before `stop`, which are not requested again."""
         page_memory.forget(self.values, stop)
 
     def world(

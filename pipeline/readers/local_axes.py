@@ -33,7 +33,7 @@ def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:
 
 
 def _quarter_turns(motion: RawMotion, skeleton: SkeletonMap) -> Float[np.ndarray, "3 3"]:
-    """Rotation from the map's joint axes to the file's; identity where the rest pose does not tell."""
+    """Rotation from the map's joint axes to the file's; identity where the rest pose does not show it."""
     bodies = skeleton.bodies
     pelvis = bodies["pelvis"].joint
     try:

@@ -2,7 +2,7 @@
 
 names without a shared prefix -> roles of the joints -> axes measured from the rest pose
 shipped maps whose joints are all there and whose axes agree with what was measured; several: the poses decide
-none of them: the measured map; no pose to measure: a shipped map whose bones lie along the same axes
+none of them: the measured map; no pose to measure: a shipped map whose bones are along the same axes
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.joint_names import without_prefix
+from pipeline.readers.leg_misfit import BEST, distinguished, leg_misfit
 from pipeline.readers.local_axes import with_axes_of_map
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.rest_pose import measured_map
 from pipeline.readers.roles import Roles, find_roles
 from pipeline.readers.skeleton_map import SkeletonMap, shipped_maps, stated_map
-from pipeline.readers.told_apart import BEST, leg_misfit, told_apart
 from pipeline.readers.unknown_skeleton import unknown_skeleton
 
 COMPARED = (
@@ -35,7 +35,7 @@ COMPARED = (
     "left_elbow",
     "right_elbow",
 )
-"""Bodies whose axes tell a map that is of another rest pose or other bone axes."""
+"""Bodies whose axes are compared: they show a map of another rest pose or of other bone axes."""
 
 SAME_AXES = np.deg2rad(50.0)
 """Axes of a shipped map may differ by this from those measured from the rest pose [rad]: people's thighs and arms are
@@ -47,7 +47,7 @@ BONE_COSINE = 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class Matched:
-    """A motion whose joints bear the names and axes that the map speaks of."""
+    """A motion whose joints have the names and axes that the map uses."""
 
     skeleton: SkeletonMap
     motion: RawMotion
@@ -56,7 +56,7 @@ class Matched:
 def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
     """The map of a motion, or the one that is stated (a name or a `.yaml` file).
 
-    Raises FileError for an unknown skeleton, AmbiguousFileError where several maps fit and the poses do not tell.
+    Raises FileError for an unknown skeleton, AmbiguousFileError where several maps fit and the poses fit each of them.
     """
     bare = motion.renamed(without_prefix(motion.joint_names))
     if stated is not None:
@@ -74,7 +74,7 @@ def match_skeleton(motion: RawMotion, stated: str | None = None) -> Matched:
     if not best:
         raise FileError(path, *unknown_skeleton(bare.joint_names, roles))
     if len(best) > 1:
-        best = told_apart(bare, best)
+        best = distinguished(bare, best)
     if len(best) > 1:
         found = ", ".join(skeleton.name for skeleton in best)
         raise AmbiguousFileError(path, f"several skeletons fit: {found}.", "State `skeleton:` in data/sources.yaml.")
@@ -104,7 +104,7 @@ def _axes_agree(motion: RawMotion, one: SkeletonMap, measured: SkeletonMap, with
 
 
 def _along_bones(motion: RawMotion, roles: Roles) -> list[SkeletonMap]:
-    """Shipped maps, under the names of this file, whose bones lie along the same axes and whose legs fit the poses."""
+    """Shipped maps, under the names of this file, whose bones are along the same axes and whose legs fit the poses."""
     if roles.missing:
         return []
     renamed = [_renamed(motion, roles, one) for one in shipped_maps().values()]

@@ -11,7 +11,7 @@ from pipeline.errors import FileError
 
 
 def can_be_followed(path: Path, folder: Path) -> bool:
-    """`path` is no link, or one to something that is there and lies in the source's folder."""
+    """`path` is no link, or one to something that is there and is in the source's folder."""
     if not path.is_symlink():
         return True
     try:

@@ -12,7 +12,7 @@ shoulder  shoulder down from the marker on the acromion
 elbow     at half its width from the lateral marker, at right angles to upper arm and forearm
 wrist     between its two markers
 
-Axes as in `pipeline.clips.human_clip`: x ahead, y left, z up for a person who stands with hanging arms.
+Axes as in `pipeline.clips.human_clip`: x forward, y left, z up for a person who stands with hanging arms.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def body_poses(points: Points) -> tuple[Float[np.ndarray, "t 19 3"], Float[np.nd
 
 
 def _from_bones(points: Points) -> Segments:
-    """Bodies from the model's outputs, whose axes of thorax, arms and feet lie otherwise than those of pelvis and legs.
+    """Bodies from the model's outputs, whose axes of thorax, arms and feet differ from those of pelvis and legs.
 
     The shank bends about the femur's lateral axis: the model's tibia has the torsion of the ankle in it. The head band
     is taken where its markers are there: the model's head is level only after a static trial.
@@ -135,7 +135,7 @@ def _from_markers(points: Points) -> Segments:
 
 
 def _head(points: Points) -> tuple[np.ndarray, np.ndarray]:
-    """The middle of the head band and the axes of the head, level for a person who looks ahead."""
+    """The middle of the head band and the axes of the head, level for a person who looks forward."""
     head = _axes(
         left=points["LFHD"] + points["LBHD"] - points["RFHD"] - points["RBHD"],
         ahead=points["LFHD"] + points["RFHD"] - points["LBHD"] - points["RBHD"],

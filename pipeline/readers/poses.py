@@ -1,4 +1,4 @@
-"""World poses of a file's joints, for the joints and frames that are asked for: others take no memory."""
+"""World poses of a file's joints, for the requested joints and frames; others take no memory."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Poses(Protocol):
         ...
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop` where that is possible; nobody asks for them again."""
+        """Free the memory of the frames before `stop` where that is possible; they are not requested again."""
         ...
 
 
@@ -38,7 +38,7 @@ class Poses(Protocol):
 class TreePoses:
     """Poses of a tree of joints that turn about fixed places in their parents' frames.
 
-    They are worked out from rows of numbers for the frames that are asked for.
+    They are worked out from rows of numbers for the requested frames.
     """
 
     parents: tuple[int, ...]
@@ -69,7 +69,7 @@ class TreePoses:
 
 @dataclass(frozen=True, kw_only=True)
 class RowPoses:
-    """World poses that a file holds, turned into numbers for the frames that are asked for."""
+    """World poses that a file holds, turned into numbers for the requested frames."""
 
     pos: np.ndarray
     """Positions (t, b, 3) as the file stores them, in its unit."""

@@ -46,15 +46,15 @@ class RawMotion:
     fps: float | None
     """Frames per second as the file declares [Hz]; None where it does not."""
     assumed_fps: float | None = None
-    """The rate that recordings of this kind are known to have [Hz], used when neither file nor person says one."""
+    """Known rate of recordings of this kind [Hz], used when neither the file nor a statement gives one."""
     fps_by_velocity: float | None = None
-    """The rate that the file's own velocities tell [Hz]."""
+    """Rate inferred from the file's own velocities [Hz]."""
     rate_fault: FileError | None = None
     """What is wrong with the rate that the file declares; raised where nobody states another."""
     files: tuple[Path, ...]
     """The files that were read, the motion itself first."""
     unit: str | None = None
-    """Unit of length where the format defines it (`m`), None where the skeleton has to tell."""
+    """Unit of length where the format defines it (`m`), None where it is inferred from the skeleton."""
     tips: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """End of a joint's last bone in the joint's frame (a BVH's End Site), for joints that have one."""
     frame_turn: Float[np.ndarray, " 4"] | None = None

@@ -45,7 +45,7 @@ class ReadMotion:
     skeleton: str
     """Name of the skeleton map, or of the robot."""
     declared_fps: float | None
-    """Frames per second as the file says [Hz]; `clip.fps` may be stated or derived."""
+    """Frames per second as the file declares [Hz]; `clip.fps` may be stated or derived."""
     unit: str
     """Unit of length of the file."""
     metres_per_unit: float
@@ -61,7 +61,7 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
     """The motion in a file as the clip `name`.
 
     Raises FileError with a sentence for what can't be read, AmbiguousFileError for a unit, axis or rate that the file
-    does not tell; its text says how to state it.
+    does not give; its text says how to state it.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:

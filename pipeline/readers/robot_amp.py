@@ -1,7 +1,7 @@
 """Isaac Lab AMP archives of a robot: joints by name, world poses of its links.
 
 `dof_names`, `dof_positions` (t, j) [rad], `body_names`, `body_positions` (t, b, 3) [m], `body_rotations` (t, b, 4)
-wxyz, `fps`; `body_linear_velocities` and `dof_velocities` tell whether the rate is right.
+wxyz, `fps`; `body_linear_velocities` and `dof_velocities` show whether the rate is right.
 """
 
 from __future__ import annotations

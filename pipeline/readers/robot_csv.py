@@ -1,7 +1,7 @@
 """Robot trajectories as CSV: root xyz, root quaternion, then the joints [rad].
 
 With a header (as `booster-lab retarget` writes) or without (as booster_assets and the retargeted LAFAN1 set publish,
-quaternion xyzw; wxyz is told by the kinematics). The rate is
+quaternion xyzw; wxyz is inferred from the kinematics). The rate is
 stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
 """
 

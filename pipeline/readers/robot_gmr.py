@@ -2,15 +2,15 @@
 
 `root_pos` (t, 3) [m], `root_rot` (t, 4), `dof_pos` (t, j) [rad], `fps`; ASAP calls them `root_trans_offset`,
 `root_rot`, `dof`. Joints are in the order of the robot's MuJoCo model;
-`dof_names` may say another, and `root_rot_order` the quaternion's.
+`dof_names` may state another, and `root_rot_order` the quaternion's.
 """
 
 from __future__ import annotations
 
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
+from pipeline.readers.inferred_order import ORDERS
 from pipeline.readers.robot_motion import RobotMotion
-from pipeline.readers.told_order import ORDERS
 
 POSITIONS = ("root_pos", "root_trans_offset")
 JOINTS = ("dof_pos", "dof")

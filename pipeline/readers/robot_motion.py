@@ -15,6 +15,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.frame_rate import frame_rate
+from pipeline.readers.inferred_order import MAX_TILT_DEG, ORDERS, in_order, inferred_order, trunk_tilt_deg
 from pipeline.readers.joint_order import (
     MAX_LINK_ERROR,
     beyond_limits,
@@ -26,7 +27,6 @@ from pipeline.readers.joint_order import (
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
 from pipeline.readers.statement import NOTHING_STATED, Statement
-from pipeline.readers.told_order import MAX_TILT_DEG, ORDERS, in_order, told_order, trunk_tilt_deg
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
@@ -36,7 +36,7 @@ MAX_ANGLE = 2.0 * np.pi
 
 @dataclass(frozen=True, kw_only=True)
 class RobotMotion:
-    """A robot's motion as a file tells it. T frames, J joints in the file's order."""
+    """A robot's motion as a file stores it. T frames, J joints in the file's order."""
 
     format: str
     path: Path
@@ -57,7 +57,7 @@ class RobotMotion:
     body_pos_w: Float[np.ndarray, "t b 3"] | None = None
     """World positions of bodies in any order [m], to check the joints' order with."""
     fps_by_velocity: float | None = None
-    """The rate that the file's own velocities tell [Hz]."""
+    """Rate inferred from the file's own velocities [Hz]."""
     notes: tuple[Reason, ...] = ()
 
 
@@ -73,7 +73,7 @@ def to_robot_clip(
     """The clip, joints in the robot's order, and what was found out about the file's orders.
 
     `fps` may be wrong by a factor where the file's is; None raises AmbiguousFileError once the robot is known. Raises
-    FileError, AmbiguousFileError for joints and quaternions whose order can't be told.
+    FileError, AmbiguousFileError for joints and quaternions whose order can't be inferred.
     """
     path = motion.path
     robot, columns = robot_of(path, motion.joint_pos.shape[1], motion.joint_names)
@@ -143,14 +143,14 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
 def _quaternion_order(
     motion: RobotMotion, robot: Robot, columns: list[int], fps: float, statement: Statement
 ) -> tuple[str, tuple[Reason, ...]]:
-    """The order of the root's quaternion: stated, certain, or told by the kinematics with a note if it is unusual."""
+    """The order of the root's quaternion: stated, certain, or inferred with a note where it is unusual."""
     stated = _stated_order(motion.path, statement)
     if stated is not None:
         return stated, ()
     if motion.order_is_certain:
         return motion.quat_order, ()
     joint_pos, root = motion.joint_pos[:, columns], motion.root_pos_w
-    order = told_order(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
+    order = inferred_order(motion.path, motion.root_quat, root, joint_pos, robot, motion.quat_order, fps)
     if order == motion.quat_order:
         return order, ()
     text = (

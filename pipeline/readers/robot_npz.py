@@ -58,7 +58,7 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
     else:
         raise FileError(header.path, "there is no root: neither body_pos_w nor seven columns before the joints.")
     if names is None and bodies is None:
-        problem = "joint_pos has neither joint_names nor body_pos_w, so the joints' order can't be told."
+        problem = "joint_pos has neither joint_names nor body_pos_w, so the joints' order can't be inferred."
         raise AmbiguousFileError(header.path, problem, "Add joint_names to the archive.")
     return RobotMotion(
         format="robot_npz",

@@ -1,4 +1,4 @@
-"""Which joint of a skeleton is which canonical body, told by its names and its tree together."""
+"""Which joint of a skeleton is which canonical body, found from its names and its tree together."""
 
 from __future__ import annotations
 

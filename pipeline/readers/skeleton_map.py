@@ -34,7 +34,7 @@ CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXE
 
 @dataclass(frozen=True, kw_only=True)
 class BodyMap:
-    """One canonical body in a skeleton. Two of `ahead`, `left`, `up`, `down` say how its axes lie.
+    """One canonical body in a skeleton. Two of `ahead`, `left`, `up`, `down` give its axes.
 
     Each is an axis of the joint's frame (`x`, `-y`, …), three numbers in it (`"0 0.87 -0.5"`), or the name
     of a joint below it (the direction of that joint at rest). A joint's direction is kept exactly, the
@@ -52,7 +52,7 @@ class BodyMap:
     """For a body that the skeleton lacks: its place from `joint`, in the body's own frame [m]."""
 
     def directions(self) -> dict[str, str]:
-        """What the map says of the axes: canonical direction -> axis or joint."""
+        """The axes that the map states: canonical direction -> axis or joint."""
         return {name: value for name in CANONICAL if (value := getattr(self, name)) is not None}
 
 
@@ -67,10 +67,10 @@ class SkeletonMap:
     name: str = ""
     """Name of the map's file."""
     also: tuple[str, ...] = ()
-    """Joints that have to be in the file too, to tell skeletons with similar names apart."""
+    """Joints that have to be in the file too, to distinguish skeletons with similar names."""
 
     rest: dict[str, tuple[float, float, float]] = field(default_factory=dict)
-    """Joints and their rest offsets in the file's unit, for a figure that only its proportions tell from others."""
+    """Joints and their rest offsets in the file's unit, for a figure that differs in its proportions alone."""
 
     def fits(self, motion: RawMotion) -> bool:
         """Every joint is there, and the rest offsets that the map states are the motion's (1 %)."""
@@ -154,10 +154,10 @@ def read_map(path: Path) -> SkeletonMap:
     faults = [f"body '{name}' is missing" for name in BODIES if name not in skeleton.bodies]
     faults += [f"unknown body '{name}'" for name in skeleton.bodies if name not in BODIES]
     for name, body in skeleton.bodies.items():
-        said = body.directions()
-        if len(said) != 2 or set(said) == {"up", "down"}:
-            faults.append(f"body '{name}' names {len(said)} of ahead, left, up, down, wanted two that differ")
-        elif {value.lstrip("-") for value in said.values()} in ({"x"}, {"y"}, {"z"}):
+        stated = body.directions()
+        if len(stated) != 2 or set(stated) == {"up", "down"}:
+            faults.append(f"body '{name}' names {len(stated)} of ahead, left, up, down, wanted two that differ")
+        elif {value.lstrip("-") for value in stated.values()} in ({"x"}, {"y"}, {"z"}):
             faults.append(f"body '{name}' uses one axis twice")
     if faults:
         raise SettingsError(path, "; ".join(faults) + ".")

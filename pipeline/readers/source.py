@@ -46,11 +46,11 @@ class Source:
     """First part of its clips' names."""
     folder: Path
     licence: str | None = None
-    """Licence of its files, as an SPDX identifier where there is one; None where the folder has to tell."""
+    """Licence of its files, as an SPDX identifier where there is one; None where the folder has to state it."""
     credit: str = ""
     """Whom to thank, and where it is from."""
     statement: Statement = NOTHING_STATED
-    """What its files do not say themselves."""
+    """What its files do not state themselves."""
     files: tuple[FileStatement, ...] = ()
     """Statements of some of the files; a later one goes before an earlier one."""
 
@@ -63,26 +63,26 @@ class Source:
         return Statement(**stated)
 
     def licence_of(self, path: Path) -> str:
-        """Licence of one file: stated; or as its sidecar, `index.csv` or a licence file says; or `unknown`."""
+        """Licence of one file: stated; or from its sidecar, `index.csv` or a licence file; or `unknown`."""
         stated = self.stated_licence_of(path)
         if stated is not None:
             return stated
         return _sidecar(path) or _index(self.folder, path) or _licence_file(self.folder, path) or UNKNOWN_LICENCE
 
     def stated_licence_of(self, path: Path) -> str | None:
-        """Licence of one file where a person states it, whatever lies in the folder."""
+        """Licence of one file where a person states it, whatever is in the folder."""
         of_file = [one.licence for one in self._matching(path) if one.licence is not None]
         return of_file[-1] if of_file else self.licence
 
     def notes_of(self, path: Path) -> tuple[Reason, ...]:
-        """What is wrong with what is said of one file and does not count for that; nothing for most."""
+        """Faults of one file's sidecar and index, which are ignored for them; none for most."""
         if self.stated_licence_of(path) is not None:
             return ()
         faults = {"broken_sidecar": _sidecar_fault(path), "broken_index": _index_fault(self.folder, path)}
         return tuple(Reason(code=code, text=text, effect="noted") for code, text in faults.items() if text is not None)
 
     def about(self, path: Path) -> dict[str, str | float | None]:
-        """Everything that this source says of one file, flat, for digests and provenance."""
+        """Everything that this source states about one file, flat, for digests and provenance."""
         return {**settings.plain(self.statement_of(path)), "licence": self.licence_of(path), "credit": self.credit}
 
     def _matching(self, path: Path) -> list[FileStatement]:
@@ -222,7 +222,7 @@ def _index(folder: Path, path: Path) -> str | None:
 
 
 def _table(folder: Path) -> tuple[dict[str, str], str | None]:
-    """What `index.csv` says, and what is wrong with it."""
+    """Contents of `index.csv`, and what is wrong with it."""
     index = folder / "index.csv"
     if not index.is_file():
         return {}, None
@@ -251,7 +251,7 @@ def _licences(index: Path, state: tuple[int, int]) -> tuple[dict[str, str], str 
 
 
 def _index_fault(folder: Path, path: Path) -> str | None:
-    """What is wrong with `index.csv`, where it would have to tell the licence of a file; None if nothing is."""
+    """What is wrong with `index.csv`, where it would have to state the licence of a file; None if nothing is."""
     licences, fault = _table(folder)
     if fault is None or _sidecar(path) is not None or path.relative_to(folder).as_posix() in licences:
         return None

@@ -1,4 +1,4 @@
-"""What a person states about files that do not say it themselves."""
+"""What a person states about files that do not state it themselves."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """Facts of a source, or of some of its files, from data/sources.yaml. None: the file has to tell."""
+    """Facts of a source, or of some of its files, from data/sources.yaml. None: the file has to state it."""
 
     unit: str | None = None
     """Unit of length: `m`, `cm`, `mm`, `inch`, `cmu`, or metres per unit as a number."""
@@ -28,4 +28,4 @@ class Statement:
 
 
 NOTHING_STATED = Statement()
-"""The file has to tell everything."""
+"""The file has to state everything."""

@@ -30,14 +30,14 @@ class Reference:
 
 
 def named_reference(path: Path, source: Source) -> str | None:
-    """What a recording is said to have tracked; None for most. Raises SettingsError for a file beside it that says
+    """The stated reference of a recording; None for most. Raises SettingsError for a file beside it that states
     something else than a path."""
     stated = source.statement_of(path).tracks
     return stated if stated is not None else _beside(path)
 
 
 def inside(path: Path, named: str, source: Source) -> Path | None:
-    """The path that a recording names, if it lies in the source's folder, whether it is there or not."""
+    """The path that a recording names, if it is in the source's folder, whether it is there or not."""
     try:
         folder, target = source.folder.resolve(), (path.parent / named).resolve()
     except (OSError, ValueError, RuntimeError):  # too long, with zero bytes, links in a circle
@@ -81,7 +81,7 @@ def load_reference(path: Path, source: Source, named: str) -> Reference:
 
 
 def _beside(path: Path) -> str | None:
-    """What the YAML file beside a recording says that it tracked. Raises SettingsError."""
+    """The reference that the YAML file beside a recording states. Raises SettingsError."""
     sidecar = path.with_suffix(".yaml")
     if not sidecar.is_file():
         return None

@@ -33,7 +33,7 @@ def find_unit(path: Path, leg: float, stated: str | None) -> tuple[str, float]:
     fitting = [name for name, metres in METRES.items() if LEG_MIN <= leg * metres <= LEG_MAX]
     if len(fitting) != 1:
         tried = ", ".join(f"{leg * metres:.3g} m in {name}" for name, metres in METRES.items())
-        problem = f"the unit of length can't be told: a leg (hip to ankle) is {leg:.4g} units, which is {tried}."
+        problem = f"the unit of length can't be inferred: a leg (hip to ankle) is {leg:.4g} units, which is {tried}."
         raise AmbiguousFileError(path, problem, _do(METRES))
     return fitting[0], METRES[fitting[0]]
 

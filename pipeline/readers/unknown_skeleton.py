@@ -1,4 +1,4 @@
-"""What is said of a skeleton that no map fits, and a map to start from."""
+"""The message about a skeleton that no map fits, and a map to start from."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def how_to_convert(suffix: str) -> str:
 
 
 def is_pointer(path: Path) -> bool:
-    """A Git LFS pointer stands in the place of the file."""
+    """Whether the file is a Git LFS pointer in place of its content."""
     try:
         with path.open("rb") as stream:
             return stream.read(len(POINTER)) == POINTER

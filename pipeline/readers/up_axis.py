@@ -44,8 +44,8 @@ def find_up_axis(path: Path, feet_to_head: Float[np.ndarray, "t 3"], stated: str
     if cosine < MIN_COSINE or share < MIN_SHARE:
         found = ", ".join(f"{value:.2f} along {name}" for name, value in zip("xyz", mean, strict=True))
         problem = (
-            f"the up axis can't be told: from the feet to the head is on average {found}, and the head is above the "
-            f"feet along one axis in {100 * share:.0f} % of the frames."
+            f"the up axis can't be inferred: from the feet to the head is on average {found}, and the head is above "
+            f"the feet along one axis in {100 * share:.0f} % of the frames."
         )
         raise AmbiguousFileError(path, problem, "State `up:` for it in data/sources.yaml, such as `up: y`.")
     return "xyz"[axis]

@@ -12,16 +12,16 @@ from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.statement import Statement
 
 RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500, 600, 1000, 2000)
-"""Rates that one told by velocities is taken for when it is within 2 %."""
+"""Rates that an inferred one is rounded to when it is within 2 %."""
 
 MIN_CORRELATION = 0.98
-"""Of differences of position with the stored velocity; below it they tell no rate."""
+"""Of differences of position with the stored velocity; below it no rate is inferred."""
 
 FEWEST_FRAMES, MOST_FRAMES = 10, 20_000
 """Frames that are needed, and that are compared, from the first."""
 
 CONTRADICTED = 0.05
-"""A declared rate that is off by more than this share of the one that the velocities tell is wrong."""
+"""A declared rate that is off by more than this share of the one inferred from the velocities is wrong."""
 
 
 def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> float | None:
@@ -61,25 +61,25 @@ def checked_rate(
     """The rate [Hz] to take for a file's own, and a reason where its velocities contradict what it declares.
 
     Args:
-        declared: as the file says, None where it does not
-        by_velocity: as its velocities tell, None where they do not
+        declared: as the file states it, None where it does not
+        by_velocity: inferred from its velocities, None where they do not agree
     """
     if by_velocity is None:
         return declared, ()
     if declared is None:
         text = f"{path.name} does not say its frame rate; its positions and velocities are {by_velocity:g} Hz apart"
         return by_velocity, (Reason(code="derived_rate", text=text, effect="noted", value=by_velocity, unit="Hz"),)
-    said = declared_rate(declared) or declared
-    if abs(said - by_velocity) <= CONTRADICTED * by_velocity:
+    stated = declared_rate(declared) or declared
+    if abs(stated - by_velocity) <= CONTRADICTED * by_velocity:
         return declared, ()
     stays = statement.fps is not None
     then = f"{statement.fps:g} Hz is stated and stays" if stays else f"{by_velocity:g} Hz is taken"
-    text = f"the file says {said:g} Hz, but its own velocities are those of {by_velocity:g} Hz: {then}"
+    text = f"the file says {stated:g} Hz, but its own velocities are those of {by_velocity:g} Hz: {then}"
     reason = Reason(
         code="time_base",
         text=text,
         effect="noted" if stays else "repaired",
-        value=round(by_velocity / said, 3),
+        value=round(by_velocity / stated, 3),
         limit=1.0 + CONTRADICTED,
     )
     return by_velocity, (reason,)

@@ -125,7 +125,7 @@ def test_a_gap_of_a_marker_is_missing_in_what_depends_on_it_and_filled_by_kp2(ro
     assert {reason.code for reason in outcome.reasons} >= {"missing"}
 
 
-def test_a_marker_that_is_never_seen_is_named_by_what_it_leaves_out(tmp_path, walk):
+def test_a_marker_that_is_never_visible_is_refused_with_the_joint_it_leaves_out(tmp_path, walk):
     points = markers(walk)
     points["RANK"][:] = np.nan
     write_c3d(tmp_path / "walk.c3d", points, walk.fps)

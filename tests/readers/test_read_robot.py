@@ -142,7 +142,7 @@ def test_joints_whose_order_nothing_proves_are_ambiguous(tmp_path):
     root, quat, joints = truth()
     rows = np.concatenate([root, quat, joints], axis=1)
     path = npz(tmp_path / "clip.npz", joint_pos=rows, joint_names=None, body_pos_w=None)
-    with pytest.raises(AmbiguousFileError, match="the joints' order can't be told"):
+    with pytest.raises(AmbiguousFileError, match="the joints' order can't be inferred"):
         read_motion(path, "clip")
 
 
@@ -225,7 +225,7 @@ def walking(heading, frames=120, speed=0.8):
 
 @pytest.mark.parametrize("heading_deg", range(-180, 181, 30))
 @pytest.mark.parametrize("order", ["wxyz", "xyzw"])
-def test_the_order_of_a_quaternion_without_names_is_told_at_every_heading(tmp_path, order, heading_deg):
+def test_the_order_of_a_quaternion_is_inferred_at_every_heading(tmp_path, order, heading_deg):
     root, quat, joints = walking(np.deg2rad(heading_deg))
     columns = quat[:, ["wxyz".index(letter) for letter in order]]
     path = write_csv(tmp_path / "clip.csv", np.concatenate([root, columns, joints], axis=1), comment="# fps: 50")
@@ -249,7 +249,9 @@ def test_soles_that_slide_with_both_orders_make_the_file_ambiguous(tmp_path):
     root[:, 1] += 1.5 * np.arange(len(root)) / 50.0
     rows = np.concatenate([root, np.roll(quat, -1, axis=1), joints], axis=1)
     path = write_csv(tmp_path / "clip.csv", rows, comment="# fps: 50")
-    with pytest.raises(AmbiguousFileError, match=r"order of the root's quaternion can't be told.*State `quaternion:"):
+    with pytest.raises(
+        AmbiguousFileError, match=r"order of the root's quaternion can't be inferred.*State `quaternion:"
+    ):
         read_motion(path, "clip")
     assert read_motion(path, "clip", Statement(quaternion="xyzw")).clip.frame_count == len(root)
 
@@ -280,7 +282,7 @@ BREADTH_FIRST = [
 
 
 @pytest.mark.parametrize("order", ["wxyz", "xyzw"])
-def test_joints_without_names_that_are_breadth_first_are_told_by_the_bodies(tmp_path, order):
+def test_breadth_first_joints_without_names_are_inferred_from_the_bodies(tmp_path, order):
     joints = truth()[2][:, [ROBOT.joint(name) for name in BREADTH_FIRST]]
     quat = Kinematics(ROBOT).forward(*truth()).quat_w[..., ["wxyz".index(letter) for letter in order]]
     path = npz(tmp_path / "clip.npz", joint_names=None, body_names=None, joint_pos=joints, body_quat_w=quat)
@@ -322,21 +324,21 @@ def test_an_amp_archive_of_another_robot_says_so(tmp_path):
 @pytest.mark.parametrize("factor", [0.5, 2.0, 0.6])
 @pytest.mark.parametrize("kind", ["amp", "qpos", "whole body"])
 def test_a_rate_that_the_files_own_velocities_contradict_is_corrected_and_named(tmp_path, kind, factor):
-    said = 50.0 * factor
+    declared = 50.0 * factor
     if kind == "amp":
-        path = amp_robot(tmp_path / "clip.npz", fps=np.array(said))
+        path = amp_robot(tmp_path / "clip.npz", fps=np.array(declared))
     elif kind == "qpos":
-        path = qpos_npz(tmp_path / "clip.npz", 50.0, frequency=np.array(said))
+        path = qpos_npz(tmp_path / "clip.npz", 50.0, frequency=np.array(declared))
     else:
         velocity = np.gradient(truth()[2], 0.02, axis=0)
-        path = npz(tmp_path / "clip.npz", fps=np.array([said]), joint_vel=velocity)
+        path = npz(tmp_path / "clip.npz", fps=np.array([declared]), joint_vel=velocity)
     read = read_motion(path, "clip")
-    assert (read.clip.fps, read.declared_fps) == (50.0, said)
+    assert (read.clip.fps, read.declared_fps) == (50.0, declared)
     (note,) = read.notes
     assert (note.code, note.effect) == ("time_base", "repaired")
-    assert f"says {said:g} Hz" in note.text and "50 Hz is taken" in note.text
-    stated = read_motion(path, "clip", Statement(fps=said))
-    assert (stated.clip.fps, stated.notes[0].effect) == (said, "noted")
+    assert f"says {declared:g} Hz" in note.text and "50 Hz is taken" in note.text
+    stated = read_motion(path, "clip", Statement(fps=declared))
+    assert (stated.clip.fps, stated.notes[0].effect) == (declared, "noted")
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

@@ -163,7 +163,7 @@ def test_an_unknown_suffix_is_refused_with_what_is_known(tmp_path):
         read_motion(tmp_path / "clip.fbx", "clip")
 
 
-def test_an_unknown_skeleton_is_told_with_what_is_missing_and_what_to_do(tmp_path):
+def test_an_unknown_skeleton_is_refused_with_what_is_missing_and_what_to_do(tmp_path):
     text = GOOD.replace("LeftHand", "LeftClaw")
     error = refuse(tmp_path, text, "unknown skeleton of 21 joints: .*Closest is 'booster_lab'")
     assert "missing: LeftHand;" in str(error)
@@ -174,7 +174,7 @@ def test_an_unknown_skeleton_is_told_with_what_is_missing_and_what_to_do(tmp_pat
 
 def test_a_unit_that_makes_no_human_is_ambiguous(tmp_path):
     text = files.bvh(files.upright(4), files.BvhStyle(metres_per_unit=0.1))
-    error = refuse(tmp_path, text, "unit of length can't be told: a leg .* is 8.5 units", error=AmbiguousFileError)
+    error = refuse(tmp_path, text, "unit of length can't be inferred: a leg .* is 8.5 units", error=AmbiguousFileError)
     assert "`unit:`" in str(error)
     path = tmp_path / "clip.bvh"
     assert read_motion(path, "clip", Statement(unit="0.1")).metres_per_unit == 0.1
@@ -187,7 +187,7 @@ def test_a_unit_that_makes_no_human_is_ambiguous(tmp_path):
 def test_a_person_who_lies_down_has_no_up_axis_until_it_is_stated(tmp_path):
     oblique = np.array([[1.0, 0, 0], [0, 0.7071, -0.7071], [0, 0.7071, 0.7071]])
     text = files.bvh(files.upright(4), files.BvhStyle(root_turn=oblique))
-    refuse(tmp_path, text, "the up axis can't be told", error=AmbiguousFileError)
+    refuse(tmp_path, text, "the up axis can't be inferred", error=AmbiguousFileError)
     assert read_motion(tmp_path / "clip.bvh", "clip", Statement(up="y")).up_axis == "y"
     with pytest.raises(FileError, match="wanted one of z, y, x"):
         read_motion(tmp_path / "clip.bvh", "clip", Statement(up="north"))

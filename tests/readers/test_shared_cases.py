@@ -60,7 +60,7 @@ def test_smplx_archives_without_poses_are_the_same_motion(cases):
     np.testing.assert_array_equal(plain.body_quat_w, split.body_quat_w)
 
 
-def test_isaacs_joint_order_is_told_without_names(cases):
+def test_isaacs_joint_order_is_inferred_without_names(cases):
     named, bare = (read(cases, f"isaac_lab_joint_order/t1_breadth_first{end}.npz") for end in ("_names", ""))
     np.testing.assert_array_equal(named.clip.joint_pos, bare.clip.joint_pos)
     assert ([note.code for note in named.notes], [note.code for note in bare.notes]) == ([], ["joint_order"])

@@ -1,4 +1,4 @@
-"""Files that are not read are counted and told, a pointer is called one, and patterns that fit nothing warn."""
+"""Files that are not read are counted and listed, a pointer is called one, and patterns that fit nothing warn."""
 
 import json
 
@@ -30,7 +30,7 @@ def test_files_of_other_formats_are_counted_by_kind(folder):
     )
 
 
-def test_a_folder_is_told_with_what_was_not_read(folder, capsys):
+def test_inspecting_a_folder_lists_what_was_not_read(folder, capsys):
     assert main(["inspect", str(folder)]) == 0
     assert "4 files of other formats were not read: .fbx 2, .mvnx 1, .trc 1" in capsys.readouterr().out
     assert main(["inspect", str(folder), "--json"]) == 0

@@ -1,4 +1,4 @@
-"""Which of several skeleton maps a motion is of, told by its poses.
+"""Distinguish skeleton maps that fit the same names and bones, by how the legs move.
 
 Two maps that fit the same names and bones differ in how they turn thigh, shank and foot about their own lengths. With
 the right one the knees bend about the thighs' left axes, and in the middle of the frames thighs are not twisted
@@ -21,7 +21,7 @@ from pipeline.readers.skeleton_map import SkeletonMap
 SAMPLES = 5_000
 """Frames that are looked at, at most: those in the middle of the motion."""
 BENT = np.deg2rad(25.0)
-"""A knee tells its axis where it is bent by more than this [rad]."""
+"""A knee's axis is measured where it is bent by more than this [rad]."""
 FEWEST = 5
 """Frames with a bent knee that are needed."""
 BEST = np.deg2rad(20.0)
@@ -30,20 +30,20 @@ MARGIN = np.deg2rad(8.0)
 """How much smaller it has to be than any other map's [rad]."""
 
 
-def told_apart(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
-    """The one map that the legs' poses fit, or all of `maps` where the poses do not tell."""
+def distinguished(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
+    """The one map that the legs' poses fit, or all of `maps` where the poses fit several."""
     misfits = np.array([leg_misfit(with_axes_of_map(motion, one), one) for one in maps])
     if not np.isfinite(misfits).all():
         return list(maps)
     first, second = np.argsort(misfits, kind="stable")[:2]
-    told = misfits[first] <= BEST and misfits[second] - misfits[first] >= MARGIN
-    return [maps[first]] if told else list(maps)
+    clear = misfits[first] <= BEST and misfits[second] - misfits[first] >= MARGIN
+    return [maps[first]] if clear else list(maps)
 
 
 def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:
     """Mean angle by which knee axes, thighs and feet of both legs are off what people's are [rad].
 
-    NaN where no knee bends enough to tell its axis.
+    NaN where no knee bends enough for its axis to be measured.
     """
     angles, first = [], max(0, (motion.frame_count - SAMPLES) // 2)
     for side in FEET:

@@ -1,4 +1,4 @@
-"""Two maps that fit the same names and bones are told apart by the poses, or the file is refused as ambiguous."""
+"""Two maps that fit the same names and bones are distinguished by the poses, or the file is refused as ambiguous."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def walking(frames=60, knee_deg=50.0):
 
 
 def on_pfnns_figure(text, metres_per_unit=0.0254 / 0.45):
-    """A BVH in CMU's names whose left thigh has the rest offset that PFNN's map tells its figure by."""
+    """A BVH in CMU's names whose left thigh has the rest offset that identifies the figure of PFNN."""
     lines = text.split("\n")
     at = next(index for index, line in enumerate(lines) if line.endswith("LeftLeg"))
     lines[at + 2] = "OFFSET 2.44811 -6.72613 0.00000"

@@ -1,7 +1,7 @@
-"""Which order a root's quaternion is in, wxyz or xyzw, where a file does not say: the robot's kinematics tell.
+"""Infer the order of a root's quaternion, wxyz or xyzw, from the robot's kinematics where a file does not state it.
 
-In the wrong order a heading becomes a roll: at most headings the trunk lies. Where both orders leave it upright (near
-0 and 180 degrees) the soles tell: those that stand are level and do not slide.
+In the wrong order a heading becomes a roll: at most headings the trunk is horizontal. Where both orders leave it
+upright (near 0 and 180 degrees) the soles decide: those that stand are level and do not slide.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.robot import Kinematics, Robot
 ORDERS = ("wxyz", "xyzw")
 
 MAX_TILT_DEG = 60.0
-"""A trunk tilted by more than this lies: median over the frames [deg]."""
+"""A trunk tilted by more than this is not upright: median over the frames [deg]."""
 
 MOST_FRAMES = 1500
 """Frames that are looked at, at most."""
@@ -28,7 +28,7 @@ SURE = 2.0
 """The worse order's score is at least this many times the better one's."""
 
 LEVEL_DEG, SLOW = 3.0, 0.05
-"""Tilt [deg] and speed [m/s] of a standing sole that tell nothing."""
+"""Tilt [deg] and speed [m/s] of a standing sole up to which it counts as level and still."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ def in_order(columns: Float[np.ndarray, "t 4"], order: str) -> Float[np.ndarray,
     return columns if order == "wxyz" else np.roll(columns, 1, axis=1)
 
 
-def told_order(
+def inferred_order(
     path: Path,
     columns: Float[np.ndarray, "t 4"],
     root_pos_w: Float[np.ndarray, "t 3"],
@@ -70,7 +70,7 @@ def told_order(
 ) -> str:
     """`wxyz` or `xyzw`; the `usual` one of the format where both give the same motion or neither stands upright.
 
-    `joint_pos` is in the robot's order. Raises AmbiguousFileError where both are upright and the soles do not tell.
+    `joint_pos` is in the robot's order. Raises AmbiguousFileError where both are upright and the soles do not decide.
     """
     upright = [order for order in ORDERS if trunk_tilt_deg(in_order(columns, order)) <= MAX_TILT_DEG]
     if len(upright) != 2:
@@ -83,7 +83,7 @@ def told_order(
         return usual  # nothing moves and both stand alike: the same motion under two headings
     if soles[worse].score < SURE * soles[better].score:
         problem = (
-            f"the order of the root's quaternion can't be told: as {usual} the standing sole is tilted by "
+            f"the order of the root's quaternion can't be inferred: as {usual} the standing sole is tilted by "
             f"{soles[usual].tilt_deg:.0f} degrees and slides at {soles[usual].speed:.2f} m/s, as {other} by "
             f"{soles[other].tilt_deg:.0f} degrees and at {soles[other].speed:.2f} m/s."
         )
