@@ -172,12 +172,12 @@ def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:
     )
     assert process.stdout is not None
     last: list[str] = []
-    told = 0.0
+    logged = 0.0
     try:
         for line in process.stdout:
             last = [*last[-19:], line.rstrip()]
-            if line.startswith("iteration ") and time.monotonic() - told > LOG_EVERY_S:
-                told = time.monotonic()
+            if line.startswith("iteration ") and time.monotonic() - logged > LOG_EVERY_S:
+                logged = time.monotonic()
                 log.info(line.rstrip())
     finally:
         _end(process)

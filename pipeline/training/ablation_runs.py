@@ -1,4 +1,4 @@
-"""Runs of an ablation that were trained elsewhere: read, and held against each other and against the bundle here.
+"""Runs of an ablation that were trained elsewhere: read, and compared with each other and with the bundle here.
 
 Below one folder: `<arm>-seed<N>/` is the folder of a run as `python -m pipeline.training` writes it.
 """
@@ -79,7 +79,7 @@ def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[Arm
         bundle: what the project would train on now (`bundle.json` in it)
 
     Raises TrainingError for runs that are not whole, are of another bundle, or whose arms differ in more than their one
-    option; it tells everything that was found wrong.
+    option; the message lists every fault.
     """
     if not folder.is_dir():
         raise TrainingError(f"{folder}: there is no such folder. Name the one that has the runs' folders.")
@@ -91,8 +91,8 @@ def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[Arm
     seeds = {arm: {int(found[2]) for found in named.values() if found and found[1] == arm} for arm in arms}
     alike = set.intersection(*seeds.values())
     if not folders or any(found != alike for found in seeds.values()):
-        told = "; ".join(f"{arm} {', '.join(map(str, sorted(found))) or 'none'}" for arm, found in seeds.items())
-        raise TrainingError(f"{folder}: the arms' seeds are {told}. Each arm needs the same: {form}.")
+        listed = "; ".join(f"{arm} {', '.join(map(str, sorted(found))) or 'none'}" for arm, found in seeds.items())
+        raise TrainingError(f"{folder}: the arms' seeds are {listed}. Each arm needs the same: {form}.")
     _refuse([fault for path in folders for fault in _file_faults(path)])
     found = [_read_run(folder / f"{arm}-seed{seed}", arm, seed) for seed in sorted(alike) for arm in arms]
     _refuse([fault for run in found for fault in _run_faults(run, arms[run.arm], bundle)])
@@ -159,8 +159,8 @@ def _run_faults(run: ArmRun, augmented: bool, bundle: Path) -> Iterator[str]:
 def _bundle_faults(path: Path, config: dict[str, Any], bundle: Path) -> Iterator[str]:
     """Whether it was trained on what the project has now."""
     data = (bundle / "bundle.json").read_bytes()
-    here, told = json.loads(data), config["bundle"]
-    other = [words for key, words in DIGESTS.items() if told.get(key) != here.get(key)]
+    here, trained_on = json.loads(data), config["bundle"]
+    other = [words for key, words in DIGESTS.items() if trained_on.get(key) != here.get(key)]
     if config["bundle_digest"] != hashlib.sha256(data).hexdigest():
         other = other or ["bundle (its files)"]
     if other:

@@ -20,15 +20,15 @@ from pipeline.training.rotors import put_rotors_on_links
 
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
-"""The last so many seconds are measured."""
+"""Time at the end of a walk that is measured [s]."""
 FORCE_S = 0.1
 HISTORY, ACTION_SCALE = 10, 0.25
 MIN_HEIGHT_M, MAX_TILT_COS = 0.45, 0.5
 SATURATED = 0.999
 AIR_S = 0.04
-"""A foot that was off the ground for at least this long is set down."""
+"""A touchdown ends a swing of at least this long [s]."""
 START_NOISE = 0.02
-"""Of the joints at the start, for other seeds than 0 [rad]."""
+"""Largest offset of the joints at the start, for seeds other than 0 [rad]."""
 
 Figures = dict[str, float]
 
@@ -38,7 +38,7 @@ class Walk:
     """One trial."""
 
     cell: str
-    """Trials of one cell are judged together."""
+    """Name of the cell that the trial belongs to."""
     command: tuple[float, float, float]
     seconds: float = 10.0
     friction: float = 1.0
@@ -167,7 +167,7 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Trunk too low or too much tilted, or what it is told is no number: MuJoCo would begin anew."""
+        """Whether the trunk is too low or too tilted, or the joint targets are not finite, which MuJoCo would reset."""
         upright = self.data.qpos[2] >= MIN_HEIGHT_M and self.data.xmat[self.root][8] >= MAX_TILT_COS
         return not (upright and np.isfinite(self.target).all())
 
