@@ -73,10 +73,7 @@ class ArmRun:
 def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[ArmRun, ...]:
     """The runs in a folder, seed by seed, in the order of the arms.
 
-    Args:
-        folder: has a folder `<arm>-seed<N>` a run
-        arms: arm -> its `use_augmented`
-        bundle: what the project would train on now (`bundle.json` in it)
+    `folder` has a folder `<arm>-seed<N>` for each run, `arms` the value of `use_augmented` of each arm.
 
     Raises TrainingError for runs that are not whole, are of another bundle, or whose arms differ in more than their one
     option; the message lists every fault.
