@@ -9,14 +9,24 @@ STAMP := $(VENV)/.installed
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: setup expert_db test check dev motions clean
+.PHONY: setup lock expert_db test check dev motions clean
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt
+# Everything but torch is checked against the hashes of requirements.lock; torch comes with packages for the GPU that
+# depend on the machine (docs/security.md).
+$(STAMP): pyproject.toml constraints.txt requirements.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/pip install --quiet --no-deps --only-binary :all: --require-hashes --requirement requirements.lock
+	$(BIN)/pip install --quiet --constraint constraints.txt torch
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	$(BIN)/pip check
 	touch $(STAMP)
+
+# After a change of constraints.txt; needs uv (pip install uv).
+lock:
+	grep -v '^torch==' constraints.txt | uv pip compile - --quiet --no-deps --generate-hashes --python-version 3.11 \
+		--no-annotate --no-header --output-file requirements.lock
 
 expert_db: setup
 	dagster asset materialize --select expert_db

@@ -17,6 +17,15 @@ class PipelineError(Exception):
         return _restored, (type(self), self.args, vars(self))
 
 
+MOST_LETTERS = 8_000
+"""Of a message; files may hold names and cells of any length, which messages quote."""
+
+
+def shortened(text: str) -> str:
+    """`text` without its middle where it is longer than `MOST_LETTERS`."""
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1_000]} … {text[-997:]}"
+
+
 def _restored(kind: type[PipelineError], arguments: tuple[Any, ...], facts: dict[str, Any]) -> PipelineError:
     """An error as it was when it was pickled. `arguments` are those of `Exception`, not of the class."""
     error = kind.__new__(kind, *arguments)
@@ -35,6 +44,7 @@ class FileError(PipelineError):
     """
 
     def __init__(self, path: Path | str, problem: str, do: str = "", line: int | None = None):
+        problem = shortened(problem)
         self.path, self.problem, self.do, self.line = str(path), problem, do, line
         where = f"{path}, line {line}" if line is not None else f"{path}"
         super().__init__(f"{where}: {problem}" + (f" {do}" if do else ""))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.actuators.settings import ModelSettings
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, read_csv_text
+from pipeline.files.csv_text import csv_records, plain_integer, plain_number, read_csv_text
 
 COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
 
@@ -63,9 +63,9 @@ def _motor(record: list[str], path: Path, line: int, settings: ModelSettings) ->
             name=name,
             model=model,
             joints=tuple(joints.split()),
-            motors_per_joint=int(count),
-            gear_ratio=float(ratio),
-            rotor_inertia=float(inertia),
+            motors_per_joint=plain_integer(count),
+            gear_ratio=plain_number(ratio),
+            rotor_inertia=plain_number(inertia),
         )
     except ValueError as error:
         raise FileError(path, f"motor '{name}': {error}.", "Write numbers.", line) from error

@@ -6,7 +6,6 @@ armature of the real gears the T1's stiff standing gains hold, with none they do
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import FileError
+from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.torque_envelope import TorqueEnvelope
@@ -58,16 +58,16 @@ def read_standing_pose(folder: Path, robot: Robot) -> StandingPose | None:
     path = folder / TABLE
     if not path.is_file():
         return None
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    if not rows or tuple(rows[0]) != COLUMNS or tuple(row["joint"] for row in rows) != robot.joint_names:
+    header, *rows = list(csv_records(read_csv_text(path).splitlines(), path)) or [[]]
+    whole = tuple(header) == COLUMNS and all(len(row) == len(COLUMNS) for row in rows)
+    if not whole or tuple(row[0] for row in rows) != robot.joint_names:
         raise FileError(
             path,
             "it is no table of the robot's joints in their order.",
             f"The columns must be {', '.join(COLUMNS)}.",
         )
     try:
-        kp, kd, pos, vendor = (np.array([float(row[name]) for row in rows]) for name in COLUMNS[1:])
+        kp, kd, pos, vendor = np.array([[plain_number(cell) for cell in row[1:]] for row in rows]).T
     except ValueError as error:
         raise FileError(path, f"{error}.", "Write numbers.") from error
     return StandingPose(kp=kp, kd=kd, joint_pos=pos, vendor_armature=vendor)

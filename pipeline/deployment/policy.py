@@ -24,6 +24,9 @@ GOLDEN = ("golden_observation", "golden_action")
 LAYER = re.compile(r"L[0-9]+_[wb]")
 CAPS = NpzCaps(members=200, member_bytes=64_000_000, total_bytes=64_000_000, ratio=1_000)
 """Of the file: a network of three layers of 512 has 2 MB."""
+EXAMPLE_TOLERANCE = 1e-3
+"""Largest deviation of an action from the file's example, as a share of the largest action or of 1 if that is larger;
+networks in single precision are within 1e-5."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +81,7 @@ class Policy:
 
 
 def load_policy(path: Path) -> Policy:
-    """The policy in a file. Raises FileError naming what is missing, misshapen or not finite."""
+    """The policy in a file. Raises FileError for what lacks, has another shape, or contradicts its examples."""
     named, names = _arrays(path)
     count = sum(name.startswith("L") and name.endswith("_w") for name in named)
     wanted = ["mean", "std", "eps", *(f"L{index}_{part}" for index in range(count) for part in "wb")]
@@ -106,13 +109,15 @@ def load_policy(path: Path) -> Policy:
     scale = named["std"] + named["eps"]
     if not (scale > 0.0).all():
         raise FileError(path, "has a std that is not above 0, which observations are divided by.")
-    return Policy(
+    policy = Policy(
         mean=named["mean"],
         scale=scale,
         layers=layers,
         gains=_gains(path, named, names),
         golden=_golden(path, named, sizes[0], sizes[-1]),
     )
+    _check_examples(path, policy)
+    return policy
 
 
 def _arrays(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
@@ -146,6 +151,18 @@ def _golden(path: Path, named: dict[str, np.ndarray], observations: int, actions
     if not fits or len(there[0]) != len(there[1]):
         raise FileError(path, f"has {' and '.join(GOLDEN)} that do not fit its layers.")
     return Golden(observation=there[0], action=there[1])
+
+
+def _check_examples(path: Path, policy: Policy) -> None:
+    """Raises FileError where the network does not give the actions of the file's own examples."""
+    if policy.golden is None or not len(policy.golden.action):
+        return
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.abs(policy.act(policy.golden.observation) - policy.golden.action).max()
+    allowed = EXAMPLE_TOLERANCE * max(1.0, float(np.abs(policy.golden.action).max()))
+    if not error <= allowed:
+        problem = f"its network gives actions up to {error:.2g} off those of its own examples ({', '.join(GOLDEN)})."
+        raise FileError(path, problem, "The file was edited or is damaged; export the policy again.")
 
 
 def save_policy(path: Path, policy: Policy) -> None:

@@ -25,9 +25,9 @@ DEAD_OF_FLICKER = 0.4
 FAR_S = 0.1
 """A joint whose motor lost its authority is far from its target for so long [s]."""
 USUAL_PERCENTILE = 95.0
-"""Of what was asked by stiffness until the robot was down: a robot that stands asks for little."""
+"""Percentile of the stiffness torque before the fall: a standing robot needs little."""
 OF_LEGS = "of the legs"
-"""Name of the evidence that tells whether a joint of a leg is among them."""
+"""Name of the evidence: whether a leg joint is among them."""
 TOGETHER_S = 0.1
 """Outages of joints that begin within this time are one [s]."""
 
@@ -62,7 +62,7 @@ def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings
 def outage_excuses(outages: Sequence[Failure]) -> list[Excuse]:
     """What a robot does while motors of its legs are off, and just after, is not the policy's; arms excuse nothing."""
     return [
-        Excuse(start_s=each.time_s, stop_s=each.until_s, why=MOTORS_OFF, said={})
+        Excuse(start_s=each.time_s, stop_s=each.until_s, why=MOTORS_OFF, evidence={})
         for each in outages
         if each.evidence[OF_LEGS] is True
     ]
@@ -80,16 +80,16 @@ def leg_joints(robot: Robot) -> frozenset[int]:
 
 
 def damped_after(signals: Signals, falls: Sequence[Failure], settings: AuthoritySettings) -> list[Failure]:
-    """For each fall the stretch behind it in which joints are only damped: by stiffness nothing is asked of them."""
+    """For each fall, the interval after it in which joints are damped only: the stiffness torque is about zero."""
     trial = signals.trial
     stiff = np.abs(trial.kp * (np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)).sum(axis=1)
-    told = np.isfinite(stiff)
-    if not told.any() or not falls:
+    known = np.isfinite(stiff)
+    if not known.any() or not falls:
         return []
     down = int(np.searchsorted(trial.time_s, falls[0].until_s))
-    before = stiff[:down][told[:down]]
-    usual = float(np.percentile(before if len(before) else stiff[told], USUAL_PERCENTILE))
-    limp = told & (stiff < settings.damped_share * usual)
+    before = stiff[:down][known[:down]]
+    usual = float(np.percentile(before if len(before) else stiff[known], USUAL_PERCENTILE))
+    limp = known & (stiff < settings.damped_share * usual)
     least = settings.damped_s * trial.rate_hz
     long_ones = [(start, stop) for start, stop in time_series.runs(limp) if stop - start >= least]
     found = []
@@ -116,7 +116,7 @@ def _damped(signals: Signals, start_s: float, stop_s: float, share: float) -> Fa
 
 
 def _between(dead: np.ndarray, alive: np.ndarray) -> list[tuple[int, int]]:
-    """From the first to the last sample without answer, wherever no answer lies between."""
+    """From the first to the last sample without response, where there is no response between them."""
     found = []
     edges = [-1, *np.flatnonzero(alive).tolist(), len(dead)]
     without = np.flatnonzero(dead)

@@ -1,4 +1,4 @@
-"""Falls, from the attitude and from what the robot says of itself; and what was seen before them."""
+"""Falls, from the attitude and from the robot's own fall state; and the signals before them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ BOTH, ATTITUDE_ALONE, FLAG_ALONE = 0.99, 0.9, 0.5
 def falls(
     signals: Signals, settings: FallSettings, excused: tuple[Excuse, ...], excuse: ExcuseSettings
 ) -> list[Failure]:
-    """Each fall once, from its onset. A robot that lies when a trial begins did not fall in it until it stood."""
+    """Each fall once, from its onset. A robot that is down when a trial begins has no fall until it has stood."""
     upright = np.flatnonzero((signals.tilt_deg < settings.onset_deg) & signals.known)
     if not len(upright):
         return []
     tipped = [start for start, _ in time_series.runs((signals.tilt_deg > settings.tilt_deg) & signals.known)]
     tipped = [start for start in tipped if start > upright[0]]
-    seen = [(start, True) for start in _apart(signals, tipped)]
+    starts = [(start, True) for start in _apart(signals, tipped)]
     near, flags = settings.flag_s, [flag for flag in _flags(signals) if flag > upright[0]]
-    seen += [(flag, False) for flag in flags if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
-    return [_fall(signals, *each, settings, excused, excuse) for each in sorted(seen)]
+    starts += [(flag, False) for flag in flags if all(abs(_gap(signals, flag, one)) > near for one in tipped)]
+    return [_fall(signals, *each, settings, excused, excuse) for each in sorted(starts)]
 
 
 def _gap(signals: Signals, one: int, other: int) -> float:

@@ -1,4 +1,4 @@
-"""What tells a trial's sensor data from another's: a short digest of each half second of absolute time.
+"""Identifies a trial's sensor data: a short digest of each half second of absolute time.
 
 Samples lie on a grid since 1970, so a copy of a log that is torn, split, stored otherwise or without its beginning has
 the same digests wherever its bytes are whole.

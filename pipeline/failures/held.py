@@ -12,7 +12,7 @@ from pipeline.failures.settings import ExcuseSettings
 from pipeline.failures.signals import Signals
 
 UPRIGHT_DEG, TIPPED_DEG = 30.0, 60.0
-"""A robot tilted further lies or falls, its feet bear nothing then either: over a whole window, and at its middle."""
+"""Beyond this tilt a robot is down or falling, its feet unloaded too: over a window, and at its middle."""
 HARDEST_PULL = -0.2
 """Estimates of the weight on the feet below this are errors and count as this."""
 
@@ -24,7 +24,7 @@ class Excuse:
     start_s: float
     stop_s: float
     why: str
-    said: dict[str, float | bool | str]
+    evidence: dict[str, float | bool | str]
 
 
 def excuses(signals: Signals, settings: ExcuseSettings) -> tuple[Excuse, ...]:
@@ -41,7 +41,7 @@ def excuse_at(time_s: float, found: tuple[Excuse, ...], settings: ExcuseSettings
 
 
 def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure]:
-    """The stretches themselves, told as `held` and `stopped`."""
+    """The intervals themselves, reported as `held` and `stopped`."""
     kinds = {HELD: "held", STOPPED: "stopped"}
     return [
         Failure(
@@ -51,7 +51,7 @@ def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure
             command=_command(signals, each.start_s),
             confidence=0.95,
             excuse=each.why,
-            evidence=each.said,
+            evidence=each.evidence,
         )
         for each in found
     ]
@@ -81,7 +81,10 @@ def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
                         start_s=max(float(signals.time_s[start]) - half, 0.0),
                         stop_s=float(signals.time_s[stop - 1]) + half,
                         why=HELD,
-                        said={"weight on the feet": float(borne[start:stop].min()), "gravity felt": float(felt[start])},
+                        evidence={
+                            "weight on the feet": float(borne[start:stop].min()),
+                            "gravity felt": float(felt[start]),
+                        },
                     )
                 )
     return _joined(found) + _noted(signals)
@@ -105,10 +108,10 @@ def _noted(signals: Signals) -> list[Excuse]:
         if event.kind == "held":
             since = event.time_s if since is None else since
         elif event.kind == "released" and since is not None:
-            found.append(Excuse(start_s=since, stop_s=event.time_s, why=HELD, said={"noted by": "the operator"}))
+            found.append(Excuse(start_s=since, stop_s=event.time_s, why=HELD, evidence={"noted by": "the operator"}))
             since = None
     if since is not None:
-        found.append(Excuse(start_s=since, stop_s=end, why=HELD, said={"noted by": "the operator"}))
+        found.append(Excuse(start_s=since, stop_s=end, why=HELD, evidence={"noted by": "the operator"}))
     return found
 
 
@@ -120,7 +123,7 @@ def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
     if not times:
         return []
     time_s, how = min(times)
-    return [Excuse(start_s=time_s, stop_s=end, why=STOPPED, said={"stop": how})]
+    return [Excuse(start_s=time_s, stop_s=end, why=STOPPED, evidence={"stop": how})]
 
 
 def _damped(signals: Signals, damping_kp: float) -> list[float]:
@@ -129,12 +132,12 @@ def _damped(signals: Signals, damping_kp: float) -> list[float]:
     Where the stiffness is not known nothing is concluded from it.
     """
     kp = np.asarray(signals.trial.kp, dtype=float)
-    told = np.isfinite(kp).any(axis=1)
+    known = np.isfinite(kp).any(axis=1)
     sent = np.nansum(kp, axis=1)
-    if not told.any() or sent.max() <= 0.0:
+    if not known.any() or sent.max() <= 0.0:
         return []
     started = int(np.argmax(sent > 0.5 * sent.max()))
-    damped = told & (sent < damping_kp * sent.max())
+    damped = known & (sent < damping_kp * sent.max())
     damped[:started] = False
     times = (float(signals.trial.time_s[start]) for start, _ in time_series.runs(damped))
     return [time_s for time_s in times if signals.tilt_deg[signals.at(time_s)] < UPRIGHT_DEG]

@@ -29,15 +29,15 @@ def missed_bars(signals: Signals, found: Sequence[Failure], until_s: float) -> l
 
     Of a trial that is not marked simulated nothing is taken. Gaits count before `until_s` alone, as with detectors.
     """
-    told: list[Failure] = []
+    added: list[Failure] = []
     for bar in signals.trial.missed if signals.trial.simulated else ():
         kind = KIND_OF.get(bar.figure)
         end_s = float(signals.time_s[-1])
         last_s = min(bar.until_s, end_s, end_s if kind == "fall" else until_s)
-        if kind is None or bar.from_s > last_s or any(_same(each, kind, bar, last_s) for each in (*found, *told)):
+        if kind is None or bar.from_s > last_s or any(_same(each, kind, bar, last_s) for each in (*found, *added)):
             continue
-        told.append(_failure(signals, kind, bar, last_s))
-    return told
+        added.append(_failure(signals, kind, bar, last_s))
+    return added
 
 
 def without_kind(signals: Signals) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Fail
         "bar": f"{bar.bar} in the cell {bar.cell}",
     }
     if kind == "fall":
-        evidence["attitude"] = False  # else the detector had seen it
+        evidence["attitude"] = False  # otherwise the detector finds it
     if bar.axis:
         evidence |= {"commanded": bar.commanded, "achieved": bar.achieved}
     over = abs(bar.got - bar.asked) / bar.asked if bar.asked > 0.0 else 1.0

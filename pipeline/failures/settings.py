@@ -64,7 +64,7 @@ class StumbleSettings:
     rate: float
     """Of roll and pitch [rad/s], mean over 0.1 s."""
     settle_s: float
-    """Of two in this time the first is told [s]."""
+    """Of two within this time only the first is reported [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from pipeline.errors import PipelineError
 from pipeline.hardware_logs.trial import Trial
 from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot
+from pipeline.robot.legs import legs_of
 
 WORK_HZ = 125.0
 """Rate at which kinematics are worked out: feet and trunk move slowly against 500 Hz."""
@@ -138,13 +139,13 @@ def _feet(
     kinematics = Kinematics(robot)
     poses = kinematics.forward(np.zeros((len(quat), 3)), quat, joint_pos)
     soles = kinematics.site_pos_w(poses, robot.feet)
-    tree, support = robot.tree, np.empty((len(quat), 2))
+    tree, support, legs = robot.tree, np.empty((len(quat), 2)), legs_of(robot)
     for side, foot in enumerate(robot.feet):
         links, link = [], int(tree.site_link[robot.site(foot)])
         while link > 0:
             links.append(link)
             link = int(tree.parent[link])
-        links = [link for link in links if robot.joint_names[tree.joint[link]] != "Waist"]
+        links = [link for link in links if int(tree.joint[link]) in legs.joints[side]]
         axis = rotation.rotate(poses.quat_w[:, links], tree.axis[links])
         arm = soles[:, side, None] - poses.pos_w[:, links]
         rows = np.concatenate([np.cross(axis, arm), axis], axis=2)  # torque of force and moment at the sole

@@ -11,7 +11,7 @@ from pipeline.failures.signals import Signals
 
 AXES = ("forward", "lateral", "yaw")
 STEADY = 0.02
-"""A command that moves by less than this in a second stands still [m/s or rad/s]."""
+"""A command that changes by less than this in a second is constant [m/s or rad/s]."""
 
 
 def steady_stretches(signals: Signals, settings: TrackingSettings, until_s: float) -> list[tuple[int, int]]:
@@ -57,8 +57,8 @@ def tracking_divergences(signals: Signals, settings: TrackingSettings, until_s: 
 
 def _cause(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> dict[str, float | bool | str]:
     delay, slope = delay_and_gain(signals, settings, start, stop)
-    said: dict[str, float | bool | str] = {"delay [s]": delay, "gain over the one sent": slope}
-    return {**said, "cause": "delay"} if delay > settings.delay_s else said
+    evidence: dict[str, float | bool | str] = {"delay [s]": delay, "gain over the one sent": slope}
+    return {**evidence, "cause": "delay"} if delay > settings.delay_s else evidence
 
 
 def delay_and_gain(signals: Signals, settings: TrackingSettings, start: int, stop: int) -> tuple[float, float]:

@@ -1,7 +1,7 @@
-"""The file of approved changes: an entry a section, each held against the rules by itself, and what each part feeds.
+"""The file of approved changes: an entry a section, each checked against the rules by itself, and what each part feeds.
 
 `data/feedback/proposed.yaml` has the same form, so that copying it is approving all of it. An entry names the proposal
-that was looked at and bears a digest of its own changes: one that was edited by hand must state its own. A fault in one
+that was reviewed and has a digest of its own changes: one that was edited by hand must state its own. A fault in one
 section leaves the others as they are.
 """
 
@@ -87,7 +87,7 @@ class Approvals:
 
 
 def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
-    """What a file approves; nothing where it is not there. Its faults are told and raise nothing."""
+    """What a file approves; nothing where it is not there. Its faults are reported and raise nothing."""
     if not path.is_file():
         return Approvals()
     try:
@@ -107,8 +107,8 @@ def read_approvals(path: Path, rules: FeedbackRules) -> Approvals:
 
 
 def _unreadable(path: Path, error: SettingsError | OSError) -> PipelineError:
-    told = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
-    return PipelineError(f"{told} Mend it, or delete it and approve again: without it nothing is approved.")
+    sentence = str(error) if isinstance(error, SettingsError) else f"{path}: {error.strerror}."
+    return PipelineError(f"{sentence} Mend it, or delete it and approve again: without it nothing is approved.")
 
 
 def _fault(path: Path, section: str, entries: Sequence[SectionApproval], rules: FeedbackRules) -> SettingsError | None:

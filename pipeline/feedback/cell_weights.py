@@ -9,7 +9,7 @@ seconds that lie in the cell. With factors f_k on cells k the shares become
 For clips that lie in one cell as a whole that is w' = f w. A clip in several cells can't raise one alone: its weight is
 multiplied by what its seconds are worth on average, and these worths are raked until the shares are reached (iterative
 proportional fitting). Where the clips do not allow that, or no second may weigh so much, no named cell is lowered
-against the rest and the shares that were reached are told.
+compared with the rest and the shares that were reached are reported.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def reweigh(
 
 
 def cell_parts(rows: pd.DataFrame, cells: list[str], commands: CommandSettings) -> np.ndarray:
-    """Part of each clip's seconds that lies in each cell (n, k)."""
+    """Part of each clip's seconds in each cell (n, k)."""
     spent = by_command(rows.reset_index(drop=True))
     named = cell_of(spent, commands).to_numpy()
     parts = np.zeros((len(rows), len(cells)))

@@ -21,7 +21,7 @@ SECTIONS: dict[str, str] = {
 """What can change; each feeds other assets."""
 
 DIGITS = 16
-"""Hex digits of a proposal's digest: enough to tell what was seen from what is approved."""
+"""Hex digits of a proposal's digest: enough to distinguish what was reviewed from what is approved."""
 
 
 def experiment_of(policy: str, log: str, *, simulated: bool) -> str:
@@ -109,7 +109,7 @@ class Change:
 
 
 def proposal_digest(changes: Sequence[Change]) -> str:
-    """What tells one proposal from another; empty where there is nothing to propose."""
+    """Identifies a proposal; empty where there is nothing to propose."""
     return digest.of_json([each.to_dict() for each in changes])[:DIGITS] if changes else ""
 
 

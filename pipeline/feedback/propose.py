@@ -165,7 +165,7 @@ def _moved(
 
 
 def _motors(pairs: Sequence[Pair], rule: MotorRule) -> tuple[list[Change], list[str]]:
-    """Torque limits of joints that gave less than was asked of them, in several logs alike."""
+    """Torque limits of joints that gave less than commanded, consistently in several logs."""
     by_joint: dict[str, list[Pair]] = {}
     for trial, failure in pairs:
         if failure.kind in rule.kinds and "given_n_m" in failure.evidence:

@@ -24,7 +24,7 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.change import experiment_of
 
 PIECES_APART_S = 1.0
-"""Between the files of a split bag lies one message; no recorder is stopped and started within this."""
+"""The files of a split bag are one message apart; no recorder is stopped and started within this time."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,7 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs.trial import Trial
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot
+from pipeline.robot.legs import legs_of
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.record import Rollout
@@ -32,7 +33,6 @@ TIMESTEP_S = 0.002
 LONGEST_S = 14.0
 """Of a twin's walk [s]."""
 SIDES = ("Left", "Right")
-HIP, KNEE = "Hip_Pitch", "Knee_Pitch"
 WALKS_M_S = 0.3
 """Slower commands have no cycle to compare [m/s]."""
 
@@ -50,7 +50,7 @@ class Twin:
     """By its twin."""
     simulation_fell: bool
     cycles: tuple[Comparison, ...]
-    """The trial's legs held against the simulation's."""
+    """The trial's leg joints compared with the simulation's."""
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -142,48 +142,40 @@ def velocity_of(rollout: Rollout, start_s: float, stop_s: float) -> tuple[float,
 
 
 def _cycles(trial: Trial, rollout: Rollout, start_s: float, stop_s: float, notes: list[str]) -> tuple[Comparison, ...]:
-    found = []
-    for side in SIDES:
+    found, legs = [], legs_of(rollout.robot)
+    for side, joints in zip(SIDES, zip(legs.hip_pitch, legs.knee, strict=True), strict=True):
         try:
-            reference = limit_cycle(_series(f"MuJoCo {side}", rollout, side, start_s, stop_s))
-            found.append(compare(reference, limit_cycle(_logged(trial, side, start_s, stop_s))))
+            reference = limit_cycle(_series(f"MuJoCo {side}", rollout, joints, start_s, stop_s))
+            logged = _logged(f"{trial.name} {side}", trial, joints, start_s, stop_s)
+            found.append(compare(reference, limit_cycle(logged)))
         except NoCycleError as error:
             notes.append(str(error))
     return tuple(found)
 
 
-def _joints(names: tuple[str, ...], side: str) -> tuple[int, int]:
-    """Indices of a leg's hip pitch and knee. Raises NoCycleError for a robot that has none of these names."""
-    wanted = [f"{side}_{part}" for part in (HIP, KNEE)]
-    if not set(wanted) <= set(names):
-        raise NoCycleError(side, f"the robot has no joints {' and '.join(wanted)}")
-    return names.index(wanted[0]), names.index(wanted[1])
-
-
-def _series(name: str, rollout: Rollout, side: str, start_s: float, stop_s: float) -> JointSeries:
+def _series(name: str, rollout: Rollout, joints: tuple[int, int], start_s: float, stop_s: float) -> JointSeries:
     rate = 1.0 / rollout.timestep_s
-    return _cut(name, rollout.robot.joint_names, side, rate, rollout.qpos[:, 7:], rollout.qvel[:, 6:], start_s, stop_s)
+    return _cut(name, joints, rate, rollout.qpos[:, 7:], rollout.qvel[:, 6:], start_s, stop_s)
 
 
-def _logged(trial: Trial, side: str, start_s: float, stop_s: float) -> JointSeries:
+def _logged(name: str, trial: Trial, joints: tuple[int, int], start_s: float, stop_s: float) -> JointSeries:
     position, velocity = (np.asarray(array, dtype=float) for array in (trial.joint_pos, trial.joint_vel))
-    return _cut(trial.name, trial.joint_names, side, trial.rate_hz, position, velocity, start_s, stop_s)
+    return _cut(name, joints, trial.rate_hz, position, velocity, start_s, stop_s)
 
 
 def _cut(
     name: str,
-    names: tuple[str, ...],
-    side: str,
+    joints: tuple[int, int],
     rate: float,
     position: np.ndarray,
     velocity: np.ndarray,
     start_s: float,
     stop_s: float,
 ) -> JointSeries:
-    hip, knee = _joints(names, side)
+    hip, knee = joints
     kept = slice(round(start_s * rate), round(stop_s * rate))
     return JointSeries(
-        name=f"{name} {side}",
+        name=name,
         rate_hz=float(rate),
         hip=position[kept, hip],
         knee=position[kept, knee],

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pipeline.errors import FileError
+from pipeline.files.settings import DECIMAL
 
 MAX_BYTES = 50_000_000
 """Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
@@ -23,6 +25,25 @@ def read_csv_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
         line = data[: error.start].count(b"\n") + 1
         problem = f"the byte 0x{data[error.start]:02x} is no UTF-8 text."
         raise FileError(path, problem, "Save the table as UTF-8 (in a spreadsheet: 'CSV UTF-8').", line) from error
+
+
+def plain_number(text: str) -> float:
+    """The number in a cell, written as in settings files.
+
+    Raises ValueError for `1_0`, `nan` or digits of other scripts, which `float` takes, and for what no double holds.
+    """
+    value = float(text) if DECIMAL.match(text) else float("nan")
+    if not math.isfinite(value):
+        raise ValueError(f"'{text[:40]}' is no finite decimal number")
+    return value
+
+
+def plain_integer(text: str) -> int:
+    """The whole number in a cell. Raises ValueError."""
+    value = plain_number(text)
+    if value != int(value):
+        raise ValueError(f"'{text[:40]}' is no whole number")
+    return int(value)
 
 
 def csv_records(

@@ -1,4 +1,4 @@
-"""Logs of a robot (MCAP, sqlite3 bags): read with every damage said, written for virtual robots."""
+"""Logs of a robot (MCAP, sqlite3 bags): read with all damage reported, written for virtual robots."""
 
 from pipeline.hardware_logs.ingest import Ingested, IngestedTrial, ingest
 from pipeline.hardware_logs.layout import Layout, layouts

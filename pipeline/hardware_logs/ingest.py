@@ -1,4 +1,4 @@
-"""A log file to trials: read with every damage said, attributed, made regular, held against what is plausible."""
+"""A log file to trials: read with all damage reported, attributed, resampled, checked for plausibility."""
 
 from __future__ import annotations
 
@@ -140,10 +140,10 @@ def _layout(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> Layout
 
 
 def _notes(flow: MessageFlow, stated: StatedFacts, report: LogReport) -> tuple[str, ...]:
-    said = [*stated.remarks, *report.remarks, *flow.remarks()]
+    notes = [*stated.remarks, *report.remarks, *flow.remarks()]
     if report.losses or report.integrity == "unverified":
-        said.insert(0, report.sentence())
-    return tuple(said)
+        notes.insert(0, report.sentence())
+    return tuple(notes)
 
 
 def _missed(stated: StatedFacts, layout: Layout, pieces: int) -> tuple[dict[str, Any], tuple[str, ...]]:

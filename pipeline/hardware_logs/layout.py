@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from pipeline.robot import Robot
+from pipeline.robot.legs import legs_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +24,8 @@ class Layout:
     """[rad]"""
     speed_limit: Float[np.ndarray, " j"]
     """[rad/s]"""
+    ankles: Int[np.ndarray, " a"]
+    """Indices of the joints whose motors work in parallel."""
 
 
 def layout_of(robot: Robot) -> Layout:
@@ -32,13 +35,14 @@ def layout_of(robot: Robot) -> Layout:
         joint_lower=robot.joint_lower,
         joint_upper=robot.joint_upper,
         speed_limit=robot.motor_speed_limit,
+        ankles=np.array(legs_of(robot).all_ankles, dtype=np.int64),
     )
 
 
 def layouts(robots: Iterable[Robot]) -> dict[int, Layout]:
     """Layouts of robots by number of joints.
 
-    Raises ValueError for two robots with as many joints: a log could not be told to be of one.
+    Raises ValueError for two robots with as many joints: the robot of a log would be ambiguous.
     """
     found: dict[int, Layout] = {}
     for each in map(layout_of, robots):

@@ -93,20 +93,20 @@ def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
 
 def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> StatedFacts:
     """Facts of a log from both places. Raises FactsError."""
-    said, start_ns, remarks = _of_metadata(metadata or {})
+    facts, start_ns, remarks = _of_metadata(metadata or {})
     damaged = bool(remarks)
     if sidecar is not None:
-        said, more = _with_sidecar(said, sidecar)
+        facts, more = _with_sidecar(facts, sidecar)
         remarks += more
-    policy = said.get("policy_digest")
+    policy = facts.get("policy_digest")
     if policy and not DIGEST.fullmatch(policy):
         remarks.append("its policy_digest is no SHA-256 and is left out.")
-        said["policy_digest"] = None
-    if not said.get("policy_digest"):
-        said["policy_digest"] = None
+        facts["policy_digest"] = None
+    if not facts.get("policy_digest"):
+        facts["policy_digest"] = None
         remarks.append("no policy is stated: it can't be laid to one.")
-    said.setdefault("robot", "")
-    return StatedFacts(facts=LogFacts(**said), start_ns=start_ns, remarks=tuple(remarks), damaged=damaged)
+    facts.setdefault("robot", "")
+    return StatedFacts(facts=LogFacts(**facts), start_ns=start_ns, remarks=tuple(remarks), damaged=damaged)
 
 
 def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, list[str]]:
@@ -122,23 +122,23 @@ def _of_metadata(metadata: dict[str, str]) -> tuple[dict[str, Any], int | None, 
 
 
 def _parsed(values: dict[str, str]) -> dict[str, Any]:
-    said: dict[str, Any] = {name: values[name] for name in ("robot", "policy_digest") if values.get(name)}
+    facts: dict[str, Any] = {name: values[name] for name in ("robot", "policy_digest") if values.get(name)}
     if "command_source" in values:
         if values["command_source"] not in COMMAND_SOURCES:
             raise ValueError("unknown command source")
-        said["command_source"] = values["command_source"]
+        facts["command_source"] = values["command_source"]
     if "simulated" in values:
-        said["simulated"] = values["simulated"] == "yes"
+        facts["simulated"] = values["simulated"] == "yes"
     if "command" in values:
         rows = [_finite(row, 4) for row in json.loads(values["command"])[:MAX_ROWS]]
-        said["command"] = tuple(sorted(rows))
+        facts["command"] = tuple(sorted(rows))
     if "command_scale" in values:
-        said["command_scale"] = _finite(json.loads(values["command_scale"]), 3)
+        facts["command_scale"] = _finite(json.loads(values["command_scale"]), 3)
     if "events" in values:
-        said["events"] = tuple(_event(*row) for row in json.loads(values["events"])[:MAX_ROWS])
+        facts["events"] = tuple(_event(*row) for row in json.loads(values["events"])[:MAX_ROWS])
     if "notes" in values:
-        said["notes"] = {str(key): str(text) for key, text in json.loads(values["notes"]).items()}
-    return said
+        facts["notes"] = {str(key): str(text) for key, text in json.loads(values["notes"]).items()}
+    return facts
 
 
 def _finite(row: Any, length: int) -> tuple[float, ...]:
@@ -154,17 +154,17 @@ def _event(time_s: float, kind: str) -> OperatorEvent:
     return OperatorEvent(time_s=float(time_s), kind=kind)
 
 
-def _with_sidecar(said: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[str]]:
+def _with_sidecar(facts: dict[str, Any], path: Path) -> tuple[dict[str, Any], list[str]]:
     try:
         sidecar = settings.read(path, Sidecar)
     except PipelineError as error:
         raise FactsError(f"its sidecar can't be used: {error}") from error
     for name in ("robot", "policy_digest"):
-        one, other = said.get(name), getattr(sidecar, name)
+        one, other = facts.get(name), getattr(sidecar, name)
         if one and other and one != other:
             raise FactsError(f"its metadata states the {name} '{one}', its sidecar '{other}'")
-    if None not in (sidecar.simulated, said.get("simulated")) and sidecar.simulated != said["simulated"]:
-        one, other = ("is", "is not") if said["simulated"] else ("is not", "is")
+    if None not in (sidecar.simulated, facts.get("simulated")) and sidecar.simulated != facts["simulated"]:
+        one, other = ("is", "is not") if facts["simulated"] else ("is not", "is")
         raise FactsError(f"its metadata states that it {one} simulated, its sidecar that it {other}")
     stated = {
         each.name: getattr(sidecar, each.name)
@@ -177,5 +177,5 @@ def _with_sidecar(said: dict[str, Any], path: Path) -> tuple[dict[str, Any], lis
         stated["events"] = tuple(
             OperatorEvent(time_s=event.time_s, kind=event.kind, source="sidecar") for event in sidecar.events
         )
-    remarks = [f"its sidecar states {', '.join(sorted(stated))}."] if stated and said else []
-    return {**said, **stated}, remarks
+    remarks = [f"its sidecar states {', '.join(sorted(stated))}."] if stated and facts else []
+    return {**facts, **stated}, remarks

@@ -96,7 +96,7 @@ def is_whole(path: Path) -> bool:
 def is_complete(path: Path, now_s: float) -> bool:
     """Whether nobody is still writing a file: whole and quiet, or for long not touched.
 
-    A copy that kept the time of a robot whose clock is ahead was written when our own clock says so.
+    A copy that kept the time of a robot with a fast clock counts as written at the time of this machine's clock.
     """
     stat = path.stat()
     age_s = now_s - (stat.st_mtime if stat.st_mtime <= now_s else stat.st_ctime)
@@ -156,5 +156,5 @@ def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[Log
         if other is None or known.get(log.question) == log.name:
             kept[log.question] = log
     names = {log.name for log in kept.values()}
-    said = [f"{log.name} has the content of {kept[log.question].name}." for log in logs if log.name not in names]
-    return sorted(kept.values(), key=lambda log: log.name), said
+    notes = [f"{log.name} has the content of {kept[log.question].name}." for log in logs if log.name not in names]
+    return sorted(kept.values(), key=lambda log: log.name), notes

@@ -90,11 +90,11 @@ class LogReport:
 
     def sentence(self) -> str:
         """One sentence on what was read and lost."""
-        said = f"{self.total} messages read"
+        text = f"{self.total} messages read"
         if self.losses:
             first = self.losses[0]
             more = f" and {len(self.losses) - 1} more" if len(self.losses) > 1 else ""
-            said += f", lost: {first.problem} at byte {first.offset}{more}"
+            text += f", lost: {first.problem} at byte {first.offset}{more}"
         if self.integrity == "unverified":
-            said += ", no checksums: what is wrong in it can't be seen (record with the preset zstd_small)"
-        return said + "."
+            text += ", no checksums: faults in it can't be detected (record with the preset zstd_small)"
+        return text + "."

@@ -68,7 +68,7 @@ class Channels:
 
 @dataclass(frozen=True, kw_only=True)
 class Summary:
-    """What a summary says. It is held against what was read and never believed alone."""
+    """Contents of a summary. They are compared with what was read, never taken alone."""
 
     counts: dict[int, int] | None = None
     """Messages by channel, where it has statistics."""

@@ -1,4 +1,4 @@
-"""A chunk of an MCAP file: inflated within its stated size, held against its checksum, cut into records."""
+"""A chunk of an MCAP file: inflated within its stated size, checked against its checksum, cut into records."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def cut(data: bytes, *, whole: bool) -> Records:
 
 
 def _short_ones(data: bytes, at: int, definitions: list[tuple[int, bytes]]) -> int:
-    """Go on over schemas and channels at the end that are shorter than the head of a message."""
+    """Continue over schemas and channels at the end that are shorter than the head of a message."""
     while at + RECORD_HEAD.size <= len(data):
         opcode, length = RECORD_HEAD.unpack_from(data, at)
         end = at + RECORD_HEAD.size + length

@@ -1,7 +1,7 @@
-"""Walks the data section of an MCAP file in bounded memory; no index is trusted, every checksum is held.
+"""Walks the data section of an MCAP file in bounded memory; no index is trusted, every checksum is checked.
 
-What is damaged is passed over: from the next record that can be shown to be one, reading goes on. Every such place is a
-`Loss` between the records before and after.
+Damage is skipped: reading continues from the next record that can be shown to be one. Every such place is a `Loss`
+between the records before and after.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class McapReader:
                 at += HEAD + length
 
     def _next(self, resync: Resync, start: int) -> int | None:
-        """Where reading can go on: behind chunks with checksums only at such a chunk."""
+        """Where reading can continue: behind chunks with checksums only at such a chunk."""
         if self._lengths and not self.report.checked:
             return resync.message(start, self._lengths)
         return resync.chunk(start, self.summary.chunk_offsets if self.summary else ())

@@ -1,4 +1,4 @@
-"""Finds where reading can go on behind damage: the next chunk whose checksum holds, or the next head of a message."""
+"""Find where reading can continue behind damage: the next chunk whose checksum holds, or the next head of a message."""
 
 from __future__ import annotations
 

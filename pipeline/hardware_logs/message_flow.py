@@ -169,9 +169,7 @@ class MessageFlow:
         """The first message of `/low_state`: the robot is known."""
         assert self._joints.count is not None
         self.layout = self.layouts[self._joints.count]
-        self._ankles = np.array(
-            [i for i, name in enumerate(self.layout.joint_names) if "Ankle" in name], dtype=np.int64
-        )
+        self._ankles = self.layout.ankles
         self._regular = Regular(self.settings.time, len(self.layout.joint_names))
         self._plausible = Plausible(self.settings.plausible, self.layout)
         self._sensors = SensorWatch(self.layout, self.settings.plausible.frozen_s)
@@ -252,5 +250,5 @@ class MessageFlow:
         if self.layout is not None:
             counts["messages have the time of another and are left out"] = self._regular.duplicates
             counts["messages come too late and are left out"] = self._regular.late
-        said = [f"{count} {what}." for what, count in counts.items() if count]
-        return said + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])
+        notes = [f"{count} {what}." for what, count in counts.items() if count]
+        return notes + ([*self._plausible.remarks(), *self._sensors.remarks()] if self.layout is not None else [])

@@ -71,7 +71,7 @@ TOPICS = {
 
 
 def schema_name(message: str) -> str:
-    """Full name of a message, as a schema bears it."""
+    """Full name of a message, as in a schema."""
     return f"{PACKAGE}/msg/{message}"
 
 
@@ -108,9 +108,9 @@ def is_known_text(message: str, text: str) -> bool:
 def _lines(text: str) -> list[str]:
     lines = []
     for line in text.splitlines():
-        said = line.partition("#")[0].replace(f"{PACKAGE}/msg/", f"{PACKAGE}/").split()
-        if said and not (said[0].startswith("====") or "=" in "".join(said)):
-            lines.append(" ".join([said[0].replace(f"{PACKAGE}/", ""), *said[1:]]).replace(f"{PACKAGE}/", ""))
+        words = line.partition("#")[0].replace(f"{PACKAGE}/msg/", f"{PACKAGE}/").split()
+        if words and not (words[0].startswith("====") or "=" in "".join(words)):
+            lines.append(" ".join([words[0].replace(f"{PACKAGE}/", ""), *words[1:]]).replace(f"{PACKAGE}/", ""))
     return lines
 
 

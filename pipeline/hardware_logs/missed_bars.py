@@ -64,7 +64,7 @@ class MissedBar:
     asked: float
     """The bar: at most or, where higher is better, at least."""
     from_s: float
-    """What it was measured over, since the log's first message [s]; of a fall when it was seen."""
+    """What it was measured over, since the log's first message [s]; of a fall, when it was detected."""
     until_s: float
     axis: str = ""
     """`forward`, `lateral` or `yaw`: on which the velocity is off most."""
@@ -122,13 +122,13 @@ def _of_row(row: Any) -> MissedBar:
     if not isinstance(row, dict):
         raise ValueError("a bar is an object")
     kinds = {each.name: each.type for each in fields(MissedBar)}
-    said: dict[str, Any] = {}
+    facts: dict[str, Any] = {}
     for name, value in row.items():
         wanted = (int, float) if kinds.get(name) == "float" else str
         if name not in kinds or isinstance(value, bool) or not isinstance(value, wanted):
             raise ValueError(f"{name!r} is not a {kinds.get(name, 'field')}")
-        said[name] = value if isinstance(value, str) else float(value)
-    return MissedBar(**said)
+        facts[name] = value if isinstance(value, str) else float(value)
+    return MissedBar(**facts)
 
 
 def _check(bar: MissedBar) -> None:

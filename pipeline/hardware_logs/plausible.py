@@ -95,15 +95,17 @@ class Plausible:
 
     def remarks(self) -> list[str]:
         """What is odd and no reason to refuse the log."""
-        said = []
+        notes = []
         if self.not_finite:
-            said.append(f"{self.not_finite} messages with numbers that are not finite are left out.")
+            notes.append(f"{self.not_finite} messages with numbers that are not finite are left out.")
         if self.out_of_range:
             joints = ", ".join(f"{name} {count}" for name, count in sorted(self.worst_joints.items()))
-            said.append(f"{self.out_of_range} messages are out of range ({joints or 'acceleration'}).")
+            notes.append(f"{self.out_of_range} messages are out of range ({joints or 'acceleration'}).")
         if self.restarts:
-            said.append(f"the count of lost packets fell {self.restarts} times.")
+            notes.append(f"the count of lost packets fell {self.restarts} times.")
         if self.rest and self._rest_tilt / self.rest > self.settings.rest_tilt_deg:
             tilt = self._rest_tilt / self.rest
-            said.append(f"at rest gravity is {tilt:.0f} degrees off the attitude: accelerometer and attitude disagree.")
-        return said
+            notes.append(
+                f"at rest gravity is {tilt:.0f} degrees off the attitude: accelerometer and attitude disagree."
+            )
+        return notes

@@ -51,7 +51,7 @@ def _short(part: str) -> str:
 
 
 def _with_digest(path: str, name: str) -> str:
-    """A path whose last part is shortened and bears a digest of `name`."""
+    """A path whose last part is shortened and has a digest of `name`."""
     parent, _, last = path.rpartition("/")
     start = os.fsencode(last.removesuffix(SUFFIX))[: LONGEST_PART - 20].decode("utf-8", "ignore")
     made = f"{start}-{digest.of_bytes(os.fsencode(name))[:12]}{SUFFIX}"

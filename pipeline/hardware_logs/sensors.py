@@ -60,9 +60,9 @@ class SensorWatch:
         if self._runs is None:
             return []
         frozen_s = self._runs.longest_ns() / 1e9
-        said = []
+        notes = []
         if frozen_s[0] >= self.frozen_s:
-            said.append(f"the IMU is frozen: none of its values changed for {frozen_s[0]:.1f} s.")
+            notes.append(f"the IMU is frozen: none of its values changed for {frozen_s[0]:.1f} s.")
         still = {
             name: seconds
             for name, seconds in zip(self.layout.joint_names, frozen_s[1:].tolist(), strict=True)
@@ -70,17 +70,17 @@ class SensorWatch:
         }
         if still:
             which = "all joints" if len(still) == len(self.layout.joint_names) else ", ".join(still)
-            said.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
+            notes.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
         length, along = self._length / self.messages, self._upward / self.messages
         if IN_G[0] < length < IN_G[1]:
-            said.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY} m/s^2.")
+            notes.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY} m/s^2.")
         if along < REVERSED:
-            said.append("the acceleration has the wrong sign: on average it points down along the attitude.")
+            notes.append("the acceleration has the wrong sign: on average it points down along the attitude.")
         if self._turns.in_degrees():
-            said.append(
+            notes.append(
                 f"the attitude is in degrees: it turns {self._turns.ratio():.0f} times as fast as the gyroscope."
             )
-        return said
+        return notes
 
 
 def upward(rpy: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:

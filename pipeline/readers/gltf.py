@@ -6,6 +6,7 @@ pose, as in a BVH; the rest is told by names, tree and rest pose. Keys are sampl
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ UNEVEN = 0.01
 """Share of the distance of keys by which they may be uneven."""
 ROUND = 0.005
 """A rate within this share of a standard one is that one: keys are stored in single precision."""
+MAX_SHEAR = 0.05
+"""Largest cosine between two axes of a matrix that is taken for a rotation."""
 
 
 def read_gltf(path: Path) -> RawMotion:
@@ -49,7 +52,7 @@ def read_gltf(path: Path) -> RawMotion:
         joint_names=tuple(node.name for node in nodes),
         parents=parents,
         rest_offset=place - above,
-        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, times=times),
+        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, times=times, shared=_shared(nodes)),
         fps=rate,
         files=(path,),
         notes=notes + sampled,
@@ -129,7 +132,7 @@ def _transform(file: GltfFile, node: dict[str, Any], number: int) -> tuple[np.nd
         if "matrix" in node:
             matrix = np.array(node["matrix"], dtype=float).reshape(4, 4).T
             place, scale = matrix[:3, 3], np.linalg.norm(matrix[:3, :3], axis=0)
-            quat = rotation.from_matrix(matrix[:3, :3] / np.maximum(scale, 1e-12))
+            quat = _turn(file.path, matrix[:3, :3] / np.maximum(scale, 1e-12), f"nodes[{number}]")
         else:
             place = np.array(node.get("translation", (0.0, 0.0, 0.0)), dtype=float).reshape(3)
             quat = rotation.normalize(np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), dtype=float).reshape(4))
@@ -143,9 +146,18 @@ def _transform(file: GltfFile, node: dict[str, Any], number: int) -> tuple[np.nd
     return place, quat, float(scale.mean())
 
 
+def _turn(path: Path, matrix: np.ndarray, what: str) -> np.ndarray:
+    """Quaternions wxyz (..., 4) of matrices (..., 3, 3) with unit columns. Raises FileError for a shear or mirror."""
+    square = np.swapaxes(matrix, -1, -2) @ matrix
+    sheared = not np.abs(square - np.eye(3)).max(initial=0.0) < MAX_SHEAR
+    if sheared or not (np.linalg.det(matrix) > 0.0).all():
+        raise FileError(path, f"{what} is no rotation: it is sheared or mirrored.", "Apply it and export again.")
+    return rotation.from_matrix(matrix)
+
+
 def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict[int, dict[str, Track]]:
     """Translations and rotations of each node that is wanted."""
-    samplers, tracks = animation.get("samplers", []), {}
+    samplers, tracks, found = animation.get("samplers", []), {}, dict[str, np.ndarray]()
     for channel in animation["channels"]:
         node, what = channel["target"].get("node"), channel["target"].get("path")
         if node not in wanted or what not in ("translation", "rotation"):
@@ -154,7 +166,10 @@ def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict
         if not isinstance(samplers, list) or not isinstance(number, int) or not 0 <= number < len(samplers):
             raise FileError(file.path, f"an animation's channel has no sampler {str(number)[:20]}.")
         sampler = samplers[number]
-        times, values = file.numbers(sampler.get("input"))[:, 0], file.numbers(sampler.get("output"))
+        key = str(sampler.get("input"))
+        if key not in found:
+            found[key] = file.numbers(sampler.get("input"))[:, 0]
+        times, values = found[key], file.stored(sampler.get("output"))
         kind = sampler.get("interpolation", "LINEAR")
         if kind == "CUBICSPLINE":
             values = values[1::3]  # between in- and out-tangents
@@ -166,6 +181,13 @@ def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict
             times=times, values=values, step=kind == "STEP", turns=what == "rotation"
         )
     return tracks
+
+
+def _shared(nodes: tuple[Node, ...]) -> bool:
+    """Whether keys of two properties overlap in memory."""
+    tracks = [track.values for node in nodes for track in node.tracks.values()]
+    spans = sorted(np.lib.array_utils.byte_bounds(values) for values in tracks)
+    return any(stop > start for (_, stop), (start, _) in itertools.pairwise(spans))
 
 
 def _times(path: Path, nodes: tuple[Node, ...]) -> tuple[np.ndarray, float, tuple[Reason, ...]]:
@@ -215,7 +237,8 @@ def _bind_pose(
         raise FileError(file.path, "a bind matrix of the skin has no inverse.")
     bind = np.linalg.inv(inverse)
     lengths = np.linalg.norm(bind[:, :3, :3], axis=1)
-    bind_place, bind_quat = bind[:, :3, 3], rotation.from_matrix(bind[:, :3, :3] / lengths[:, None, :])
+    bind_place = bind[:, :3, 3]
+    bind_quat = _turn(file.path, bind[:, :3, :3] / lengths[:, None, :], "a bind matrix of the skin")
     return _in_scale(nodes, joints, place, quat, bind_place, bind_quat)
 
 

@@ -128,7 +128,8 @@ def robot_of(path: Path, count: int, names: tuple[str, ...] | None) -> tuple[Rob
         own = robot.own_names(names)
         if set(robot.joint_names) == set(own) and len(own) == count:
             return robot, [own.index(joint) for joint in robot.joint_names]
-    nearest = max(robots(), key=lambda robot: len(set(robot.joint_names) & set(robot.own_names(names))))
+    alike = [(len(set(robot.joint_names) & set(robot.own_names(names))), robot) for robot in robots()]
+    nearest = max(alike, key=lambda pair: pair[0])[1]
     names = nearest.own_names(names)
     missing = ", ".join(sorted(set(nearest.joint_names) - set(names))) or "none"
     extra = ", ".join(sorted(set(names) - set(nearest.joint_names))[:12]) or "none"

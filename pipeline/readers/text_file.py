@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import FileError
+from pipeline.files.array_file import known_numbers
 from pipeline.readers.decimal_rows import read_decimals
 
 MAX_BYTES = 400_000_000
@@ -20,6 +21,11 @@ MAX_NUMBERS = 100_000_000
 
 def read_lines(path: Path) -> list[str]:
     """Lines of a text file without their ends. Raises FileError: missing, empty, too large, not text."""
+    return read_text(path).split("\n")
+
+
+def read_text(path: Path) -> str:
+    """A text file with `\\n` at the ends of its lines. Raises FileError: missing, empty, too large, not text."""
     check_size(path)
     data = path.read_bytes()
     if b"\0" in data:
@@ -28,7 +34,8 @@ def read_lines(path: Path) -> list[str]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    del data
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def check_size(path: Path) -> None:
@@ -45,8 +52,11 @@ def check_size(path: Path) -> None:
 def to_float(token: str) -> float:
     """`float` without what only Python takes for a number: `1_0`, digits of other scripts. Raises ValueError."""
     if "_" in token or not token.isascii():
-        raise ValueError(f"could not convert string to float: {token!r}")
-    return float(token)
+        raise ValueError(f"not a number: {token[:40]!r}")
+    try:
+        return float(token)
+    except ValueError:
+        raise ValueError(f"not a number: {token[:40]!r}") from None
 
 
 def read_number(path: Path, token: str, line: int, what: str) -> float:
@@ -63,7 +73,7 @@ def read_number(path: Path, token: str, line: int, what: str) -> float:
 def read_rows(
     path: Path, lines: list[str], first_line: int, columns: int, last: bool = True
 ) -> Float[np.ndarray, "t columns"]:
-    """Rows of `columns` numbers each; blank lines are skipped, `nan` and `inf` become NaN.
+    """Rows of `columns` numbers each; blank lines are skipped, `nan`, `inf` and huge numbers become NaN.
 
     `first_line` is the number of `lines[0]` in the file, counted from 1; `last`: no row follows these lines. Raises
     FileError with the line for a row that is too short or too long and for what is not a number.
@@ -85,7 +95,7 @@ def read_rows(
     except ValueError:
         _refuse_bad_row(path, lines, first_line, columns, last)
         raise
-    return np.where(np.isfinite(values), values, np.nan)
+    return known_numbers(values)
 
 
 def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int, last: bool) -> None:
@@ -101,5 +111,4 @@ def _refuse_bad_row(path: Path, lines: list[str], first_line: int, columns: int,
                 to_float(token)
         except ValueError as error:
             hint = "Write decimals with a point, not a comma." if "," in line else ""
-            problem = f"{error}.".replace("could not convert string to float", "not a number")
-            raise FileError(path, problem, hint, number) from error
+            raise FileError(path, f"{error}.", hint, number) from error

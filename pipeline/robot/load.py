@@ -66,7 +66,7 @@ def load_robot(robot: str | Path) -> Robot:
     built = build_robot(read_description(model_folder(robot)))
     faults = []
     for path, text in model_files(model_folder(robot), built).items():
-        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        if not path.is_file() or path.read_bytes() != text.encode():
             problem = "the file is not what the tables beside it say."
             faults.append(Fault(path=path, problem=problem, do=f"Run python -m pipeline.robot.render {path.parent}"))
     refuse(faults)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import PipelineError
+from pipeline.errors import PipelineError, shortened
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class Fault:
 
     def __str__(self) -> str:
         where = f"{self.path}, line {self.line}" if self.line is not None else f"{self.path}"
-        return f"{where}: {self.problem} {self.do}"
+        return f"{where}: {shortened(self.problem)} {self.do}"
 
 
 class RobotError(PipelineError):

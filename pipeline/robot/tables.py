@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-import math
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from typing import Any, ClassVar, TypeVar
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, read_csv_text
+from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
 
 
@@ -230,10 +229,9 @@ def _parse(
 
 def _number(text: str) -> float | None:
     try:
-        value = float(text)
+        return plain_number(text)
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
 
 
 def _repeated(path: Path, rows: list[Any]) -> list[Fault]:

@@ -15,6 +15,7 @@ from pipeline.actuators.adapted_robot import TABLE
 from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy_task
 from pipeline.errors import FileError, PipelineError
 from pipeline.robot import Robot, load_robot
+from pipeline.robot.legs import legs_of
 from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.sensors import PerfectSensors, Sensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
@@ -82,7 +83,7 @@ def anchor(folder: Path, policy: Policy) -> Deployed:
 
 def with_ankle_kd(one: Deployed, kd: float) -> Deployed:
     """A copy with another ankle damping [N m s/rad]. Raises AnkleDampingError."""
-    ankles = np.array(["Ankle" in name for name in one.task.joint_names])
+    ankles = np.isin(np.arange(len(one.task.joint_names)), legs_of(one.robot).all_ankles)
     if not (math.isfinite(kd) and kd >= 0.0):
         raise AnkleDampingError(f"the damping of the ankles is {kd:g} N m s/rad, allowed are numbers from 0 on.")
     task = dataclasses.replace(one.task, kd=np.where(ankles, kd, one.task.kd))

@@ -21,6 +21,7 @@ from pipeline.batch import ClipPool
 from pipeline.deployment import digest, load_policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, settings
+from pipeline.robot.legs import legs_of
 from pipeline.robot.load import read_description
 from pipeline.validation.bars import CellBars, Reference, RobotBars, ValidationRules, ValidationSettings, derived
 from pipeline.validation.cells import Cell
@@ -115,7 +116,7 @@ def _no_bars(one: Deployed) -> RobotBars:
 
 
 def _ankle(one: Deployed) -> int:
-    return next(index for index, name in enumerate(one.task.joint_names) if "Ankle" in name)
+    return legs_of(one.robot).all_ankles[0]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.quality.foot_slip import lowest_corner_slip
 from pipeline.quality.sole import sole_motion
+from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.trial import Trial, VelocityCommand
@@ -96,7 +97,7 @@ def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Num
     reached = at_envelope(torque, speed, envelope)
     return {
         "power": float(np.abs(torque * speed).sum(axis=1).mean()),
-        "saturation": 100.0 * float(reached[:, leg_joints(rollout)].mean()),
+        "saturation": 100.0 * float(reached[:, np.array(legs_of(rollout.robot).all)].mean()),
     }
 
 
@@ -112,11 +113,5 @@ def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope)
     """The leg joint that is saturated most often from `measure_s` on."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     reached = at_envelope(rollout.torque[taken], rollout.qvel[taken, 6:], envelope).mean(axis=0)
-    legs = leg_joints(rollout)
+    legs = np.array(legs_of(rollout.robot).all)
     return rollout.robot.joint_names[legs[int(np.argmax(reached[legs]))]]
-
-
-def leg_joints(rollout: Rollout) -> np.ndarray:
-    """Indices of the leg joints: those with hip, knee or ankle in their name."""
-    names = rollout.robot.joint_names
-    return np.array([index for index, name in enumerate(names) if any(p in name for p in ("Hip", "Knee", "Ankle"))])

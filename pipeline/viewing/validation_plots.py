@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.verdict import CellVerdict, Verdict
@@ -71,9 +72,9 @@ def torque_speed(walks: Mapping[str, Rollout], envelope: TorqueEnvelope) -> byte
     """Torque against speed of the left leg's joints, with the motors' envelope."""
     first = next(iter(walks.values()))
     names = first.robot.joint_names
-    legs = [index for index, name in enumerate(names) if name.startswith("Left") and _is_leg(name)]
+    left, _ = legs_of(first.robot).joints
     figure = Figure(figsize=(9.0, 5.0), dpi=80, layout="constrained")
-    for joint, place in zip(legs, np.ravel(figure.subplots(2, 3)), strict=False):
+    for joint, place in zip(left, np.ravel(figure.subplots(2, 3)), strict=False):
         for label, walked in walks.items():
             step = max(len(walked.torque) // POINTS, 1)
             place.plot(walked.qvel[::step, 6 + joint], walked.torque[::step, joint], ".", markersize=1.2, label=label)
@@ -115,10 +116,6 @@ def _wanted(cell: CellVerdict, name: str) -> float:
 
 def _stands(cell: CellVerdict) -> bool:
     return not any(cell.measured.cell.trials[0].command.last.goal)
-
-
-def _is_leg(name: str) -> bool:
-    return any(part in name for part in ("Hip", "Knee", "Ankle"))
 
 
 def _square(column: int, row: int, survival: float) -> Rectangle:

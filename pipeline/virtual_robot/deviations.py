@@ -41,7 +41,7 @@ class Deviations:
         texts += [f"{joint} heats {factor:g} times" for joint, factor in self.hot.items()]
         numbers = {
             "gains": (self.gain_scale, 1.0, "times"),
-            "command told to the controller": (self.command_scale, 1.0, "times"),
+            "command given to the controller": (self.command_scale, 1.0, "times"),
             "friction": (self.friction, 1.0, ""),
             "delay": (1000.0 * self.delay_s, 0.0, "ms"),
             "trunk mass": (self.root_mass_factor, 1.0, "times"),

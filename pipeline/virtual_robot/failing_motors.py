@@ -18,7 +18,7 @@ class Outage:
 
     start_s: float
     stop_s: float = np.inf
-    """When they answer again [s]; never, if nothing is said."""
+    """Time at which they respond again [s]; infinite: never."""
     joints: tuple[str, ...] = ()
     """Joints whose motors are off; empty: all."""
     every_s: float = 0.0

@@ -73,7 +73,7 @@ SWAY = Script(
         }.items()
     },
 )
-"""The T1 stands and shifts its weight between its feet."""
+"""The T1 standing and shifting its weight between its feet."""
 
 TOPPLE_LEFT = Script(
     name="topple left",

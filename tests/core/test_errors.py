@@ -66,3 +66,9 @@ def test_the_error_of_a_worker_process_reaches_the_caller(error):
     with pytest.raises(type(error)) as raised:
         list(ClipPool(workers=2).map(raise_again, [(error,), (error,)]))
     assert str(raised.value) == str(error)
+
+
+def test_a_message_does_not_grow_with_what_it_quotes():
+    text = str(FileError("a.csv", f"the name '{'y' * 150_000}' is unknown.", "Name another."))
+    assert len(text) < 10_000
+    assert text.startswith("a.csv: the name 'yyy") and text.endswith("' is unknown. Name another.")

@@ -61,3 +61,27 @@ def test_the_tree_stays_light(root: Path):
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=root, capture_output=True, text=True, check=True).stdout
     sizes = {name: (root / name).stat().st_size for name in listed.split("\0") if (root / name).is_file()}
     assert sum(sizes.values()) <= MOST_BYTES, sorted(sizes, key=lambda name: sizes[name])[-5:]
+
+
+def pinned(path: Path) -> dict[str, str]:
+    """The version of each package that a file of requirements pins."""
+    found = re.findall(r"^([A-Za-z0-9._-]+)==([^\s\\]+)", path.read_text(), re.MULTILINE)
+    return {re.sub(r"[-_.]+", "-", name).lower(): version for name, version in found}
+
+
+def test_the_lock_file_has_the_tested_versions_with_hashes(root: Path):
+    tested, locked = pinned(root / "constraints.txt"), pinned(root / "requirements.lock")
+    assert tested.pop("torch")  # its packages for the GPU depend on the machine
+    assert locked == tested, "run `make lock`"
+    blocks = re.split(r"^(?=[A-Za-z])", (root / "requirements.lock").read_text(), flags=re.MULTILINE)[1:]
+    assert len(blocks) == len(locked)
+    assert all("--hash=sha256:" in block for block in blocks)
+    assert "--require-hashes --requirement requirements.lock" in (root / "Makefile").read_text()
+
+
+def test_what_the_project_depends_on_is_locked(root: Path):
+    project = tomllib.loads((root / "pyproject.toml").read_text())
+    wanted = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["dev"]]
+    wanted += project["build-system"]["requires"]
+    names = {re.match(r"[A-Za-z0-9._-]+", each).group().lower().replace("_", "-") for each in wanted}
+    assert names - {"torch"} <= set(pinned(root / "requirements.lock"))

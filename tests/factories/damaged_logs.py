@@ -1,4 +1,4 @@
-"""Logs with damage of every kind, from a seed: what they are made of is known, so that wrong data can be told."""
+"""Logs with damage of every kind, from a seed: their true content is known, so that wrong data is detected."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ FRAMES = 60
 
 
 def arrays() -> dict[str, np.ndarray]:
-    """A person who stands and glides."""
+    """A standing person gliding along -y."""
     poses = np.zeros((FRAMES, 72))
     poses[:, 0] = np.pi / 2
     poses[:, 3:12] = 0.1 * np.sin(np.arange(FRAMES) / 9.0)[:, None]

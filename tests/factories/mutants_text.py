@@ -73,7 +73,7 @@ def _asf_mutants() -> list[Mutant]:
         "root order": ASF.replace("order TX TY TZ RX RY RZ", "order TX TY RX RY RZ"),
         "zero bytes": ASF.encode().replace(b"length", b"len\0th", 1),
     }
-    # what is asked for is the motion, what is told is the skeleton's file
+    # the motion is requested, the message names the skeleton's file
     return [
         mutant
         for name, text in turned.items()

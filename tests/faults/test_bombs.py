@@ -26,7 +26,7 @@ def limits() -> None:
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory) -> tuple[int, dict[str, str], str]:
+def inspected(tmp_path_factory) -> tuple[int, dict[str, str], str]:
     """Exit code of `booster-lab inspect` on a folder of bombs, its line of each file, and all of standard error."""
     folder = tmp_path_factory.mktemp("bombs")
     for index, mutant in enumerate(bombs()):
@@ -53,11 +53,11 @@ def told(tmp_path_factory) -> tuple[int, dict[str, str], str]:
     return done.returncode, lines, done.stderr
 
 
-def test_the_command_tells_of_every_bomb_and_goes_on(told):
-    code, lines, said = told
-    assert code == 0, said[-2_000:]
-    assert "Traceback" not in said
-    assert "MemoryError" not in said + str(lines)
+def test_the_command_reports_every_bomb_and_continues(inspected):
+    code, lines, errors = inspected
+    assert code == 0, errors[-2_000:]
+    assert "Traceback" not in errors
+    assert "MemoryError" not in errors + str(lines)
     assert sum(name.startswith(("bomb", "deep")) for name in lines) == len(bombs()) + 2
 
 
@@ -74,5 +74,5 @@ def test_the_command_tells_of_every_bomb_and_goes_on(told):
         ("aliases.bvh", "no MOTION section"),
     ],
 )
-def test_a_bomb_is_refused_for_what_it_is(told, file, says):
-    assert says in told[1][file]
+def test_a_bomb_is_refused_for_what_it_is(inspected, file, says):
+    assert says in inspected[1][file]

@@ -61,6 +61,9 @@ FAULTS = {
     "examples of unequal number": lambda arrays: arrays.update(
         golden_observation=np.zeros((3, arrays["mean"].size)), golden_action=np.zeros((2, 21))
     ),
+    "examples of another network": lambda arrays: arrays.update(
+        golden_observation=np.zeros((2, arrays["mean"].size)), golden_action=np.full((2, 21), 9.0)
+    ),
     "0-d examples": lambda arrays: arrays.update(golden_observation=np.array(1.0), golden_action=np.array(1.0)),
 }
 
@@ -102,8 +105,8 @@ def measured(imports: str, call: str, root: Path, error: str = "Exception") -> t
     script = MEASURE.format(imports=imports, call=call, error=error)
     done = subprocess.run([sys.executable, "-c", script], cwd=root, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
-    *said, peak = done.stdout.splitlines()
-    return " ".join(said), int(peak)
+    *sentence, peak = done.stdout.splitlines()
+    return " ".join(sentence), int(peak)
 
 
 @pytest.mark.parametrize("kind", ["policy", "golden"])
@@ -113,8 +116,8 @@ def test_a_bomb_is_refused_before_it_inflates(tmp_path, root, kind):
     module, name = (
         ("pipeline.deployment", "load_policy") if kind == "policy" else ("pipeline.export.golden", "read_golden")
     )
-    said, peak_mb = measured(f"from {module} import {name}", f"{name}(Path({str(path)!r}))", root)
-    assert "inflates" in said
+    sentence, peak_mb = measured(f"from {module} import {name}", f"{name}(Path({str(path)!r}))", root)
+    assert "inflates" in sentence
     assert peak_mb < 600
 
 

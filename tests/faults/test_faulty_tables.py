@@ -1,4 +1,4 @@
-"""Tables and licence files with a planted fault: one file is one reason, named with its line, and the rest goes on."""
+"""Tables and licence files with a planted fault: one file is one reason with its line; the others are processed."""
 
 import json
 import shutil
@@ -11,6 +11,7 @@ import pytest
 from pipeline.actuators.folder import calibrate_folder
 from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.settings import ActuatorSettings
+from pipeline.actuators.standing import read_standing_pose
 from pipeline.batch import Store
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import settings
@@ -109,12 +110,53 @@ def test_a_faulty_sweep_is_one_motor_refused(measured, tmp_path, spoil):
 
 
 def test_a_table_of_a_robot_that_is_no_utf8_is_named_with_its_line(tmp_path):
-    shutil.copytree(ROOT / "robots/t1", tmp_path / "t1", ignore=shutil.ignore_patterns("policies"))
-    path = tmp_path / "t1/joints.csv"
+    folder = robot_folder(tmp_path)
+    path = folder / "joints.csv"
     path.write_bytes(path.read_bytes() + b"\xe9\n")
     line = path.read_bytes().count(b"\n")
     with pytest.raises(RobotError, match=rf"joints\.csv, line {line}: the byte 0xe9 is no UTF-8 text"):
-        load_robot(tmp_path / "t1")
+        load_robot(folder)
+
+
+def robot_folder(tmp_path: Path) -> Path:
+    """A copy of the robot without its policies."""
+    return Path(shutil.copytree(ROOT / "robots/t1", tmp_path / "robots/t1", ignore=shutil.ignore_patterns("policies")))
+
+
+@pytest.mark.parametrize("name", ["t1.xml", "t1.urdf"])
+def test_a_model_file_that_is_no_utf8_is_not_what_the_tables_say(tmp_path, name):
+    folder = robot_folder(tmp_path)
+    (folder / name).write_bytes((folder / name).read_bytes() + b"\xfa")
+    with pytest.raises(RobotError, match=rf"{name}: the file is not what the tables"):
+        load_robot(folder)
+
+
+@pytest.mark.parametrize("number", [each for each in STRANGE_NUMBERS if each != "010"])
+def test_a_cell_that_is_no_plain_decimal_is_refused(tmp_path, measured, number):
+    folder = robot_folder(tmp_path)
+    for name, column in (("standing.csv", 1), ("joints.csv", 6)):
+        lines = (folder / name).read_text().splitlines()
+        cells = lines[3].split(",")
+        cells[column] = number
+        (folder / name).write_text("\n".join([*lines[:3], ",".join(cells), *lines[4:]]) + "\n")
+    with pytest.raises(FileError, match=r"standing\.csv: .* is no finite decimal number"):
+        read_standing_pose(folder, load_robot("t1"))
+    with pytest.raises(RobotError, match=r"joints\.csv, line 4: .* is '"):
+        load_robot(folder)
+    motors = (measured / "motors.csv").read_text().splitlines()
+    place = next(index for index, line in enumerate(motors) if not line.startswith(("#", "motor,")))
+    cells = motors[place].split(",")
+    cells[4] = number
+    (measured / "motors.csv").write_text("\n".join([*motors[:place], ",".join(cells)]) + "\n")
+    with pytest.raises(FileError, match=rf"motors\.csv, line {place + 1}: .* is no finite decimal number"):
+        read_motors(measured / "motors.csv", ACTUATORS.model)
+
+
+def test_a_standing_pose_that_is_no_utf8_is_named_with_its_line(tmp_path):
+    folder = robot_folder(tmp_path)
+    (folder / "standing.csv").write_bytes((folder / "standing.csv").read_bytes() + b"\xe9\n")
+    with pytest.raises(FileError, match=r"standing\.csv, line \d+: the byte 0xe9 is no UTF-8 text"):
+        read_standing_pose(folder, load_robot("t1"))
 
 
 @pytest.mark.parametrize("number", STRANGE_NUMBERS)

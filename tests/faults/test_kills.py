@@ -115,8 +115,8 @@ def test_on_a_full_disk_work_is_a_sentence_and_what_was_there_stays(prepared, tm
     for number in range(FULL_DISKS[name]):
         folder = shutil.copytree(prepared[name], tmp_path / f"full{number}", symlinks=True)
         with DISK(folder, number * writes // FULL_DISKS[name]):
-            said = refused(name, folder)
-        assert said == "" or "No space left" in said, said
+            sentence = refused(name, folder)
+        assert sentence == "" or "No space left" in sentence, sentence
         WORKS[name].check(folder)
         assert refused(name, folder) == ""
         assert WORKS[name].check(folder) == "after"

@@ -1,5 +1,6 @@
 """glTF animations against the same motion as BVH, and damage of every kind in a sentence."""
 
+import base64
 import json
 import warnings
 
@@ -127,3 +128,42 @@ def test_a_mutated_file_is_read_or_refused_in_a_sentence(tmp_path, suffix):
                 assert read_motion(path, "clip", Statement(unit="m", up="y")).clip.frame_count >= 2
         except FileError as error:
             assert len(str(error)) < 2_000
+
+
+def with_bind_matrix(path, change):
+    """A glTF whose first bind matrix was changed by `change(matrix)`, column-major."""
+    path = write_gltf(path, POSES)
+    value = json.loads(path.read_text())
+    accessor = value["accessors"][value["skins"][0]["inverseBindMatrices"]]
+    head, _, packed = value["buffers"][0]["uri"].partition(",")
+    data = bytearray(base64.b64decode(packed))
+    start = value["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
+    matrix = np.frombuffer(bytes(data[start : start + 64]), "<f4").copy()
+    data[start : start + 64] = change(matrix).astype("<f4").tobytes()
+    value["buffers"][0]["uri"] = f"{head},{base64.b64encode(data).decode()}"
+    path.write_text(json.dumps(value))
+    return path
+
+
+def sheared(matrix):
+    matrix[4:7] += 0.5 * matrix[0:3]
+    return matrix
+
+
+def mirrored(matrix):
+    matrix[0:3] *= -1.0
+    return matrix
+
+
+@pytest.mark.parametrize("change", [sheared, mirrored])
+def test_a_bind_matrix_that_is_no_rotation_is_refused(tmp_path, change):
+    assert read_motion(with_bind_matrix(tmp_path / "a.gltf", lambda matrix: matrix), "clip").clip.frame_count == 30
+    with pytest.raises(FileError, match=r"b\.gltf: a bind matrix of the skin is no rotation"):
+        read_motion(with_bind_matrix(tmp_path / "b.gltf", change), "clip")
+
+
+def test_a_buffer_that_is_not_ascii_is_refused(tmp_path):
+    path = write_gltf(tmp_path / "clip.gltf", POSES)
+    path.write_text(path.read_text().replace("base64,", "base64,\u202e", 1))
+    with pytest.raises(FileError, match=r"buffers\[0\] is not base64"):
+        read_motion(path, "clip")

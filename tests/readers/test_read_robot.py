@@ -345,3 +345,28 @@ def test_a_rate_that_the_velocities_agree_with_is_kept_silently(tmp_path, noise)
     velocity += noise * np.random.default_rng(1).normal(size=velocity.shape)
     read = read_motion(npz(tmp_path / "clip.npz", joint_vel=velocity), "clip")
     assert (read.clip.fps, read.notes) == (50.0, ())
+
+
+@pytest.mark.parametrize("lost", ["qpos", "qvel"])
+def test_velocities_of_another_length_than_the_positions_are_refused(tmp_path, lost):
+    path = qpos_npz(tmp_path / "clip.npz", 50.0)
+    with np.load(path) as whole:
+        arrays = dict(whole)
+    np.savez(path, **{**arrays, lost: arrays[lost][1:]})
+    with pytest.raises(FileError, match=r"'qvel' has \d+ rows and 'qpos' has \d+\. Frames were lost"):
+        read_motion(path, "clip")
+
+
+def test_a_comment_whose_rate_is_not_that_of_the_times_is_refused(tmp_path):
+    rows = np.concatenate([np.arange(FRAMES)[:, None] / 50.0, csv_rows()], axis=1)
+    header = ["time_s", *HEADER]
+    assert read_motion(write_csv(tmp_path / "a.csv", rows, header, "# fps: 50"), "clip").clip.fps == 50.0
+    with pytest.raises(FileError, match=r"its comment states 30 Hz, and its times 'time_s' are 50 Hz apart"):
+        read_motion(write_csv(tmp_path / "b.csv", rows, header, "# fps: 30"), "clip")
+
+
+def test_a_huge_number_is_missing_as_infinity_is(tmp_path):
+    rows = csv_rows()
+    rows[5, 9], rows[6, 9] = -1e308, np.inf
+    clip = read_motion(write_csv(tmp_path / "clip.csv", rows, HEADER, "# fps: 50"), "clip").clip
+    assert np.flatnonzero(np.isnan(clip.joint_pos).any(axis=1)).tolist() == [5, 6]
