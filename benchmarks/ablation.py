@@ -121,7 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def train(arm: Arm, seed: int, folder: Path, minutes: float | None, device: str) -> None:
     """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
-    options = [*arm.options, *([f"schedule.minutes={minutes:g}"] if minutes is not None else [])]
+    limit = [f"schedule.minutes={minutes:g}", "schedule.iterations=100000"] if minutes is not None else []
+    options = [*arm.options, *limit]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", device]
     command += [text for option in options for text in ("--set", option)]
