@@ -53,7 +53,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
             "policy": chosen.relative_to(run.folder).as_posix(),
         }
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
-        metadata = {**curves_of(run.folder), **sweep, **_told(run, facts, about)}
+        metadata = {**curves_of(run.folder), **sweep, **_metadata(run, facts, about)}
         return result_of(plan, manifest, metadata, [])
 
     return amp_policy
@@ -126,8 +126,8 @@ def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> Non
         train(run, project.root, project.training_lock, log)
     if _trained_on(run, project, robot) != before:
         raise TrainingFailedError(
-            f"{run.folder.name}: the expert database or the adapted robot became another while it trained. Its files "
-            "stay. Materialize again to train on what there is now."
+            f"{run.folder.name}: the expert database or the adapted robot changed while it trained. Its files are "
+            "kept. Materialize again to train on the present ones."
         )
 
 
@@ -139,7 +139,7 @@ def _trained_on(run: Run, project: Project, robot: str) -> str:
 
 
 def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) -> tuple[Path, dict[str, Any]]:
-    """The npz of the best of the last `count` checkpoints in a sweep, and its metadata; of a trial the newest."""
+    """The npz of the best of the last `count` checkpoints in a sweep (of a trial: the newest), and its metadata."""
     newest = run.folder / "policy.npz"
     if run.trial or count == 0:
         why = "a trial" if run.trial else "asked for"
@@ -154,8 +154,8 @@ def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) 
     found = sweep_checkpoints(robots, pool.pool())
     chosen = best(found)
     rows = pd.DataFrame([each.to_dict() for each in found])
-    text = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
-    return files[chosen.iteration], {"checkpoint": text, "sweep of checkpoints": table_of(rows, list(rows))}
+    choice = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
+    return files[chosen.iteration], {"checkpoint": choice, "sweep of checkpoints": table_of(rows, list(rows))}
 
 
 def run_facts(run: Run, robot: str, commit: str) -> dict[str, Any]:
@@ -195,7 +195,7 @@ def commit_of(project: Project) -> str:
     return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
 
 
-def _told(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+def _metadata(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
     return {
         "run": facts["run"],
         "what it is": "a trial: a few iterations without a GPU, no policy" if run.trial else "a full training",

@@ -2,7 +2,7 @@
 
     python -m benchmarks.ablation --out DIR --arm NAME=BUNDLE[,OPTION=VALUE ...] [--arm ...] [--seeds 1 2 3]
                                   [--minutes M] [--device cuda|cpu] [--robot data/adapted_robot/t1] [--suite full]
-                                  [--picture FILE] [--workers N] [--json]
+                                  [--planted VX VY YAW] [--picture FILE] [--workers N] [--json]
 
 An arm is a bundle (as `amp_policy` writes it: of references, of rollouts, of rollouts with variations) and options of
 training. `--minutes` are those of AMP + PPO; distillation has its own (`distillation.minutes`). A run lies in
@@ -17,6 +17,11 @@ done (`figures.json`). A policy that falls has no figure where it fell. Printed 
     survival          of pushes of 50 N s, standing and walking
     required cells    of the suite that pass
     accuracy, D       of the discriminator over the second half of the run: largest accuracy, largest difference of D
+    failures          at the command `--planted`: share of 20 walks of 10 s that fall or reach less than half of it
+
+The loop from hardware closes where a bundle of the database before and one of the database after an approved proposal
+are two arms, and `--planted` is the command that failed: validate with `--failures`, `booster-lab ingest` the logs,
+approve the proposal (docs/closed_loop.md), and materialize `amp_policy`, which writes the second bundle.
 """
 
 from __future__ import annotations
@@ -55,6 +60,8 @@ WALKED = (0.6, 0.8, 1.0)
 """Speeds at which touchdowns are counted [m/s]."""
 POWER_AT = 1.0
 """Speed at which power is measured [m/s]."""
+PLANTED_WALKS, REACHED = 20, 0.5
+"""Walks at a planted command, and the share of it below which a walk counts as a failure."""
 PUSHES = ("push force standing 50 Ns", "push force walking 50 Ns")
 FIGURES = "figures.json"
 STYLE_SEEDS = 3
@@ -96,6 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--robot", type=Path, default=ROOT / "data" / "adapted_robot" / "t1")
     parser.add_argument("--suite", choices=SUITES, default="full")
+    parser.add_argument("--planted", type=float, nargs=3, metavar=("VX", "VY", "YAW"))
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--json", action="store_true")
@@ -113,7 +121,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def train(arm: Arm, seed: int, folder: Path, minutes: float | None, device: str) -> None:
     """Train a run to its end; nothing where it is done. Raises SystemExit where training fails."""
-    options = [*arm.options, *([f"schedule.minutes={minutes:g}"] if minutes is not None else [])]
+    limit = [f"schedule.minutes={minutes:g}", "schedule.iterations=100000"] if minutes is not None else []
+    options = [*arm.options, *limit]
     command = [sys.executable, "-m", "pipeline.training", "--bundle", str(arm.bundle), "--out", str(folder)]
     command += ["--seed", str(seed), "--device", device]
     command += [text for option in options for text in ("--set", option)]
@@ -126,7 +135,7 @@ def figures_of(folder: Path, bundle: Path, given: argparse.Namespace) -> dict[st
     """Figures of a run, measured once for its policy, robot and suite."""
     policy, path = folder / "policy.npz", folder / FIGURES
     digest = hashlib.sha256(policy.read_bytes()).hexdigest()
-    key = {"policy": digest, "suite": given.suite, "robot": str(given.robot)}
+    key = {"policy": digest, "suite": given.suite, "robot": str(given.robot), "planted": given.planted}
     known: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
     if known.get("of") == key:
         return {name: math.nan if value is None else value for name, value in known["figures"].items()}
@@ -135,6 +144,7 @@ def figures_of(folder: Path, bundle: Path, given: argparse.Namespace) -> dict[st
         **walk_figures(bundle, policy, digest),
         **style_figures(bundle, policy),
         **discriminator_figures(folder / "amp" / "curves.csv"),
+        **(planted_figures(bundle, policy, digest, given.planted) if given.planted else {}),
     }
     plain = {name: value if math.isfinite(value) else None for name, value in figures.items()}
     part = path.with_suffix(".part")
@@ -179,6 +189,18 @@ def walk_figures(bundle: Path, policy: Path, digest: str) -> dict[str, float]:
     walks = {speed: walked(bundle, policy, digest, Walk(cell="", command=(speed, 0.0, 0.0))) for speed in WALKED}
     found = {f"touchdowns at {speed} m/s": walk.get("steps_per_min", math.nan) for speed, walk in walks.items()}
     return {**found, f"power at {POWER_AT} m/s": walks[POWER_AT].get("power", math.nan)}
+
+
+def planted_figures(bundle: Path, policy: Path, digest: str, command: Sequence[float]) -> dict[str, float]:
+    """Share of walks at a command that fall or reach less than half of it on its largest axis."""
+    vx, vy, yaw = command
+    axis = int(np.argmax(np.abs(command)))
+    name = ("forward", "lateral", "yaw_rate")[axis]
+    failed = 0
+    for seed in range(PLANTED_WALKS):
+        found = walked(bundle, policy, digest, Walk(cell="", command=(vx, vy, yaw), seed=seed))
+        failed += bool(found["fell"]) or found[name] / command[axis] < REACHED
+    return {f"failures at {vx:g} {vy:g} {yaw:g}": failed / PLANTED_WALKS}
 
 
 def style_figures(bundle: Path, policy: Path) -> dict[str, float]:

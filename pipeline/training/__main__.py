@@ -32,6 +32,9 @@ from pipeline.learning.arguments import chosen_device, pairs
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
 
+NO_MEMORY = ("out of memory", "Failed to allocate")
+"""Parts of what PyTorch and Warp raise as RuntimeError when memory is short."""
+
 
 def main(arguments: Sequence[str]) -> int:
     """Train; the exit status."""
@@ -63,7 +66,16 @@ def _train(given: argparse.Namespace) -> None:
         out=given.out, preset=given.preset, config=config, device=device, seed=given.seed, physics=given.physics
     )
     stages = stages_of(request, given.stages)
-    train(read_bundle(given.bundle, config.discriminator.use_augmented), request, stages)
+    bundle = read_bundle(given.bundle, config.discriminator.use_augmented)
+    try:
+        train(bundle, request, stages)
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and not any(text in str(error) for text in NO_MEMORY):
+            raise
+        raise TrainingError(
+            f"{config.simulation.num_envs} environments need more memory than is free on '{device}'. End other jobs "
+            "there, or lower simulation.num_envs and give another --out."
+        ) from error
 
 
 def options_table() -> str:
@@ -74,10 +86,8 @@ def options_table() -> str:
         (name, str(value), str(paper[name]), facts["unit"], facts["text"], facts["source"])
         for name, value, facts in RECIPE.options()
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(5)]
-    return "\n".join(
-        "  ".join([*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[5]]) for row in rows
-    )
+    widths = [*(max(len(row[column]) for row in rows) for column in range(5)), 0]
+    return "\n".join("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in rows)
 
 
 def _parser() -> argparse.ArgumentParser:

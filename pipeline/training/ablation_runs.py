@@ -1,4 +1,4 @@
-"""Runs of an ablation that were trained elsewhere: read, and held against each other and against the bundle here.
+"""Runs of an ablation that were trained elsewhere: read, and compared with each other and with the bundle here.
 
 Below one folder: `<arm>-seed<N>/` is the folder of a run as `python -m pipeline.training` writes it.
 """
@@ -73,13 +73,10 @@ class ArmRun:
 def read_runs(folder: Path, arms: Mapping[str, bool], bundle: Path) -> tuple[ArmRun, ...]:
     """The runs in a folder, seed by seed, in the order of the arms.
 
-    Args:
-        folder: has a folder `<arm>-seed<N>` a run
-        arms: arm -> its `use_augmented`
-        bundle: what the project would train on now (`bundle.json` in it)
+    `folder` has a folder `<arm>-seed<N>` for each run, `arms` the value of `use_augmented` of each arm.
 
     Raises TrainingError for runs that are not whole, are of another bundle, or whose arms differ in more than their one
-    option; it tells everything that was found wrong.
+    option; the message lists every fault.
     """
     if not folder.is_dir():
         raise TrainingError(f"{folder}: there is no such folder. Name the one that has the runs' folders.")

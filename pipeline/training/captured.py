@@ -1,10 +1,10 @@
-"""Parts of a control step that a GPU replays as one graph.
+"""Parts of a control step that a GPU replays as CUDA graphs.
 
-A control step has hundreds of launches beside physics, each of some microseconds of a processor: more than the GPU
-needs for them. A part is called a few times, then recorded once and replayed from there on. It may therefore only read
-and write memory that is the same at every step, must not ask for a number that the GPU works out, and is given nothing
-that changes but in such memory. What a later part reads of an earlier one in the same step may be bound again, as the
-earlier one is recorded first. `tests/training/test_captured_steps.py` holds each part to that, on a CPU.
+A control step has hundreds of kernel launches beside physics, each of which takes the processor longer than the GPU. A
+part is called a few times, then recorded once and replayed from then on. It may therefore only read and write memory
+that is the same at every step, must not ask for a number that the GPU computes, and has no arguments. What a later part
+reads of an earlier one in the same step may be a new tensor, since the earlier part is recorded first.
+`tests/training/test_captured_steps.py` checks every part on a CPU.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import torch
 import warp as wp
 
 WARM_UP = 4
-"""Calls before a part is recorded: libraries set themselves up in the first ones."""
+"""Calls before a part is recorded: libraries allocate in the first ones."""
 
 
 class Captured:
-    """Work without arguments or result, called as it is on a CPU and replayed on a GPU."""
+    """A function without arguments or result; called on a CPU, replayed on a GPU."""
 
     def __init__(self, work: Callable[[], None], device: str, replayed: bool = True):
         self._work = work
@@ -41,12 +41,12 @@ class Captured:
         self._graph.replay()
 
     def _recorded(self) -> torch.cuda.CUDAGraph:
-        """On the stream that mjlab writes the simulation's arrays on: what it writes elsewhere is not recorded."""
+        """Record on the stream on which mjlab writes the simulation's arrays; other streams are not recorded."""
         graph = torch.cuda.CUDAGraph()
         stream = torch.cuda.ExternalStream(wp.get_stream(self._device).cuda_stream, device=self._device)
         collects = gc.isenabled()
         gc.collect()
-        gc.disable()  # else what ends meanwhile, another graph say, would be recorded ending
+        gc.disable()  # else the destruction of another object, such as a graph, could be recorded
         try:
             with torch.cuda.graph(graph, stream=stream):
                 self._work()

@@ -1,13 +1,12 @@
 """Figures of a run's progress: sums over the environment's steps, which become columns of `curves.csv`.
 
-Columns of AMP + PPO: iteration; seconds of training so far; steps_per_s; task_reward, style_reward (means a step);
-d_expert, d_policy, accuracy (at the discriminator's updates), d_rollout (on the fresh windows), gradient_penalty;
-episode_s (mean length of ended episodes), falls_per_min, stalls_per_min (each environment); for each bin of commands
-the commanded and the achieved value on its axis, two seconds after the command at the earliest; followed (mean over
-these bins of achieved by commanded), touchdowns_per_min (at 0.6 to 1.2 m/s); style_share, disturbance (ramps);
-learning_rate, update_s (of the networks), explained (variance of the returns that the critic predicted), action_std.
-Distillation has iteration, seconds, steps_per_s, loss (mean squared error of the action at the visited states), fit
-(the same at the learned states), teacher_share, learning_rate, and the environment's columns with lost_per_min.
+Columns: iteration; seconds of training so far; steps_per_s; episode_s (mean length of ended episodes); falls_per_min,
+stalls_per_min, lost_per_min (each environment); for each bin of commands the commanded and the achieved value on its
+axis, two seconds after the command at the earliest; followed (mean over the bins of achieved by commanded);
+touchdowns_per_min (at 0.6 to 1.2 m/s); learning_rate. AMP + PPO: task_reward, style_reward (means a step); d_expert,
+d_policy, accuracy, gradient_penalty (at the updates), d_rollout (on fresh windows); style_share, disturbance (ramps);
+update_s; explained (variance of the returns that the critic predicted); action_std. Distillation: loss and fit (mean
+squared error of the action at the visited and at the learned states), teacher_share.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A policy walked in plain MuJoCo by the files of a training bundle alone, for hosts with nothing but mjlab's stack.
 
-A 2 ms step, explicit position control behind the torque-speed lines, no noise; a fall is defined as in
-`pipeline/validation`, whose own walk has more conditions and is compared with this one in a test. No PyTorch is
-imported here, so that processes that walk start quickly and need little memory.
+A 2 ms step, explicit position control behind the torque-speed lines, no noise, commands slewed at 1 m/s^2 (1 rad/s^2).
+A test compares it with the walk of `pipeline/validation`, which has more conditions.
 """
 
 from __future__ import annotations
@@ -20,17 +19,15 @@ from pipeline.training.rotors import put_rotors_on_links
 
 STEP_S, CONTROL_EVERY = 0.002, 10
 MEASURE_S = 6.0
-"""The last so many seconds are measured."""
+"""Time at the end of a walk that is measured [s]."""
 FORCE_S = 0.1
 HISTORY, ACTION_SCALE = 10, 0.25
 MIN_HEIGHT_M, MAX_TILT_COS = 0.45, 0.5
 SATURATED = 0.999
 AIR_S = 0.04
-"""A foot that was off the ground for at least this long is set down."""
+"""A touchdown ends a swing of at least this long [s]."""
 START_NOISE = 0.02
-"""Of the joints at the start, for other seeds than 0 [rad]."""
-
-Figures = dict[str, float]
+"""Largest offset of the joints at the start, for seeds other than 0 [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +35,12 @@ class Walk:
     """One trial."""
 
     cell: str
-    """Trials of one cell are judged together."""
+    """Name of the cell that the trial belongs to."""
     command: tuple[float, float, float]
     seconds: float = 10.0
     friction: float = 1.0
     rotors: float = 0.0
     """Share of the rotors' inertia that is on the links (`rotors.py`)."""
-    jump: bool = False
-    """The command comes at once, else at 1 m/s (rad/s) a second."""
     push: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Impulse forward and to the left in the world [N s], and when [s]."""
     seed: int = 0
@@ -134,8 +129,7 @@ class World:
     def decide(self) -> None:
         """New joint targets of the network."""
         data, index = self.data, self.facts["policy_index"]
-        goal, time = np.array(self.walk.command), data.time
-        command = goal if self.walk.jump else np.clip(goal, -time, time)
+        command = np.clip(self.walk.command, -data.time, data.time)
         rotation = data.xmat[self.root].reshape(3, 3)
         joints = data.qpos[7:][index] - self.rest[index]
         frame = np.concatenate([data.qvel[3:6], -rotation[2], command, joints, data.qvel[6:][index], self._action])
@@ -167,7 +161,7 @@ class World:
 
     @property
     def fell(self) -> bool:
-        """Trunk too low or too much tilted, or a target that is no number: MuJoCo would begin again."""
+        """Whether the trunk is too low or too tilted, or the joint targets are not finite, which MuJoCo would reset."""
         upright = self.data.qpos[2] >= MIN_HEIGHT_M and self.data.xmat[self.root][8] >= MAX_TILT_COS
         return not (upright and np.isfinite(self.target).all())
 
@@ -180,7 +174,7 @@ class World:
         return [(0, foot) in pairs or (foot, 0) in pairs for foot in self.foot_bodies]
 
 
-def walked(bundle: Path, policy: Path, digest: str, walk: Walk) -> Figures:
+def walked(bundle: Path, policy: Path, digest: str, walk: Walk) -> dict[str, float]:
     """Figures of a walk over its last MEASURE_S; of one that fell, that it did, and of a push, whether it fell."""
     world = World(bundle, network_of(policy, digest), walk)
     steps, notes = round(walk.seconds / STEP_S), Notes(world)
@@ -224,7 +218,7 @@ class Notes:
         heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
         self._rows.append([*data.qpos[:2], heading, *data.qvel[:2], *world.touching(), *moved])
 
-    def figures(self) -> Figures:
+    def figures(self) -> dict[str, float]:
         """Means over the recorded time."""
         table = np.array(self._rows, dtype=float)
         x, y, heading, vx, vy = table[:, :5].T

@@ -1,7 +1,7 @@
-"""Rotors' inertia on the links that they move, wholly or in part: what engines without an armature do.
+"""Rotors' inertia on the links that they move, wholly or in part, as engines without an armature have it.
 
-An armature acts on a joint's speed alone; on the link the same inertia also counts how the parent turns, and what a leg
-swings with it the trunk has to hold. Robots lie between the two, and a walk that only one of them survives is no walk.
+An armature acts on a joint's speed alone. On the link the same inertia also resists the rotation of the parent, so the
+trunk has to hold the swing of a leg. Robots lie between the two; a walk should work with both.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How far a policy's walk is from the expert's of the same command, without a discriminator.
 
-    python -m pipeline.training.style_distance --bundle DIR POLICY.npz … [--seeds N]
+    python -m pipeline.training.style_distance --bundle DIR POLICY.npz ... [--seeds N]
 
 Both are windows of four frames .06 s apart of the features that the discriminator sees (`motion_features.py`), divided
 by the standard deviations of all expert frames. The distance of two sets of windows is their energy distance (Székely

@@ -121,19 +121,19 @@ def test_a_missing_file_is_refused(runs, bundle, name):
     assert f"original-seed2/{name}: there is no such file. Bring the whole folder" in refused(runs, bundle)
 
 
-def test_a_run_that_is_not_finished_is_refused_and_all_of_them_are_told(runs, bundle):
+def test_every_unfinished_run_is_listed(runs, bundle):
     for name in ("original-seed2", "augmented-seed10"):
         (runs / name / "done.json").unlink()
-    told = refused(runs, bundle)
+    message = refused(runs, bundle)
     for name in ("original-seed2", "augmented-seed10"):
-        assert f"{name}/done.json: there is none, so the run is not finished. Repeat its command" in told
+        assert f"{name}/done.json: there is none, so the run is not finished. Repeat its command" in message
 
 
 @pytest.mark.parametrize("name", ["config.json", "done.json"])
-@pytest.mark.parametrize(("text", "told"), [("{", "is no JSON ("), ("[1]", "is no JSON object")])
-def test_a_broken_file_is_refused(runs, bundle, name, text, told):
+@pytest.mark.parametrize(("text", "message"), [("{", "is no JSON ("), ("[1]", "is no JSON object")])
+def test_a_broken_file_is_refused(runs, bundle, name, text, message):
     (runs / "augmented-seed2" / name).write_text(text)
-    assert f"augmented-seed2/{name}: {told}" in refused(runs, bundle)
+    assert f"augmented-seed2/{name}: {message}" in refused(runs, bundle)
 
 
 CONFIGS = {
@@ -173,9 +173,9 @@ CONFIGS = {
 
 @pytest.mark.parametrize("case", CONFIGS)
 def test_a_config_that_makes_it_no_ablation_is_refused(runs, bundle, case):
-    change, told = CONFIGS[case]
+    change, message = CONFIGS[case]
     change_config(runs / "original-seed2", change)
-    assert re.search(rf"original-seed2/config.json: .*{told}", refused(runs, bundle))
+    assert re.search(rf"original-seed2/config.json: .*{message}", refused(runs, bundle))
 
 
 def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
@@ -188,7 +188,7 @@ def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("iteration,seconds,d_policy\n1,2.0,0.5\n", "has no rows with d_rollout. Bring the file back"),
         ("iteration,d_rollout\n1,0.5\n", "has no rows with seconds. Bring"),
@@ -197,6 +197,6 @@ def test_seeds_may_be_of_other_machines_and_not_of_other_settings(runs, bundle):
         ("seconds,d_rollout\n1.0,nan\n", "has no number in seconds or d_rollout. Train with discriminator.style"),
     ],
 )
-def test_curves_without_the_discriminators_score_are_refused(runs, bundle, text, told):
+def test_curves_without_the_discriminators_score_are_refused(runs, bundle, text, message):
     (runs / "augmented-seed10" / "curves.csv").write_text(text)
-    assert f"augmented-seed10/curves.csv: {told}" in refused(runs, bundle)
+    assert f"augmented-seed10/curves.csv: {message}" in refused(runs, bundle)

@@ -237,7 +237,7 @@ def test_an_episode_begins_only_where_one_ended(env: AmpEnvironment):
     for _ in range(3):
         env.step(0.1 * torch.randn(ENVS, 21))
     lives = (env.episode_length_buf == 3).nonzero()[:, 0]
-    assert len(lives) >= 4, "who ended by itself has begun anew already"
+    assert len(lives) >= 4, "an episode that ended by itself has begun again already"
     ended = lives[:2].tolist()
     others = [number for number in range(ENVS) if number not in ended]
     for value in _kept(env).values():

@@ -158,6 +158,32 @@ def test_a_wrong_request_gets_one_sentence(arguments, message, capsys, monkeypat
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "error",
+    [
+        torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"),
+        RuntimeError("Failed to allocate 9 bytes on device 'cuda:0'"),
+        MemoryError(),
+    ],
+)
+def test_a_shortage_of_memory_gets_a_sentence(folder, tmp_path, capsys, monkeypatch, error):
+    def full(*_):
+        raise error
+
+    monkeypatch.setattr(chain, "train", full)
+    assert main(command(folder, tmp_path)) == 2
+    assert "4 environments need more memory than is free on 'cpu'" in capsys.readouterr().err
+
+
+def test_another_runtime_error_is_not_called_a_shortage(folder, tmp_path, monkeypatch):
+    def broken(*_):
+        raise RuntimeError("shapes differ")
+
+    monkeypatch.setattr(chain, "train", broken)
+    with pytest.raises(RuntimeError, match="shapes differ"):
+        main(command(folder, tmp_path))
+
+
 def test_ramps_go_from_0_to_1_over_their_span():
     assert [ramp(at, (0.2, 0.4)) for at in (0.0, 0.2, 0.3, 0.4, 1.0)] == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0])
     assert [ramp(at, (0.0, 0.0)) for at in (0.0, 1.0)] == [1.0, 1.0]

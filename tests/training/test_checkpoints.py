@@ -46,7 +46,7 @@ def test_a_checkpoint_that_would_run_code_is_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "planted").exists()
 
 
-def test_a_checkpoint_that_the_disk_refuses_is_told_and_leaves_nothing(tmp_path, monkeypatch):
+def test_a_full_disk_gets_a_sentence_and_leaves_no_file(tmp_path, monkeypatch):
     def full(state, path):
         path.write_bytes(b"half")
         raise RuntimeError("unexpected pos 64 vs 0")
@@ -63,14 +63,14 @@ def test_a_checkpoint_that_is_not_there_is_not_called_damaged(tmp_path):
 
 
 @pytest.mark.parametrize("error", [torch.OutOfMemoryError("CUDA out of memory. Tried 2 MiB\nmore"), MemoryError()])
-def test_a_checkpoint_for_which_there_is_no_memory_is_not_called_damaged(tmp_path, monkeypatch, error):
+def test_a_shortage_of_memory_is_not_called_damage(tmp_path, monkeypatch, error):
     def full(*_, **__):
         raise error
 
     monkeypatch.setattr(torch, "load", full)
-    with pytest.raises(TrainingError, match=r"good\.pt: there is no memory left on cpu to load it") as told:
+    with pytest.raises(TrainingError, match=r"good\.pt: there is no memory left on cpu to load it") as error_info:
         load_checkpoint(tmp_path / "good.pt", "cpu")
-    assert "no checkpoint of ours" not in str(told.value)
+    assert "no checkpoint of ours" not in str(error_info.value)
 
 
 def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
@@ -81,7 +81,7 @@ def test_a_file_of_other_contents_is_no_checkpoint(tmp_path):
 
 
 def test_a_damaged_checkpoint_gives_one_sentence_or_a_whole_state(tmp_path):
-    """Cut short anywhere, or with bits turned over: what PyTorch's parsers raise is told plainly, whatever it is."""
+    """Truncated anywhere, or with bits flipped: whatever PyTorch's parsers raise becomes one sentence."""
     rng = np.random.default_rng(0)
     tensors = {"mlp.0.weight": torch.ones(4, 3), "std": torch.ones(2)}
     whole = save_checkpoint(tmp_path, 5, {name: dict(tensors) for name in STATE}, 120).read_bytes()

@@ -32,7 +32,7 @@ SMALL = {"simulation.num_envs": 10, "discriminator.frames": 4}
 
 @pytest.fixture
 def expert() -> ExpertFrames:
-    """Two clips of 30 and 20 frames, one told to stand and one to run."""
+    """Two clips of 30 and 20 frames, one that stands and one that runs."""
     command = np.zeros((50, 3), dtype=np.float32)
     command[30:, 0] = 1.8
     return ExpertFrames(

@@ -34,11 +34,11 @@ def walked(env: AmpEnvironment, steps: int) -> list[dict[str, torch.Tensor]]:
     """What each of some steps with the same drawn actions shows."""
     draws = torch.Generator().manual_seed(1)
     torch.manual_seed(7)  # of noise, pushes and commands
-    told = []
+    found = []
     for _ in range(steps):
         obs, reward, *_ = env.step(0.3 * torch.randn(env.num_envs, 21, generator=draws))
         data = env.sim.data
-        told.append(
+        found.append(
             {
                 "seen": obs["actor"],
                 "critic": obs["critic"],
@@ -49,7 +49,7 @@ def walked(env: AmpEnvironment, steps: int) -> list[dict[str, torch.Tensor]]:
                 "force": data.sensordata[:].clone(),
             }
         )
-    return told
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +73,11 @@ def test_both_engines_step_alike(both):
 def test_environments_have_models_of_their_own(both):
     env = both["plain"]
     for name in ("geom_friction", "body_mass", "body_inertia", "dof_armature", "dof_invweight0", "body_subtreemass"):
-        told = torch.as_tensor(np.stack([getattr(model, name) for model in env.sim._models])).float()
-        field = getattr(env.sim.model, name)[:].reshape(told.shape)
-        torch.testing.assert_close(field, told, rtol=1e-6, atol=1e-9)
-        assert (told.std(dim=0) > 0.0).any(), name
-        warp = getattr(both["warp"].sim.model, name)[:].reshape(told.shape)
+        found = torch.as_tensor(np.stack([getattr(model, name) for model in env.sim._models])).float()
+        field = getattr(env.sim.model, name)[:].reshape(found.shape)
+        torch.testing.assert_close(field, found, rtol=1e-6, atol=1e-9)
+        assert (found.std(dim=0) > 0.0).any(), name
+        warp = getattr(both["warp"].sim.model, name)[:].reshape(found.shape)
         torch.testing.assert_close(field, warp, rtol=1e-3, atol=1e-6)
     down = torch.as_tensor(np.stack([model.opt.gravity for model in env.sim._models])).float()
     torch.testing.assert_close(down / 9.81, env.slopes.down_w)
@@ -125,7 +125,7 @@ def test_a_reset_touches_those_who_are_reset_alone(bundle):
     for name in ("xfrc_applied", "ctrl", "qfrc_applied"):
         given = getattr(env.sim.data, name)
         assert (given[1] == 0.0).all() and (given[0] == 1.0).all(), name
-    env.sim.data.ctrl[1] = 1.0  # as before: it has to be taken up all the same
+    env.sim.data.ctrl[1] = 1.0  # as before: it counts all the same
     env.sim.forward()
     assert (env.sim.data.qfrc_actuator[1, 6:] == 1.0).all()
 
@@ -149,8 +149,8 @@ def test_one_environment_alone(bundle):
     assert torch.isfinite(walked(env, 3)[-1]["seen"]).all()
 
 
-def test_who_is_lost_stays_lost(bundle):
-    """MuJoCo alone puts a robot whose acceleration is no number back to its first pose; here, as in Warp, none is."""
+def test_a_diverged_robot_stays_diverged(bundle):
+    """MuJoCo alone resets a robot whose acceleration is not finite; here, as in Warp, none is reset."""
     env = made(bundle, "plain")
     env.sim.data.qvel[2] = float("nan")
     env.sim.step()

@@ -36,7 +36,7 @@ def test_all_of_them_on_links_is_what_the_comparison_of_engines_has(robot):
 
 
 def test_a_joint_alone_feels_the_same_wherever_its_rotor_is():
-    """A parent that is held does not turn: then the armature and the link's inertia are one and the same."""
+    """With a fixed parent the armature and the link's inertia are equivalent."""
     text = (
         '<mujoco><option gravity="0 0 0"/><worldbody><body><joint axis="0 .6 .8" armature=".05"/>'
         '<geom type="box" size=".1 .2 .3" density="300" pos=".1 0 .2"/></body></worldbody></mujoco>'

@@ -67,6 +67,7 @@ class ClipTeacher:
         self.lost = torch.zeros(count, dtype=torch.bool, device=device)
         self.ended = torch.zeros(count, dtype=torch.bool, device=device)
         self._last_action = torch.zeros(count, len(robot.controlled), device=device)
+        self._links: torch.Tensor | None = None
 
     def _read_clips(self, clips: References, robot: RobotFacts) -> None:
         model = mujoco.MjModel.from_xml_string(robot.mjcf)
@@ -154,9 +155,7 @@ class ClipTeacher:
     def observe(self, env) -> torch.Tensor:
         """The tracker's observation of the current states (n, o), term by term as `pipeline.tracking.observation`."""
         state, target = env.robot_state, self._target()
-        robot = env.scene["robot"]
-        local, _ = robot.find_bodies(self._robot.key_links, preserve_order=True)
-        links = robot.indexing.body_ids[torch.as_tensor(local, device=self._device)]
+        links = self._link_index(env)
         to_root = state.root_rotation_w.transpose(1, 2)
         cos, sin = torch.cos(self.turn), torch.sin(self.turn)
         zero, one = torch.zeros_like(cos), torch.ones_like(cos)
@@ -181,6 +180,14 @@ class ClipTeacher:
             self._last_action,
         ]
         return torch.cat(terms, dim=1)
+
+    def _link_index(self, env) -> torch.Tensor:
+        """Indices of the key links in the simulation (k,)."""
+        if self._links is None:
+            robot = env.scene["robot"]
+            local, _ = robot.find_bodies(self._robot.key_links, preserve_order=True)
+            self._links = robot.indexing.body_ids[torch.as_tensor(local, device=self._device)]
+        return self._links
 
     def act(self, env) -> torch.Tensor:
         """The policy's action (n, a) that gives the tracker's joint targets at the current states."""

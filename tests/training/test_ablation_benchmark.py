@@ -1,0 +1,51 @@
+"""The ablation benchmark: arms as texts, and figures of a run from its files."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+import pytest
+
+from benchmarks.ablation import arm_of, bars_of, discriminator_figures, draw, planted_figures
+from tests.factories.training_bundle import small_bundle
+
+SHIPPED = Path("robots/t1/policies/walk/policy.npz")
+
+
+def test_an_arm_is_a_bundle_and_options_of_one_or_two_numbers():
+    arm = arm_of("soft=data/bundle,discriminator.loss=bce,randomization.friction=0.4,1.0,ppo.entropy=0.01")
+    assert (arm.name, arm.bundle) == ("soft", Path("data/bundle"))
+    assert arm.options == ("discriminator.loss=bce", "randomization.friction=0.4,1.0", "ppo.entropy=0.01")
+    assert arm_of("plain=b").options == ()
+
+
+@pytest.mark.parametrize("text", ["soft", "=b", "soft=", "a/b=c", "soft=b,fast"])
+def test_an_arm_of_another_form_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="'"):
+        arm_of(text)
+
+
+def test_the_discriminators_figures_are_the_worst_of_the_second_half(tmp_path):
+    rows = ["iteration,accuracy,d_expert,d_policy", "1,0.99,9,-9", "2,0.99,9,-9", "3,0.8,0.5,-0.5", "4,0.7,1.0,-0.3"]
+    (tmp_path / "curves.csv").write_text("\n".join(rows))
+    assert discriminator_figures(tmp_path / "curves.csv") == pytest.approx({"accuracy": 0.8, "D difference": 1.3})
+    assert all(math.isnan(value) for value in discriminator_figures(tmp_path / "none.csv").values())
+
+
+def test_a_command_that_the_policy_follows_has_no_failures(tmp_path, root, robot, monkeypatch):
+    monkeypatch.setattr("benchmarks.ablation.PLANTED_WALKS", 1)
+    bundle = small_bundle(tmp_path, root, robot)
+    found = planted_figures(bundle, root / SHIPPED, "shipped", (0.6, 0.0, 0.0))
+    assert found == {"failures at 0.6 0 0": 0.0}
+    assert planted_figures(bundle, root / SHIPPED, "shipped", (4.0, 0.0, 0.0)) == {"failures at 4 0 0": 1.0}
+
+
+def test_bars_are_means_and_ranges_over_seeds_without_those_that_fell(tmp_path):
+    found = {"a": [{"style": 0.2}, {"style": 0.4}, {"style": math.nan}], "b": [{"style": math.nan}]}
+    one, other = bars_of(found)
+    assert one.name == "a: style (0.2 to 0.4, 2 of 3 seeds)" and one.value == pytest.approx(0.3)
+    assert other.name == "b: style (fell, 0 of 1 seeds)" and math.isnan(other.value)
+    draw(found, tmp_path / "arms.png")
+    assert (tmp_path / "arms.png").stat().st_size > 1000
