@@ -185,6 +185,8 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
         raise FileError(path, "it is missing.", "Run: dagster asset materialize --select adapted_robot")
     texts = {field.name for field in fields(JointActuator) if field.type == "str"}
     header, *rows = list(csv_records(read_csv_text(path).splitlines(), path)) or [[]]
+    if not rows or set(header) != {field.name for field in fields(JointActuator)}:
+        raise FileError(path, "its columns are not those of a table of actuators.", "Materialize adapted_robot again.")
 
     def value(name: str, cell: str) -> str | float:
         return cell if name in texts else plain_number(cell) if cell else math.nan

@@ -27,7 +27,7 @@ def run(parsed: argparse.Namespace) -> int:
     """Print a line for each finding and for each difference."""
     from pipeline.robot.load import read_description
     from pipeline.robot_check import check_folder, compare
-    from pipeline.robot_check.compare import model_of
+    from pipeline.robot_check.compare import JOINT, model_of
     from pipeline.robot_import import read_model
 
     found = check_folder(parsed.folder)
@@ -36,7 +36,10 @@ def run(parsed: argparse.Namespace) -> int:
     print(f"{parsed.folder}: {len(found) or 'no'} finding{'' if len(found) == 1 else 's'}")
     if parsed.against is not None:
         differences = compare(model_of(read_description(parsed.folder.resolve())), read_model(parsed.against))
-        for each in differences:
+        shown = [each for each in differences if each.of_both or each.figure == JOINT]
+        for each in shown:
             print(f"  {each}")
-        print(f"{parsed.against}: {len(differences) or 'no'} difference{'' if len(differences) == 1 else 's'}")
+        silent = sorted({each.figure for each in differences if each not in shown})
+        note = f" (it does not state every {', '.join(silent)})" if silent else ""
+        print(f"{parsed.against}: {len(shown) or 'no'} difference{'' if len(shown) == 1 else 's'}{note}")
     return FOUND if found else 0

@@ -16,16 +16,39 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.deployment import DeploymentTask, Policy
-from pipeline.errors import UnknownNameError
+from pipeline.errors import SettingsError
 from pipeline.export.torch_script import write_torch_script
-from pipeline.files import atomic
+from pipeline.files import atomic, settings
+from pipeline.files.ranges import check
+from pipeline.robot.load import ROBOTS
 
 TASK = "booster_lab_walk"
 """Name under which the task is registered."""
 FOLDER = Path("tasks") / "booster_lab"
 MODEL = "models/policy.pt"
-VENDOR_ROBOTS = {"t1": "T1_23DOF_CFG", "k1": "K1_CFG"}
-"""Robot -> its configuration in `booster_deploy.robots.booster`."""
+PROGRAMS = "deployment.yaml"
+"""Names that deployment programs have for a robot, in its folder."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Programs:
+    """`robots/<robot>/deployment.yaml`."""
+
+    booster_deploy: str
+    """The robot's configuration in `booster_deploy.robots.booster`."""
+
+    def __post_init__(self) -> None:
+        name = getattr(self, "booster_deploy", "X")
+        check(self, [] if name.isidentifier() else [("booster_deploy", f"is {name!r}, allowed is a name in Python")])
+
+
+def vendor_robot(robot: str, robots: Path = ROBOTS) -> str:
+    """The configuration of a robot in booster_deploy. Raises SettingsError for a robot without one."""
+    path = robots / robot / PROGRAMS
+    if not path.is_file():
+        problem = f"booster_deploy has no configuration of '{robot}' that is known here."
+        raise SettingsError(path, f"{problem} Write the file: booster_deploy: NAME_OF_ITS_CONFIGURATION.")
+    return settings.read(path, Programs).booster_deploy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,21 +66,20 @@ class CommandLimits:
 def write_task_folder(
     folder: Path, task: DeploymentTask, policy: Policy, root_height: float, limits: CommandLimits | None = None
 ) -> list[Path]:
-    """Write the task folder below `folder` and return its files. Raises UnknownNameError for an unsupported robot."""
-    if task.robot not in VENDOR_ROBOTS:
-        raise UnknownNameError("robot of booster_deploy", task.robot, tuple(VENDOR_ROBOTS))
+    """Write the task folder below `folder` and return its files. Raises SettingsError for an unsupported robot."""
+    vendor = vendor_robot(task.robot)
     place = folder / FOLDER
     atomic.write_text(place / "__init__.py", _INIT.format(task=TASK))
-    atomic.write_text(place / "walk.py", _walk(task, root_height, limits or CommandLimits()))
+    atomic.write_text(place / "walk.py", _walk(task, vendor, root_height, limits or CommandLimits()))
     write_torch_script(place / MODEL, task, policy)
-    atomic.write_text(folder / "README.md", _README.format(task=TASK, robot=VENDOR_ROBOTS[task.robot]))
+    atomic.write_text(folder / "README.md", _README.format(task=TASK, robot=vendor))
     return [place / "__init__.py", place / "walk.py", place / MODEL, folder / "README.md"]
 
 
-def _walk(task: DeploymentTask, root_height: float, limits: CommandLimits) -> str:
+def _walk(task: DeploymentTask, vendor: str, root_height: float, limits: CommandLimits) -> str:
     rows = zip(task.joint_names, task.default_joint_pos.tolist(), task.kp.tolist(), task.kd.tolist(), strict=True)
     return _WALK.format(
-        robot=VENDOR_ROBOTS[task.robot],
+        robot=vendor,
         joints="\n".join(f'    "{name}": ({pos!r}, {kp!r}, {kd!r}),' for name, pos, kp, kd in rows),
         order="\n".join(f'    "{name}",' for name in task.policy_joints),
         policy_dt=1.0 / task.control_hz,

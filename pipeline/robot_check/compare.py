@@ -16,6 +16,8 @@ PLACE = 0.05
 """Largest distance of matched joints' origins, all joints at zero [m]."""
 AXIS = 0.9
 """Least cosine between matched axes."""
+JOINT = "joint"
+"""Figure of a joint that only one model has."""
 RELATIVE, ABSOLUTE = 1e-4, 1e-7
 """Numbers that differ by less are equal."""
 
@@ -40,8 +42,8 @@ class Difference:
         return f"{self.name}: {self.figure} {_text(self.first)}, there {_text(self.second)} {self.unit}".rstrip() + "."
 
 
-def model_of(description: Description) -> MakerModel:
-    """The tables of a robot folder as a model."""
+def model_of(description: Description, rendered: bool = False) -> MakerModel:
+    """The tables of a robot folder as a model: with the maker's speed limits, or with those that are rendered."""
     tree = build_tree(description)
     rows = description.joint_rows
     links = []
@@ -56,7 +58,7 @@ def model_of(description: Description) -> MakerModel:
                 lower=values.lower,
                 upper=values.upper,
                 torque=values.torque,
-                speed=values.speed,
+                speed=values.speed if rendered else values.urdf_speed,
                 armature=values.armature,
             )
         links.append(
@@ -109,10 +111,10 @@ def compare(first: MakerModel, second: MakerModel) -> list[Difference]:
         found += _link(first.links[index], second.links[other])
     for index, link in enumerate(first.links):
         if index not in pairs and link.joint:
-            found.append(Difference(name=link.joint.name, figure="joint", unit="", first="there", second=None))
+            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first="there", second=None))
     for index, link in enumerate(second.links):
         if index not in pairs.values() and link.joint:
-            found.append(Difference(name=link.joint.name, figure="joint", unit="", first=None, second="there"))
+            found.append(Difference(name=link.joint.name, figure=JOINT, unit="", first=None, second="there"))
     return found
 
 

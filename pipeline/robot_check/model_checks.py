@@ -25,7 +25,7 @@ def model_differences(folder: Path, description: Description, files: dict[Path, 
         if path.read_text(encoding="utf-8", errors="replace") == text:
             continue
         try:
-            found = compare(model_of(description), read_model(path))
+            found = compare(model_of(description, rendered=True), read_model(path))
         except FileError as error:
             yield Finding(code="model_files", text=f"{error} {do}")
             continue

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.deployment import PolicyController, digest, load_policy, save_policy
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import FileError, SettingsError, UnknownNameError
 from pipeline.expert.licence import LicenceClass
 from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
@@ -212,7 +212,7 @@ def test_a_robot_with_other_joints_stops_the_import(export, robot):
 
 
 def test_a_robot_that_booster_deploy_lacks_is_refused(tmp_path, export):
-    with pytest.raises(UnknownNameError, match=r"unknown robot of booster_deploy 'g1'; there are: k1, t1"):
+    with pytest.raises(SettingsError, match=r"g1/deployment.yaml: booster_deploy has no configuration of 'g1'"):
         write_task_folder(tmp_path, dataclasses.replace(export.task, robot="g1"), export.policy, 0.7)
 
 
