@@ -22,6 +22,7 @@ from pipeline.actuators.knee_fit import Interval
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import atomic
+from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
 from pipeline.robot import Robot
 from pipeline.robot.adapted import MotorLimits, adapted_description, write_robot_folder
 from pipeline.robot.load import read_description
@@ -183,11 +184,16 @@ def read_actuators(folder: Path) -> tuple[JointActuator, ...]:
     if not path.is_file():
         raise FileError(path, "it is missing.", "Run: dagster asset materialize --select adapted_robot")
     texts = {field.name for field in fields(JointActuator) if field.type == "str"}
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
+    header, *rows = list(csv_records(read_csv_text(path).splitlines(), path)) or [[]]
+    if not rows or set(header) != {field.name for field in fields(JointActuator)}:
+        raise FileError(path, "its columns are not those of a table of actuators.", "Materialize adapted_robot again.")
+
+    def value(name: str, cell: str) -> str | float:
+        return cell if name in texts else plain_number(cell) if cell else math.nan
+
     try:
         typed: list[dict[str, Any]] = [
-            {name: cell if name in texts else float(cell or "nan") for name, cell in row.items()} for row in rows
+            {name: value(name, cell) for name, cell in zip(header, row, strict=True)} for row in rows
         ]
         return tuple(JointActuator(**row) for row in typed)
     except (TypeError, ValueError) as error:

@@ -82,7 +82,7 @@ def describe(folder: Path, name: str) -> Version:
         head: dict[str, Any] = json.loads(path.read_text())
         clips, seconds = int(head["clips"]), float(head["seconds"])
         by_source = {str(source): int(count) for source, count in head.get("clips_by_source", {}).items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
     return Version(name=name, folder=folder, clips=clips, seconds=seconds, by_source=by_source)
 

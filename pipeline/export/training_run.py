@@ -36,7 +36,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise FileError(path, "there is no such file.", "Name the folder that training wrote.")
     try:
         value = json.loads(path.read_text())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(path, f"is no JSON ({error}).") from error
     if not isinstance(value, dict):
         raise FileError(path, "is no JSON object.")

@@ -30,9 +30,9 @@ def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
     for path, text in texts.items():
         target = folder / path
         try:
-            if not target.is_file() or target.read_text() != text:
+            if not target.is_file() or target.read_bytes() != text.encode():
                 atomic.write_text(target, text)
-        except (FileError, OSError, UnicodeDecodeError) as error:
+        except (FileError, OSError) as error:
             problems.append(f"the sentence on a refused log can't be written: {' '.join(str(error).split())}")
     return problems
 

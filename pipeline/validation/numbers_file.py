@@ -53,5 +53,5 @@ def _read(path: Path) -> dict[str, Any]:
         return {}
     try:
         return json.loads(path.read_text())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileError(path, f"is no JSON ({error}).", "Remove it.") from error

@@ -173,7 +173,7 @@ def test_calibrations_survive_json(calibrations):
         ("196.3e-6", "196.3", "rotor_inertia is 196.3"),
         (",18,196.3e-6", ",1800,196.3e-6", "gear_ratio is 1800"),
         (",18,196.3e-6", ",1.5,196.3e-6", "the armature that follows is 0.0004"),
-        ("196.3e-6", "many", "could not convert"),
+        ("196.3e-6", "many", "is no finite decimal number"),
         ("Waist,1", "Left_Knee_Pitch,1", "is moved by 'waist' and 'knee'"),
         ("gear_ratio", "ratio", "columns are not those"),
     ],

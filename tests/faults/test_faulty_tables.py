@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.actuators.adapted_robot import adapt, read_actuators, write_adapted_robot
 from pipeline.actuators.folder import calibrate_folder
 from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.settings import ActuatorSettings
@@ -157,6 +158,29 @@ def test_a_standing_pose_that_is_no_utf8_is_named_with_its_line(tmp_path):
     (folder / "standing.csv").write_bytes((folder / "standing.csv").read_bytes() + b"\xe9\n")
     with pytest.raises(FileError, match=r"standing\.csv, line \d+: the byte 0xe9 is no UTF-8 text"):
         read_standing_pose(folder, load_robot("t1"))
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda lines: [*lines, f"{LONG},1"],
+        lambda lines: [*lines[:-1], lines[-1] + ",1"],
+        lambda lines: [*lines[:-1], lines[-1].rpartition(",")[0] + ",1_0"],
+        lambda lines: [*lines, "\udce9"],
+        lambda lines: [],
+    ],
+    ids=["long field", "one more", "1_0", "no UTF-8", "empty"],
+)
+def test_a_faulty_table_of_actuators_is_refused(tmp_path, spoil):
+    robot = load_robot("t1")
+    values = settings.read(ROOT / "data/actuators.yaml", ActuatorSettings)
+    write_adapted_robot(tmp_path, ROOT / "robots/t1", adapt(robot, [], values))
+    assert [each.joint for each in read_actuators(tmp_path)] == list(robot.joint_names)
+    path = tmp_path / "actuators.csv"
+    lines = spoil(path.read_text().splitlines())
+    path.write_bytes("\n".join(lines).encode(errors="surrogateescape"))
+    with pytest.raises(FileError, match=r"actuators\.csv"):
+        read_actuators(tmp_path)
 
 
 @pytest.mark.parametrize("number", STRANGE_NUMBERS)
