@@ -165,7 +165,7 @@ class MessageFlow:
             self._command.note_buttons(time_ns, rows)
         self._regular.hold(topic, time_ns, held_columns(topic, rows, self._ankles))
 
-    def _layout_of(self, fitting: tuple[Layout, ...], robot: str | None) -> Layout:
+    def _layout_of(self, fitting: tuple[Layout, ...], robot: str) -> Layout:
         """The layout of the robot that the log states, of those with as many joints; the only one if it states none."""
         stated = [each for each in fitting if each.robot == robot]
         if len(fitting) == 1 or stated:

@@ -190,4 +190,4 @@ def test_of_two_robots_with_as_many_joints_the_stated_one_is_taken(root, robot, 
     assert robot_of(dataclasses.replace(log, facts=facts(robot="t9"))) == "t9"
     assert robot_of(log) == "t1"
     with pytest.raises(LogError, match="23 joints are those of 't1' and 't9'; state the robot"):
-        robot_of(dataclasses.replace(log, facts=facts(robot=None)))
+        robot_of(dataclasses.replace(log, facts=facts(robot="")))
