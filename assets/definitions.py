@@ -7,6 +7,7 @@ import dagster as dg
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.bootstrap import serve
+from assets.dataset_exports import dataset_exports
 from assets.engine_assets import engine_assets
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
@@ -37,7 +38,13 @@ _assets: list[Any] = [
     repaired_motions,
 ]
 for _robot in PROJECT.robots:
-    _assets += [*robot_assets(_robot), *policy_assets(_robot), *validation_assets(_robot), *engine_assets(_robot)]
+    _assets += [
+        *robot_assets(_robot),
+        *dataset_exports(_robot),
+        *policy_assets(_robot),
+        *validation_assets(_robot),
+        *engine_assets(_robot),
+    ]
 
 defs = serve(
     dg.Definitions(

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import dagster as dg
 
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
@@ -95,7 +95,7 @@ def stored_version(project: Project, plan: Plan) -> str | None:
             from pipeline.expert.version import database_version
 
             return database_version(project.expert_db(plan.robot or ""))
-        if plan.name in ("adapted_robot", "exported_policy") and not _whole(project, plan):
+        if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):
             return None
         if plan.name == "feasible_motions" and not _has_criteria(project, plan):
             return None

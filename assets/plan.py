@@ -184,6 +184,20 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
     )
 
 
+EXPORTS = {
+    "mjlab": "mjlab_motions",
+    "gmr": "gmr_motions",
+    "lerobot": "lerobot_dataset",
+    "rerun": "rerun_recordings",
+}
+"""Format of `booster-lab export` -> the asset that holds a robot's database in it."""
+
+
+def export_plans(robot: str) -> dict[str, Plan]:
+    """By format, what a robot's database is exported as. Nothing depends on them."""
+    return {kind: Plan(name=name, packages=("dataset_export",), robot=robot) for kind, name in EXPORTS.items()}
+
+
 def validation_plan(robot: str) -> Plan:
     """What is asked of a robot's policy in MuJoCo."""
     packages = ("validation", "deployment", "actuators", "virtual_robot", "hardware_logs")
@@ -222,6 +236,12 @@ def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     by_robot = (
         plan
         for robot in project.robots
-        for plan in (*robot_plans(robot), *policy_plans(robot), *engine_plans(robot), validation_plan(robot))
+        for plan in (
+            *robot_plans(robot),
+            *export_plans(robot).values(),
+            *policy_plans(robot),
+            *engine_plans(robot),
+            validation_plan(robot),
+        )
     )
     return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *by_robot)}

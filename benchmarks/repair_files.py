@@ -25,7 +25,7 @@ from pipeline.quality.planar_motion import planar_motion
 from pipeline.readers import ReadMotion
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.human_motion import to_human
-from pipeline.readers.poses import StoredPoses
+from pipeline.readers.poses import RowPoses
 from pipeline.readers.statement import Statement
 from pipeline.readers.unit import METRES
 from pipeline.repair import RepairSettings, process
@@ -98,7 +98,8 @@ def wrong_unit(number: int, seed: int, folder: Path, settings: CatalogSettings) 
     stature, stated = float(rng.uniform(1.3, 2.05)), bool(rng.integers(2))
     raw = _raw_motion(folder, tuple(RECIPES)[int(rng.integers(len(RECIPES)))])
     scale = stature / 1.75 * METRES["cm"] / METRES["inch"]
-    poses = StoredPoses(pos_w=raw.joint_pos_w * scale, quat_w=raw.joint_quat_w)
+    columns = tuple(range(len(raw.joint_names)))
+    poses = RowPoses(pos=raw.joint_pos_w * scale, quat=raw.joint_quat_w, columns=columns)
     motion = dataclasses.replace(raw, rest_offset=raw.rest_offset * scale, poses=poses)
     try:
         understood = to_human(motion, "person", Statement(unit="cm") if stated else Statement())

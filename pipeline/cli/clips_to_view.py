@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.cli.chain import Chain, reason_line
-from pipeline.cli.database_clip import read_database_clip
 from pipeline.cli.project import Project
 from pipeline.cli.stored_clips import stored_clips
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
+from pipeline.expert.database_clip import read_database_clip
 from pipeline.files.shown_text import markdown_list
 from pipeline.readers import Statement
 from pipeline.readers.read_motion import SUFFIXES

@@ -1,6 +1,5 @@
 """The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
 
-from pipeline.expert.archives import ARCHIVES
 from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.history import DatabaseLossError
@@ -10,7 +9,6 @@ from pipeline.expert.settings import DatabaseSettings
 from pipeline.expert.write import ExpertEntry, NoClipsError, write_database
 
 __all__ = [
-    "ARCHIVES",
     "Column",
     "DatabaseError",
     "DatabaseLossError",

@@ -139,7 +139,7 @@ def _remove(folder: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    for path in sorted(folder.iterdir()):
+    for path in sorted(each for each in folder.rglob("*") if each.is_file()):
         with path.open("rb") as stream:
             os.fsync(stream.fileno())
     sync_folder(folder)

@@ -9,6 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files import page_memory
+
+ROWS_AT_ONCE = 4096
+"""Rows that are converted together: what is in between takes little memory."""
 
 LARGEST = 1e9
 """Larger numbers are no quantity of a motion in any unit; they are taken for missing, as NaN and infinity are."""
@@ -28,8 +32,13 @@ class ArrayFile(ABC):
     """Shape of each array that can be read: numbers and text, no objects."""
 
     @abstractmethod
+    def stored(self, name: str) -> np.ndarray:
+        """One array as the file stores it. Raises FileError when it is missing, or damaged, or of objects."""
+
     def array(self, name: str) -> np.ndarray:
         """One array; numbers as float64. Raises FileError when it is missing, or damaged, or of objects."""
+        value = self.stored(name)
+        return value.astype(float) if value.dtype.kind in "fiu" else value
 
     def has(self, *names: str) -> bool:
         """All of the names are there."""
@@ -41,17 +50,25 @@ class ArrayFile(ABC):
 
     def numbers(self, name: str, *shape: int | None) -> np.ndarray:
         """A float array whose shape is `shape` (None: any length); what is not finite or too large becomes NaN."""
-        value = self.array(name)
+        value = self.stored_numbers(name, *shape)
+        found = page_memory.empty(value.shape)
+        for start in range(0, len(value), ROWS_AT_ONCE):
+            found[start : start + ROWS_AT_ONCE] = finite_rows(value, start, start + ROWS_AT_ONCE)
+        return found
+
+    def stored_numbers(self, name: str, *shape: int | None) -> np.ndarray:
+        """An array of numbers of that shape as the file stores it (`finite_rows`). Raises FileError for any other."""
+        value = self.stored(name)
         fits = len(shape) == value.ndim and all(
             wanted in (None, got) for wanted, got in zip(shape, value.shape, strict=True)
         )
-        if value.dtype.kind != "f" or not fits:
+        if value.dtype.kind not in "fiu" or not fits:
             wanted = "×".join("n" if length is None else str(length) for length in shape)
             problem = (
                 f"'{name}' is of {value.dtype} with shape {'×'.join(map(str, value.shape))}, wanted {wanted} numbers."
             )
             raise FileError(self.path, problem)
-        return known_numbers(value)
+        return value
 
     def refuse_other_length(self, name: str, than: str, frames: int) -> None:
         """Raises FileError where the array `name` is there and has not `frames` rows as the array `than` has."""
@@ -73,3 +90,9 @@ class ArrayFile(ABC):
         if value.dtype.kind != "U" or value.ndim != 1:
             raise FileError(self.path, f"'{name}' is not a list of names.")
         return tuple(str(entry) for entry in value)
+
+
+def finite_rows(value: np.ndarray, start: int, stop: int) -> np.ndarray:
+    """Rows [start, stop) of an array of numbers as float64; what is not finite or too large becomes NaN."""
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return known_numbers(value[start:stop].astype(float))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile
 from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
 
@@ -39,8 +40,8 @@ class NpzHeader(ArrayFile):
     numeric: frozenset[str] = frozenset()
     """Names of the arrays of numbers."""
 
-    def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64.
+    def stored(self, name: str) -> np.ndarray:
+        """One array as the archive stores it.
 
         Raises FileError when it is missing, damaged or of objects; OSError for a fault of the disk.
         """
@@ -49,12 +50,11 @@ class NpzHeader(ArrayFile):
         if name not in self.shapes:
             raise FileError(self.path, f"'{name}' is missing; there are: {', '.join(sorted(self.shapes))}.")
         try:
-            with np.load(self.path, allow_pickle=False) as archive:
-                value = archive[name]
+            with zipfile.ZipFile(self.path) as archive:
+                return _read_member(archive, name)
         except DAMAGED_NPZ as error:
             raise_fault_of_disk(error)
             raise FileError(self.path, f"'{name}' can't be read: {_short(error)}.") from error
-        return value.astype(float) if value.dtype.kind in "fiu" else value
 
 
 def read_npz_header(path: Path, caps: NpzCaps) -> NpzHeader:
@@ -108,7 +108,24 @@ def check_sizes(path: Path, members: list[zipfile.ZipInfo], caps: NpzCaps) -> No
 def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and type of one array, from its header."""
     with archive.open(info) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(stream)
+        shape, _, dtype = _header(stream)
     return shape, dtype
+
+
+def _header(stream: page_memory.Readable) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape of an array, whether its columns come first, and its type."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    return read(stream)
+
+
+def _read_member(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """One array, read into memory of its own. Raises what a damaged archive raises."""
+    member = f"{name}.npy" if f"{name}.npy" in archive.namelist() else name
+    with archive.open(member) as stream:
+        shape, columns_first, dtype = _header(stream)
+        array = page_memory.empty(shape[::-1] if columns_first else shape, dtype)
+        page_memory.fill(array, stream)
+        if stream.read(1):
+            raise ValueError("it holds more than its shape says")
+    return array.T if columns_first else array

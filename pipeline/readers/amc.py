@@ -11,14 +11,17 @@ import re
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
+from pipeline.files import page_memory
 from pipeline.readers.asf import Bone, ordered, read_asf
-from pipeline.readers.poses import StoredPoses
-from pipeline.readers.raw_motion import RawMotion, forward_kinematics
-from pipeline.readers.text_file import MAX_FRAMES, read_lines, read_number
+from pipeline.readers.poses import TreePoses
+from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.text_file import MAX_FRAMES, read_number
+from pipeline.readers.text_stream import open_text
 
 CMU_RATE_HZ = 120.0
 """Rate of the CMU recordings (mocap.cs.cmu.edu); an AMC names none."""
@@ -34,19 +37,30 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
     asf = find_asf(path, stated_asf)
     bones = read_asf(asf)
     order = ordered(asf, bones)
-    frames = _read_frames(path, bones)
+    columns = _columns(bones)
+    rows = _read_frames(path, columns)
     parents = tuple(-1 if (parent := bones[name].parent) is None else order.index(parent) for name in order)
     offsets = np.array([_joint_offset(bones, name) for name in order])
-    local_pos = np.broadcast_to(offsets, (len(frames["root"]), len(order), 3)).copy()
-    local_quat = np.stack([_local_quat(bones[name], frames[name]) for name in order], axis=1)
-    local_pos[:, 0] = frames["root"][:, [bones["root"].dof.index(f"t{axis}") for axis in "xyz"]]
-    pos, quat = forward_kinematics(parents, local_pos, local_quat)
+    place = [columns["root"].start + bones["root"].dof.index(f"t{axis}") for axis in "xyz"]
+
+    def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        part = rows[start:stop]
+        nothing = slice(0, 0)
+        turns = [_local_quat(bones[name], part[:, columns.get(name, nothing)]) for name in order]
+        return part[:, place], np.stack(turns, axis=1)
+
     return RawMotion(
         format="amc",
         joint_names=tuple(order),
         parents=parents,
         rest_offset=offsets,
-        poses=StoredPoses(pos_w=pos, quat_w=quat),
+        poses=TreePoses(
+            parents=parents,
+            offsets=offsets,
+            frame_count=len(rows),
+            local=local,
+            release=lambda stop: page_memory.forget(rows, stop),
+        ),
         fps=None,
         assumed_fps=CMU_RATE_HZ if set(CMU_BONES) <= set(order) else None,
         files=(path, asf),
@@ -109,49 +123,65 @@ def _local_quat(bone: Bone, values: np.ndarray) -> np.ndarray:
     return rotation.multiply(rotation.multiply(frame, _euler(angles, bone.axis_order)), rotation.conjugate(frame))
 
 
-def _read_frames(path: Path, bones: dict[str, Bone]) -> dict[str, np.ndarray]:
-    """Values (t, n) of each bone's degrees of freedom, degrees and the file's unit."""
-    moving = {name: len(bone.dof) for name, bone in bones.items() if bone.dof}
-    frames: list[dict[str, list[float]]] = []
-    numbers_start = False
-    for line, text in enumerate(read_lines(path), start=1):
-        words = text.split("#")[0].split()
+def _columns(bones: dict[str, Bone]) -> dict[str, slice]:
+    """Columns of each bone that moves."""
+    columns, first = {}, 0
+    for name, bone in bones.items():
+        if bone.dof:
+            columns[name] = slice(first, first + len(bone.dof))
+            first += len(bone.dof)
+    return columns
+
+
+def _read_frames(path: Path, columns: dict[str, slice]) -> Float[np.ndarray, "t c"]:
+    """A row of values each frame, in degrees and the file's unit. Raises FileError with the line."""
+    text = open_text(path)
+    width = max(each.stop for each in columns.values())
+    most = min(text.line_count, path.stat().st_size // (2 * width) + 1, MAX_FRAMES + 1)
+    rows, count, seen = page_memory.empty((most, width)), 0, set[str]()
+    for line, words in ((line, each.split("#")[0].split()) for line, each in enumerate(text.lines(), start=1)):
         if not words:
             continue
         if words[0].startswith(":"):
             if words[0].upper() == ":RADIANS":
                 raise FileError(path, "angles in radians are not supported.", line=line)
         elif len(words) == 1 and words[0].isdigit():
-            _finish(path, frames, moving, line)
-            numbers_start = True
-            if int(words[0]) != len(frames) + 1 or len(frames) >= MAX_FRAMES:
-                raise FileError(path, f"frame {words[0][:12]} follows frame {len(frames)}.", line=line)
-            frames.append({})
-        elif not numbers_start:
+            _check_whole(path, count, seen, columns, line)
+            if words[0].lstrip("0") != str(count + 1) or count >= min(MAX_FRAMES, most):
+                raise FileError(path, f"frame {words[0][:12]} follows frame {count}.", line=line)
+            count, seen = count + 1, set()
+        elif not count:
             raise FileError(path, "an AMC begins with its frame 1.", line=line)
         else:
-            _bone_values(path, frames[-1], moving, words, line)
-    if not frames:
+            _bone_values(path, rows[count - 1], seen, columns, words, line)
+    if not count:
         raise FileError(path, "the file has no frames.")
-    _finish(path, frames, moving, None)
-    zero = np.zeros((len(frames), 0))
-    return {name: np.array([frame[name] for frame in frames]) if name in moving else zero for name in bones}
+    _check_whole(path, count, seen, columns, None)
+    return rows[:count]
 
 
-def _finish(path: Path, frames: list[dict[str, list[float]]], moving: dict[str, int], line: int | None) -> None:
-    """The last frame is whole."""
-    if frames and len(frames[-1]) != len(moving):
-        missing = ", ".join(sorted(set(moving) - set(frames[-1])))
-        raise FileError(path, f"frame {len(frames)} lacks: {missing}.", "It was cut off, or the ASF is another.", line)
+def _check_whole(path: Path, count: int, seen: set[str], columns: dict[str, slice], line: int | None) -> None:
+    """Raises FileError where the last frame lacks bones."""
+    missing = sorted(set(columns) - seen)
+    if count and missing:
+        problem = f"frame {count} lacks: {', '.join(missing)}."
+        raise FileError(path, problem, "It was cut off, or the ASF is another.", line)
 
 
 def _bone_values(
-    path: Path, frame: dict[str, list[float]], moving: dict[str, int], words: list[str], line: int
+    path: Path,
+    row: Float[np.ndarray, " c"],
+    seen: set[str],
+    columns: dict[str, slice],
+    words: list[str],
+    line: int,
 ) -> None:
+    """Write the values of one line into its frame's row. Raises FileError."""
     name = words[0]
-    if name not in moving:
+    if name not in columns:
         raise FileError(path, f"the bone '{name[:40]}' does not move in the ASF, or is not in it.", line=line)
-    if len(words) - 1 != moving[name] or name in frame:
-        problem = f"'{name}' has {len(words) - 1} numbers, wanted {moving[name]} once a frame."
-        raise FileError(path, problem, line=line)
-    frame[name] = [read_number(path, word, line, name) for word in words[1:]]
+    wanted = columns[name].stop - columns[name].start
+    if len(words) - 1 != wanted or name in seen:
+        raise FileError(path, f"'{name}' has {len(words) - 1} numbers, wanted {wanted} once a frame.", line=line)
+    row[columns[name]] = [read_number(path, word, line, name) for word in words[1:]]
+    seen.add(name)

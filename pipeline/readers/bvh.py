@@ -13,11 +13,13 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
+from pipeline.files import page_memory
 from pipeline.readers.frame_rate import printed_rate
-from pipeline.readers.joint_channels import CHANNELS, ChannelPoses, Rows
+from pipeline.readers.joint_channels import CHANNELS, ChannelPoses
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows
 from pipeline.readers.text_stream import blocks, open_text
@@ -150,8 +152,8 @@ def read_bvh(path: Path) -> RawMotion:
     header, lines = _read_motion_header(path, lines)
     columns = sum(len(joint.channels) for joint in joints)
     _check_numbers(path, header.frames, columns)
-    room = Rows.empty(_most_rows(path, text.line_count, columns), columns)
-    values = room.array(_read_values(path, lines, room))
+    room = page_memory.empty((_most_rows(path, text.line_count, columns), columns))
+    values = room[: _read_values(path, lines, room)]
     return RawMotion(
         format="bvh",
         joint_names=tuple(joint.name for joint in joints),
@@ -162,7 +164,6 @@ def read_bvh(path: Path) -> RawMotion:
             offsets=np.array([joint.offset for joint in joints], dtype=float),
             channels=tuple(joint.channels for joint in joints),
             values=values,
-            rows=room,
         ),
         fps=header.fps,
         rate_fault=header.rate_fault,
@@ -257,15 +258,14 @@ def _check_numbers(path: Path, frames: int, columns: int) -> None:
         raise FileError(path, problem, "Split it.")
 
 
-def _read_values(path: Path, lines: Iterator[tuple[int, str]], room: Rows) -> int:
+def _read_values(path: Path, lines: Iterator[tuple[int, str]], room: Float[np.ndarray, "t c"]) -> int:
     """Read all rows below the header into `room`; how many there are. Raises FileError with the line."""
-    columns, count = room.columns, 0
-    values = room.array(len(room.memory) // (8 * columns))
+    columns, count = room.shape[1], 0
     number, peeked = next(lines, (0, ""))
     for block, last in blocks(chain([peeked], (line for _, line in lines)), ROWS_AT_ONCE):
         part = read_rows(path, block, number, columns, last)
         _check_numbers(path, count + len(part), columns)
-        values[count : count + len(part)] = part
+        room[count : count + len(part)] = part
         count, number = count + len(part), number + len(block)
     return count
 

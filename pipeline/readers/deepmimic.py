@@ -16,11 +16,12 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.files.array_file import known_numbers
-from pipeline.readers.poses import StoredPoses
+from pipeline.files import page_memory
+from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
+from pipeline.readers.poses import TreePoses
 from pipeline.readers.quaternion_order import check_unit
-from pipeline.readers.raw_motion import RawMotion, forward_kinematics
-from pipeline.readers.text_file import MAX_FRAMES, read_lines
+from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.text_file import MAX_FRAMES, read_text
 
 SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {
     "root": (None, (0.0, 0.0, 0.0)),
@@ -49,38 +50,57 @@ COLUMNS = 44
 def read_deepmimic(path: Path) -> RawMotion:
     """A DeepMimic motion. Raises FileError."""
     rows = _rows(path)
-    local_pos = np.array([offset for _, offset in SKELETON.values()])
-    local_pos = np.broadcast_to(local_pos, (len(rows), len(SKELETON), 3)).copy()
-    local_pos[:, 0] = rows[:, 1:4]
-    local_quat = np.broadcast_to(rotation.IDENTITY, (len(rows), len(SKELETON), 4)).copy()
-    column = 4
-    for index, name in enumerate(SKELETON):
-        if name in HINGES:
-            local_quat[:, index] = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]), rows[:, column])
-            column += 1
-        elif name not in FIXED:
-            check_unit(path, rows[:, column : column + 4], f"the quaternion of '{name}'")
-            local_quat[:, index] = rotation.normalize(rows[:, column : column + 4])
-            column += 4
     names = tuple(SKELETON)
     parents = tuple(-1 if parent is None else names.index(parent) for parent, _ in SKELETON.values())
-    pos, quat = forward_kinematics(parents, local_pos, local_quat)
+    offsets = np.array([offset for _, offset in SKELETON.values()])
+    for joint, first in _columns().items():
+        if joint not in HINGES:
+            for start in range(0, len(rows), ROWS_AT_ONCE):
+                part = rows[start : start + ROWS_AT_ONCE, first : first + 4]
+                check_unit(path, part, f"the quaternion of '{joint}'", start)
     return RawMotion(
         format="deepmimic",
         joint_names=names,
         parents=parents,
-        rest_offset=np.array([offset for _, offset in SKELETON.values()]),
-        poses=StoredPoses(pos_w=pos, quat_w=quat),
+        rest_offset=offsets,
+        poses=TreePoses(
+            parents=parents,
+            offsets=offsets,
+            frame_count=len(rows),
+            local=lambda start, stop: _local(rows[start:stop]),
+            release=lambda stop: page_memory.forget(rows, stop),
+        ),
         fps=_rate(path, rows[:, 0]),
         files=(path,),
         unit="m",
     )
 
 
+def _columns() -> dict[str, int]:
+    """First column of each joint that turns."""
+    columns, column = {}, 4
+    for name in SKELETON:
+        if name not in FIXED:
+            columns[name] = column
+            column += 1 if name in HINGES else 4
+    return columns
+
+
+def _local(rows: Float[np.ndarray, "t 44"]) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 15 4"]]:
+    """Places of the root [m] and orientations of the joints in their parents' frames."""
+    quat = np.broadcast_to(rotation.IDENTITY, (len(rows), len(SKELETON), 4)).copy()
+    for joint, first in _columns().items():
+        index = list(SKELETON).index(joint)
+        if joint in HINGES:
+            quat[:, index] = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]), rows[:, first])
+        else:
+            quat[:, index] = rotation.normalize(rows[:, first : first + 4])
+    return rows[:, 1:4], quat
+
+
 def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
-    text = "\n".join(read_lines(path))
     try:
-        value = json.loads(text, object_pairs_hook=_without_doubles, parse_int=float)
+        value = json.loads(read_text(path), object_pairs_hook=_without_doubles, parse_int=float)
     except (ValueError, RecursionError) as error:
         line = getattr(error, "lineno", None)
         raise FileError(path, f"it is not DeepMimic JSON: {getattr(error, 'msg', error)}.", line=line) from error
@@ -95,8 +115,11 @@ def _rows(path: Path) -> Float[np.ndarray, "t 44"]:
             raise FileError(path, f"frame {index} has {got} numbers, wanted {COLUMNS} (humanoid3d).")
         if not all(isinstance(entry, (int, float)) and not isinstance(entry, bool) for entry in frame):
             raise FileError(path, f"frame {index} holds something that is not a number.")
-    rows = np.array(frames, dtype=float)
-    return known_numbers(rows)
+    rows = page_memory.empty((len(frames), COLUMNS))
+    for start in range(0, len(frames), ROWS_AT_ONCE):
+        part = np.array(frames[start : start + ROWS_AT_ONCE], dtype=float)
+        rows[start : start + ROWS_AT_ONCE] = known_numbers(part)
+    return rows
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ pose, as in a BVH; the rest is told by names, tree and rest pose. Keys are sampl
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def read_gltf(path: Path) -> RawMotion:
         joint_names=tuple(node.name for node in nodes),
         parents=parents,
         rest_offset=place - above,
-        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, times=times),
+        poses=NodePoses(nodes=nodes, scale=scale, bind_quat=quat, times=times, shared=_shared(nodes)),
         fps=rate,
         files=(path,),
         notes=notes + sampled,
@@ -156,7 +157,7 @@ def _turn(path: Path, matrix: np.ndarray, what: str) -> np.ndarray:
 
 def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict[int, dict[str, Track]]:
     """Translations and rotations of each node that is wanted."""
-    samplers, tracks = animation.get("samplers", []), {}
+    samplers, tracks, found = animation.get("samplers", []), {}, dict[str, np.ndarray]()
     for channel in animation["channels"]:
         node, what = channel["target"].get("node"), channel["target"].get("path")
         if node not in wanted or what not in ("translation", "rotation"):
@@ -165,7 +166,10 @@ def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict
         if not isinstance(samplers, list) or not isinstance(number, int) or not 0 <= number < len(samplers):
             raise FileError(file.path, f"an animation's channel has no sampler {str(number)[:20]}.")
         sampler = samplers[number]
-        times, values = file.numbers(sampler.get("input"))[:, 0], file.numbers(sampler.get("output"))
+        key = str(sampler.get("input"))
+        if key not in found:
+            found[key] = file.numbers(sampler.get("input"))[:, 0]
+        times, values = found[key], file.stored(sampler.get("output"))
         kind = sampler.get("interpolation", "LINEAR")
         if kind == "CUBICSPLINE":
             values = values[1::3]  # between in- and out-tangents
@@ -177,6 +181,13 @@ def _tracks(file: GltfFile, animation: dict[str, Any], wanted: set[int]) -> dict
             times=times, values=values, step=kind == "STEP", turns=what == "rotation"
         )
     return tracks
+
+
+def _shared(nodes: tuple[Node, ...]) -> bool:
+    """Whether keys of two properties overlap in memory."""
+    tracks = [track.values for node in nodes for track in node.tracks.values()]
+    spans = sorted(np.lib.array_utils.byte_bounds(values) for values in tracks)
+    return any(stop > start for (_, stop), (start, _) in itertools.pairwise(spans))
 
 
 def _times(path: Path, nodes: tuple[Node, ...]) -> tuple[np.ndarray, float, tuple[Reason, ...]]:

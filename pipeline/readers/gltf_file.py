@@ -7,16 +7,19 @@ import json
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from pipeline.errors import FileError
-from pipeline.files.array_file import known_numbers
+from pipeline.files import page_memory
+from pipeline.files.array_file import finite_rows
 from pipeline.readers.text_file import MAX_NUMBERS, check_size
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """glTF's component types."""
+PIECE = 4 << 18
+"""Letters of base64 that are decoded at once, a multiple of four."""
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -28,7 +31,8 @@ class GltfFile:
 
     path: Path
     json: dict[str, Any]
-    buffers: tuple[bytes, ...]
+    buffers: tuple[np.ndarray, ...]
+    """Bytes."""
 
     def items(self, name: str) -> list[dict[str, Any]]:
         """A list of objects of the file's root. Raises FileError for what is none."""
@@ -45,7 +49,14 @@ class GltfFile:
         return items[index]
 
     def numbers(self, index: Any) -> np.ndarray:
-        """The values (n, width) of an accessor. Raises FileError."""
+        """The values (n, width) of an accessor as float64. Raises FileError."""
+        return finite_rows(values := self.stored(index), 0, len(values))
+
+    def stored(self, index: Any) -> np.ndarray:
+        """The values (n, width) of an accessor as the file stores them, where they are one after another.
+
+        Raises FileError.
+        """
         accessor = self.item("accessors", index)
         kind, width = COMPONENTS.get(accessor.get("componentType", 0)), WIDTHS.get(str(accessor.get("type")))
         count = accessor.get("count")
@@ -63,14 +74,14 @@ class GltfFile:
         stop = start + _whole(stride) * (count - 1) + size
         if not isinstance(stride, int) or stride < size or start < 0 or stop > len(data):
             raise FileError(self.path, f"accessors[{index}] reaches beyond its buffer.", "The file was cut off.")
-        raw = np.lib.stride_tricks.as_strided(
-            np.frombuffer(data, dtype="u1")[start:], (count, size), (stride, 1), writeable=False
-        )
-        with np.errstate(invalid="ignore"):  # signalling NaN
-            values = np.ascontiguousarray(raw).view(kind).astype(float)
+        if stride == size:
+            values = data[start:stop].view(kind).reshape(count, width)
+        else:
+            raw = np.lib.stride_tricks.as_strided(data[start:], (count, size), (stride, 1), writeable=False)
+            values = np.ascontiguousarray(raw).view(kind)
         if accessor.get("normalized") and kind != "<f4":
-            values = np.maximum(values / float(np.iinfo(kind).max), -1.0)
-        return known_numbers(values)
+            values = np.maximum(values / np.float32(np.iinfo(kind).max), np.float32(-1.0))
+        return values
 
 
 def _whole(value: Any) -> int:
@@ -80,8 +91,9 @@ def _whole(value: Any) -> int:
 def open_gltf(path: Path) -> GltfFile:
     """The file with its buffers. Raises FileError."""
     check_size(path)
-    data = path.read_bytes()
-    text, inner = _chunks(path, data) if data[:4] == struct.pack("<I", _MAGIC) else (data, None)
+    with path.open("rb") as stream:
+        binary = stream.read(4) == struct.pack("<I", _MAGIC)
+        text, inner = _chunks(path, stream) if binary else (path.read_bytes(), None)
     try:
         value = json.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
@@ -90,28 +102,37 @@ def open_gltf(path: Path) -> GltfFile:
         raise FileError(path, "it is not glTF: 'asset' is missing.")
     if not str(value["asset"].get("version", "")).startswith("2"):
         raise FileError(path, "it is not glTF 2.0.", "Export it again from a current program.")
+    del text
     bare = GltfFile(path=path, json=value, buffers=())
     buffers = tuple(_buffer(path, each, inner, number) for number, each in enumerate(bare.items("buffers")))
     return GltfFile(path=path, json=value, buffers=buffers)
 
 
-def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+def _chunks(path: Path, stream: BinaryIO) -> tuple[bytes, np.ndarray | None]:
     """JSON and binary chunk of a GLB."""
-    found: dict[int, bytes] = {}
-    at = 12
-    while at + 8 <= len(data):
-        length, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + length > len(data):
+    size, text, inner, at = path.stat().st_size, None, None, 12
+    while at + 8 <= size:
+        stream.seek(at)
+        head = stream.read(8)
+        if len(head) < 8:
             raise FileError(path, "a chunk reaches beyond the end of the file.", "The file was cut off.")
-        found.setdefault(kind, data[at + 8 : at + 8 + length])
+        length, kind = struct.unpack("<II", head)
+        if at + 8 + length > size:
+            raise FileError(path, "a chunk reaches beyond the end of the file.", "The file was cut off.")
+        if kind == _JSON and text is None:
+            text = stream.read(length)
+        elif kind == _BIN and inner is None:
+            inner = page_memory.empty((length,), "u1")
+            page_memory.fill(inner, stream)
         at += 8 + length
-    if _JSON not in found:
+    if text is None:
         raise FileError(path, "it is not glTF: there is no JSON chunk.")
-    return found[_JSON], found.get(_BIN)
+    return text, inner
 
 
-def _buffer(path: Path, buffer: dict[str, Any], inner: bytes | None, number: int) -> bytes:
-    uri = buffer.get("uri")
+def _buffer(path: Path, buffer: dict[str, Any], inner: np.ndarray | None, number: int) -> np.ndarray:
+    """The bytes of a buffer. An address that holds its data is taken out of the JSON."""
+    uri = buffer.pop("uri", None)
     if uri is None:
         if number or inner is None:
             raise FileError(path, f"buffers[{number}] has no data.", "The file was cut off.")
@@ -119,13 +140,27 @@ def _buffer(path: Path, buffer: dict[str, Any], inner: bytes | None, number: int
     if not isinstance(uri, str):
         raise FileError(path, f"buffers[{number}] has no address.")
     if uri.startswith("data:"):
-        try:
-            return base64.b64decode(uri.partition(",")[2], validate=True)
-        except ValueError as error:
-            raise FileError(path, f"buffers[{number}] is not base64.") from error
+        return _decoded(path, uri, number)
     beside = path.parent / uri
     if "/" in uri or "\\" in uri or "\0" in uri or beside.is_symlink() or not beside.is_file():
         problem = f"buffers[{number}] is in '{uri[:60]}', which is not a file beside it."
         raise FileError(path, problem, "Put it there, or export as GLB.")
     check_size(beside)
-    return beside.read_bytes()
+    data = page_memory.empty((beside.stat().st_size,), "u1")
+    with beside.open("rb") as stream:
+        page_memory.fill(data, stream)
+    return data
+
+
+def _decoded(path: Path, uri: str, number: int) -> np.ndarray:
+    """The bytes in a data address, decoded piece by piece. Raises FileError for what is not base64."""
+    start = uri.find(",") + 1
+    data, count = page_memory.empty((3 * (len(uri) - start) // 4 + 3,), "u1"), 0
+    try:
+        for at in range(start, len(uri), PIECE):
+            part = base64.b64decode(uri[at : at + PIECE], validate=True)
+            data[count : count + len(part)] = np.frombuffer(part, "u1")
+            count += len(part)
+    except (ValueError, binascii.Error) as error:
+        raise FileError(path, f"buffers[{number}] is not base64.") from error
+    return data[:count]

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, HumanClip, body
+from pipeline.clips.human_clip import BODIES, FEET, HumanClip, body
 from pipeline.errors import FileError
 from pipeline.readers.frame_rate import frame_rate
 from pipeline.readers.match_skeleton import match_skeleton
@@ -132,20 +132,25 @@ def _make_continuous(quat: Float[np.ndarray, "t 19 4"]) -> None:
 
 def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> None:
     """Left is left, and pelvis and chest are turned the way the map expects. Raises FileError."""
-    valid = np.isfinite(clip.body_pos_w).all(axis=(1, 2))
-    if not valid.any():
+    known, swapped, off = 0, 0.0, {"pelvis": 0.0, "chest": 0.0}
+    for start, stop in _chunks(clip.frame_count):
+        part = clip.cut(start, stop, clip.name)
+        valid = np.isfinite(part.body_pos_w).all(axis=(1, 2))
+        known += int(valid.sum())
+        hips = rotation.normalize(part.pos("left_hip") - part.pos("right_hip"))[valid]
+        shoulders = rotation.normalize(part.pos("left_shoulder") - part.pos("right_shoulder"))[valid]
+        ahead = sum(_ahead(part, side)[valid] for side in FEET)
+        left = np.cross([0.0, 0.0, 1.0], rotation.normalize(ahead * np.array([1.0, 1.0, 0.0])))
+        swapped += float(np.sum(left * hips))
+        for name, line in (("pelvis", hips), ("chest", shoulders)):
+            off[name] += float(np.sum(rotation.rotate(part.quat(name)[valid], np.array([0.0, 1.0, 0.0])) * line))
+    if not known:
         raise FileError(motion.files[0], "no frame is complete: every row holds values that are not numbers.")
-    hips = rotation.normalize(clip.pos("left_hip") - clip.pos("right_hip"))[valid]
-    shoulders = rotation.normalize(clip.pos("left_shoulder") - clip.pos("right_shoulder"))[valid]
-    ahead = sum(_ahead(clip, side)[valid] for side in ("left", "right"))
-    ahead = rotation.normalize(ahead * np.array([1.0, 1.0, 0.0]))
-    left = np.cross([0.0, 0.0, 1.0], ahead)
-    if float(np.mean(np.sum(left * hips, axis=1))) < 0.0:
+    if swapped < 0.0:
         problem = "left and right are swapped: seen along its toes and knees, the person's left hip is on the right."
         raise FileError(motion.files[0], problem, "The file is mirrored, or its up axis points down (state `up:`).")
-    for name, line in (("pelvis", hips), ("chest", shoulders)):
-        axis = rotation.rotate(clip.quat(name), np.array([0.0, 1.0, 0.0]))[valid]
-        tilt_deg = float(np.rad2deg(np.arccos(np.clip(np.mean(np.sum(axis * line, axis=1)), -1.0, 1.0))))
+    for name, total in off.items():
+        tilt_deg = float(np.rad2deg(np.arccos(np.clip(total / known, -1.0, 1.0))))
         if tilt_deg > MAX_BODY_TILT_DEG:
             problem = (
                 f"the joints are named as in the skeleton '{skeleton.name}', but their axes differ: the {name}'s left "
@@ -154,7 +159,7 @@ def _check_sides(motion: RawMotion, clip: HumanClip, skeleton: SkeletonMap) -> N
             raise FileError(motion.files[0], problem, "Write a map of its own (docs/sources.md) and state it.")
 
 
-def _ahead(clip: HumanClip, side: str) -> np.ndarray:
-    """Where a leg points (t, 3) [m]: ankle to toe, plus how far the knee lies before the line of hip and ankle."""
+def _ahead(clip: HumanClip, side: str) -> Float[np.ndarray, "t 3"]:
+    """Where a leg points [m]: ankle to toe, plus how far the knee lies before the line of hip and ankle."""
     hip, knee, ankle, toe = (clip.pos(f"{side}_{part}") for part in ("hip", "knee", "ankle", "toe"))
     return (toe - ankle) + (knee - 0.5 * (hip + ankle))

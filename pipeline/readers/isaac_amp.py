@@ -13,8 +13,8 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.files.array_file import ArrayFile
-from pipeline.readers.poses import StoredPoses
+from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
+from pipeline.readers.poses import RowPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.velocity_rate import rate_of_velocities
@@ -40,6 +40,9 @@ PARENTS: dict[str, str | None] = {
 MAX_BONE_CHANGE = 0.01
 """How far a body may move in its parent's frame [m] (95th percentile) and still be a bone."""
 
+MEASURED_FRAMES = 20_000
+"""Frames in which bones are measured, from the first."""
+
 
 def is_isaac_amp(header: ArrayFile) -> bool:
     """An archive of Isaac Lab's AMP motions."""
@@ -53,21 +56,22 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     missing = [name for name in PARENTS if name not in stored]
     if missing:
         raise FileError(path, f"bodies are missing: {', '.join(missing)}; there are: {', '.join(stored)}.")
-    pos = header.numbers("body_positions", None, len(stored), 3)
-    quat = header.numbers("body_rotations", len(pos), len(stored), 4)
+    pos = header.stored_numbers("body_positions", None, len(stored), 3)
+    quat = header.stored_numbers("body_rotations", len(pos), len(stored), 4)
     if not len(pos):
         raise FileError(path, "the file has no frames.")
-    order = [stored.index(name) for name in PARENTS]
-    pos, quat = pos[:, order], quat[:, order]
-    check_unit(path, quat, "a body's quaternion")
+    poses = RowPoses(pos=pos, quat=quat, columns=tuple(stored.index(name) for name in PARENTS))
+    for start in range(0, len(pos), ROWS_AT_ONCE):
+        rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
+        check_unit(path, rows, "a body's quaternion", start)
     names = tuple(PARENTS)
     parents = tuple(-1 if parent is None else names.index(parent) for parent in PARENTS.values())
     return RawMotion(
         format="isaac_amp",
         joint_names=names,
         parents=parents,
-        rest_offset=_bones(path, names, parents, pos, rotation.normalize(quat)),
-        poses=StoredPoses(pos_w=pos, quat_w=rotation.normalize(quat)),
+        rest_offset=_bones(path, names, parents, *poses.world(range(len(names)), 0, MEASURED_FRAMES)),
+        poses=poses,
         fps=header.number("fps") if header.has("fps") else None,
         fps_by_velocity=_rate_of_bodies(header, len(stored)),
         files=(path,),
@@ -79,9 +83,10 @@ def _rate_of_bodies(header: ArrayFile, bodies: int) -> float | None:
     """The rate that `body_linear_velocities` tells [Hz]."""
     if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
         return None
-    position = header.numbers("body_positions", None, bodies, 3)
-    velocity = header.numbers("body_linear_velocities", len(position), bodies, 3)
-    return rate_of_velocities(position.reshape(len(position), -1), velocity.reshape(len(position), -1))
+    return rate_of_velocities(
+        header.stored_numbers("body_positions", None, bodies, 3),
+        header.stored_numbers("body_linear_velocities", None, bodies, 3),
+    )
 
 
 def _bones(

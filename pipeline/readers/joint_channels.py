@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,31 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.files import page_memory
+from pipeline.readers.poses import with_ancestors
 
 CHANNELS = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rows:
-    """Rows of numbers in memory of their own, which goes back page by page once rows were used."""
-
-    memory: mmap.mmap
-    columns: int
-
-    @classmethod
-    def empty(cls, rows: int, columns: int) -> Rows:
-        """Room for so many rows; memory is taken as they are written."""
-        return cls(memory=mmap.mmap(-1, max(rows * columns * 8, mmap.PAGESIZE)), columns=columns)
-
-    def array(self, rows: int) -> Float[np.ndarray, "t c"]:
-        """The first rows."""
-        return np.frombuffer(self.memory, dtype=float, count=rows * self.columns).reshape(rows, self.columns)
-
-    def forget(self, rows: int) -> None:
-        """Give the memory of the first rows back; they read as zeros from then on."""
-        whole = rows * self.columns * 8 // mmap.PAGESIZE * mmap.PAGESIZE
-        if whole and hasattr(mmap, "MADV_DONTNEED"):
-            self.memory.madvise(mmap.MADV_DONTNEED, 0, whole)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +30,6 @@ class ChannelPoses:
     """Names of each joint's channels (`CHANNELS`), in the order of the columns."""
     values: Float[np.ndarray, "t c"]
     """Lengths in the file's unit and angles [deg]."""
-    rows: Rows
-    """The memory of `values`."""
 
     @property
     def frame_count(self) -> int:
@@ -61,13 +37,13 @@ class ChannelPoses:
 
     def forget(self, stop: int) -> None:
         """Free the memory of the frames before `stop`, which nobody asks for again."""
-        self.rows.forget(stop)
+        page_memory.forget(self.values, stop)
 
     def world(
         self, joints: Sequence[int], start: int, stop: int
     ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
         """Positions and orientations of some joints in frames [start, stop)."""
-        needed = self._with_ancestors(joints)
+        needed = with_ancestors(joints, self.parents)
         local_pos, local_quat = self._local(needed, self.values[start:stop])
         pos: dict[int, np.ndarray] = {}
         quat: dict[int, np.ndarray] = {}
@@ -79,15 +55,6 @@ class ChannelPoses:
                 pos[joint] = pos[parent] + rotation.rotate(quat[parent], local_pos[column])
                 quat[joint] = rotation.multiply(quat[parent], local_quat[column])
         return np.stack([pos[joint] for joint in joints], axis=1), np.stack([quat[joint] for joint in joints], axis=1)
-
-    def _with_ancestors(self, joints: Sequence[int]) -> list[int]:
-        """The joints and all above them, parents first."""
-        found: set[int] = set()
-        for joint in joints:
-            while joint >= 0 and joint not in found:
-                found.add(joint)
-                joint = self.parents[joint]
-        return sorted(found)
 
     def _local(
         self, joints: list[int], values: Float[np.ndarray, "t c"]

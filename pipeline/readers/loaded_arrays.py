@@ -36,12 +36,11 @@ class LoadedArrays(ArrayFile):
     assumed_fps: float | None = None
     """The rate of the program that writes such files [Hz]."""
 
-    def array(self, name: str) -> np.ndarray:
-        """One array; numbers as float64. Raises FileError when it is missing."""
+    def stored(self, name: str) -> np.ndarray:
+        """One array as it was loaded. Raises FileError when it is missing."""
         if name not in self.values:
             raise FileError(self.path, f"'{name}' is missing; there are: {', '.join(sorted(self.values))}.")
-        value = self.values[name]
-        return value.astype(float) if value.dtype.kind in "fiub" else value
+        return self.values[name]
 
 
 def open_pickle(path: Path) -> LoadedArrays:

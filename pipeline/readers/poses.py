@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.files import page_memory
+from pipeline.files.array_file import finite_rows
 
 
 @runtime_checkable
@@ -33,25 +35,65 @@ class Poses(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredPoses:
-    """World poses that a reader has worked out, or that the file holds."""
+class TreePoses:
+    """Poses of a tree of joints that turn about fixed places in their parents' frames.
 
-    pos_w: Float[np.ndarray, "t j 3"]
-    quat_w: Float[np.ndarray, "t j 4"]
-    """wxyz"""
+    They are worked out from rows of numbers for the frames that are asked for.
+    """
 
-    @property
-    def frame_count(self) -> int:
-        return len(self.pos_w)
+    parents: tuple[int, ...]
+    """Index of each joint's parent, -1 for the root; a parent comes before its children."""
+    offsets: Float[np.ndarray, "j 3"]
+    """Place of each joint in its parent's frame, in the file's unit; of the root it is not used."""
+    frame_count: int
+    local: Callable[[int, int], tuple[np.ndarray, np.ndarray]]
+    """Places of the root (t, 3) and orientations wxyz of all joints in their parents' frames (t, j, 4) in frames
+    [start, stop)."""
+    release: Callable[[int], None]
+    """Frees the memory of the frames before one."""
 
     def world(
         self, joints: Sequence[int], start: int, stop: int
     ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
         """Positions and orientations of some joints in frames [start, stop)."""
-        return self.pos_w[start:stop, list(joints)], self.quat_w[start:stop, list(joints)]
+        root, local_quat = self.local(start, min(stop, self.frame_count))
+        local_pos = np.broadcast_to(self.offsets, (len(root), *self.offsets.shape)).copy()
+        local_pos[:, 0] = root
+        pos, quat = forward_kinematics(self.parents, local_pos, local_quat)
+        return pos[:, list(joints)], quat[:, list(joints)]
 
     def forget(self, stop: int) -> None:
-        """Keep everything."""
+        """Free the memory of the frames before `stop`."""
+        self.release(stop)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowPoses:
+    """World poses that a file holds, turned into numbers for the frames that are asked for."""
+
+    pos: np.ndarray
+    """Positions (t, b, 3) as the file stores them, in its unit."""
+    quat: np.ndarray
+    """Orientations wxyz (t, b, 4), likewise."""
+    columns: tuple[int, ...]
+    """Which body each joint is."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.pos)
+
+    def world(
+        self, joints: Sequence[int], start: int, stop: int
+    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
+        """Positions and unit orientations of some joints in frames [start, stop)."""
+        columns = [self.columns[joint] for joint in joints]
+        pos, quat = (finite_rows(each, start, stop)[:, columns] for each in (self.pos, self.quat))
+        return pos, rotation.normalize(quat)
+
+    def forget(self, stop: int) -> None:
+        """Free the memory of the frames before `stop`."""
+        page_memory.forget(self.pos, stop)
+        page_memory.forget(self.quat, stop)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,3 +125,30 @@ class TipPoses:
     def forget(self, stop: int) -> None:
         """Free the memory of the frames before `stop`."""
         self.poses.forget(stop)
+
+
+def forward_kinematics(
+    parents: tuple[int, ...], local_pos: Float[np.ndarray, "t j 3"], local_quat: Float[np.ndarray, "t j 4"]
+) -> tuple[Float[np.ndarray, "t j 3"], Float[np.ndarray, "t j 4"]]:
+    """World positions and orientations of a tree of joints from each joint's place in its parent's frame.
+
+    A parent comes before its children; a parent of -1 is the world.
+    """
+    pos, quat = (
+        list(np.moveaxis(local, 1, 0).copy()) for local in (local_pos, local_quat)
+    )  # a joint's frames together
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
+            quat[joint] = rotation.multiply(quat[parent], quat[joint])
+    return np.stack(pos, axis=1), np.stack(quat, axis=1)
+
+
+def with_ancestors(joints: Sequence[int], parents: Sequence[int]) -> list[int]:
+    """The joints and all above them, parents first, in a tree whose parents come before their children."""
+    found: set[int] = set()
+    for joint in joints:
+        while joint >= 0 and joint not in found:
+            found.add(joint)
+            joint = parents[joint]
+    return sorted(found)

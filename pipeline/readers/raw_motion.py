@@ -118,20 +118,3 @@ class RawMotion:
             poses=poses,
             tips={},
         )
-
-
-def forward_kinematics(
-    parents: tuple[int, ...], local_pos: Float[np.ndarray, "t j 3"], local_quat: Float[np.ndarray, "t j 4"]
-) -> tuple[Float[np.ndarray, "t j 3"], Float[np.ndarray, "t j 4"]]:
-    """World positions and orientations of a tree of joints from each joint's place in its parent's frame.
-
-    A parent comes before its children; a parent of -1 is the world.
-    """
-    pos, quat = (
-        list(np.moveaxis(local, 1, 0).copy()) for local in (local_pos, local_quat)
-    )  # a joint's frames together
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            pos[joint] = pos[parent] + rotation.rotate(quat[parent], pos[joint])
-            quat[joint] = rotation.multiply(quat[parent], quat[joint])
-    return np.stack(pos, axis=1), np.stack(quat, axis=1)

@@ -14,6 +14,7 @@ from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
 from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
+from pipeline.readers.c3d import read_c3d
 from pipeline.readers.deepmimic import read_deepmimic
 from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.gltf import read_gltf
@@ -114,6 +115,10 @@ def _read_bvh(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _human(read_bvh(path), name, statement)
 
 
+def _read_c3d(path: Path, name: str, statement: Statement) -> ReadMotion:
+    return _human(read_c3d(path), name, statement)
+
+
 def _read_gltf(path: Path, name: str, statement: Statement) -> ReadMotion:
     return _human(read_gltf(path), name, statement)
 
@@ -172,6 +177,7 @@ def _arrays(arrays: ArrayFile, name: str, statement: Statement, assumed_fps: flo
 _READERS: dict[str, Callable[[Path, str, Statement], ReadMotion]] = {
     ".amc": _read_amc,
     ".bvh": _read_bvh,
+    ".c3d": _read_c3d,
     ".csv": _read_csv,
     ".glb": _read_gltf,
     ".gltf": _read_gltf,

@@ -23,6 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pipeline.errors import FileError
+from pipeline.files import page_memory
 from pipeline.files.damaged_npz import raise_fault_of_disk
 from pipeline.files.npz import check_sizes
 from pipeline.readers.npz_file import caps
@@ -119,7 +120,8 @@ class JoblibArray:
 
 
 def _filled(data: bytes, kind: PickledType, shape: tuple, order: str) -> np.ndarray:
-    array = np.frombuffer(data, dtype=kind.dtype)
+    array = page_memory.empty((len(data) // kind.dtype.itemsize,), kind.dtype)
+    array[:] = np.frombuffer(data, dtype=kind.dtype)
     return array.reshape(tuple(int(length) for length in shape), order="F" if order == "F" else "C")
 
 
@@ -165,6 +167,10 @@ def _tensor(storage: np.ndarray, offset: int, size: tuple, stride: tuple, *_: An
         raise ValueError("a tensor beyond its storage")
     else:
         strides = tuple(step * storage.itemsize for step in stride)
+        part = storage[offset : offset + int(np.prod(size))]
+        if strides == part.reshape(size).strides:
+            array.value = part.reshape(size)
+            return array
         array.value = np.lib.stride_tricks.as_strided(storage[offset:], size, strides, writeable=False)
     return array
 
@@ -270,7 +276,11 @@ def load_torch(path: Path) -> Any:
             folder = head.removesuffix("data.pkl")
 
             def storage(key: str, kind: str) -> np.ndarray:
-                return np.frombuffer(archive.read(f"{folder}data/{key}"), dtype=kind)
+                info = archive.getinfo(f"{folder}data/{key}")
+                array = page_memory.empty((info.file_size // np.dtype(kind).itemsize,), kind)
+                with archive.open(info) as stream:
+                    page_memory.fill(array, stream)
+                return array
 
             return _Unpickler(_Bytes(archive.read(head)), storage).load()
     except NotAllowedError as error:

@@ -34,8 +34,7 @@ def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
     for name in ("body_linear_velocities", "dof_velocities"):
         arrays.refuse_other_length(name, "body_positions", frames)
     if arrays.shapes.get("body_linear_velocities") == body_pos.shape:
-        velocity = arrays.numbers("body_linear_velocities", *body_pos.shape)
-        by_velocity = rate_of_velocities(body_pos.reshape(frames, -1), velocity.reshape(frames, -1))
+        by_velocity = rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape))
     return RobotMotion(
         format="robot_amp",
         path=arrays.path,

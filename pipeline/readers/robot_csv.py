@@ -7,35 +7,43 @@ stated by a first line `# fps: 50`, a column `time_s`, or in data/sources.yaml.
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.errors import FileError
-from pipeline.files.array_file import known_numbers
+from pipeline.files import page_memory
+from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 from pipeline.readers.robot_motion import RobotMotion
-from pipeline.readers.text_file import MAX_FRAMES, read_lines, to_float
+from pipeline.readers.text_file import MAX_FRAMES, to_float
+from pipeline.readers.text_stream import open_text
 
 ROOT = 7
+MOST_COMMENTS = 1000
+"""Lines of comments that are looked at."""
 MAX_RATE_ERROR = 0.02
 """Largest deviation of the stated rate from that of the times, as a share of it."""
 
 
 def read_robot_csv(path: Path) -> RobotMotion:
     """A robot's motion. Raises FileError with the line."""
-    lines = [(number, line) for number, line in enumerate(read_lines(path), start=1) if line.strip()]
-    comments = [line for _, line in lines if line.lstrip().startswith("#")]
-    rows = [(number, _cells(line)) for number, line in lines if not line.lstrip().startswith("#")]
-    header = rows.pop(0)[1] if rows and not _is_number(rows[0][1][0]) else None
-    if not rows:
+    text = open_text(path)
+    comments: list[str] = []
+    rows = _rows(text.lines(), comments)
+    first = next(rows, None)
+    header = first[1] if first is not None and not _is_number(first[1][0]) else None
+    if header is not None:
+        first = next(rows, None)
+    if first is None:
         raise FileError(path, "the file has no frames.")
-    if len(rows) > MAX_FRAMES:
-        raise FileError(path, f"{len(rows)} frames are more than the {MAX_FRAMES} allowed.")
-    width = len(header or rows[0][1])
+    width = len(header or first[1])
     if width <= ROOT:
         raise FileError(path, f"a row has {width} columns, wanted root xyz, quaternion xyzw and the joints.", line=1)
-    values = known_numbers(np.array([_numbers(path, number, cells, width) for number, cells in rows]))
+    values = _values(path, itertools.chain([first], rows), width, text.line_count)
     fps = _commented_fps(comments)
     if header is not None and "time_s" in header:
         time_s = values[:, header.index("time_s")]
@@ -54,6 +62,30 @@ def read_robot_csv(path: Path) -> RobotMotion:
         joint_names=tuple(header[ROOT:]) if header is not None else None,
         fps=fps,
     )
+
+
+def _rows(lines: Iterator[str], comments: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line that holds any; comments are put into a list."""
+    for number, line in enumerate(lines, start=1):
+        if line.lstrip().startswith("#"):
+            if len(comments) < MOST_COMMENTS:
+                comments.append(line)
+        elif line.strip():
+            yield number, _cells(line)
+
+
+def _values(path: Path, rows: Iterator[tuple[int, list[str]]], width: int, lines: int) -> Float[np.ndarray, "t c"]:
+    """The numbers of all rows. Raises FileError with the line."""
+    values = page_memory.empty((min(lines, path.stat().st_size // (2 * width) + 1, MAX_FRAMES), width))
+    count = 0
+    for number, cells in rows:
+        if count == MAX_FRAMES:
+            raise FileError(path, f"it has more than the {MAX_FRAMES} frames allowed.")
+        values[count] = _numbers(path, number, cells, width)
+        count += 1
+    for start in range(0, count, ROWS_AT_ONCE):
+        values[start : start + ROWS_AT_ONCE] = known_numbers(values[start : start + ROWS_AT_ONCE])
+    return values[:count]
 
 
 def _cells(line: str) -> list[str]:

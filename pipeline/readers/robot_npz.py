@@ -107,7 +107,7 @@ def _velocity_of_qpos(header: ArrayFile, qpos: Float[np.ndarray, "t q"]) -> floa
     header.refuse_other_length("qvel", "qpos", len(qpos))
     if header.shapes.get("qvel") != (len(qpos), qpos.shape[1] - 1):
         return None
-    qvel = header.numbers("qvel", len(qpos), qpos.shape[1] - 1)
+    qvel = header.stored_numbers("qvel", len(qpos), qpos.shape[1] - 1)
     return rate_of_velocities(qpos[:, :3], qvel[:, :3]) or rate_of_velocities(qpos[:, 7:], qvel[:, 6:])
 
 
@@ -118,11 +118,9 @@ def _velocity_of_joints(
     for name in ("joint_vel", "body_lin_vel_w"):
         header.refuse_other_length(name, "joint_pos", len(joint_pos))
     if bodies is not None and header.shapes.get("body_lin_vel_w") == bodies.shape:
-        velocity = header.numbers("body_lin_vel_w", *bodies.shape)
-        flat = (len(bodies), -1)
-        found = rate_of_velocities(bodies.reshape(flat), velocity.reshape(flat))
+        found = rate_of_velocities(bodies, header.stored_numbers("body_lin_vel_w", *bodies.shape))
         if found is not None:
             return found
     if header.shapes.get("joint_vel") == joint_pos.shape:
-        return rate_of_velocities(joint_pos, header.numbers("joint_vel", *joint_pos.shape))
+        return rate_of_velocities(joint_pos, header.stored_numbers("joint_vel", *joint_pos.shape))
     return None

@@ -15,10 +15,11 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.files.array_file import ArrayFile
+from pipeline.files import page_memory
+from pipeline.files.array_file import ArrayFile, finite_rows
 from pipeline.readers.npz_file import open_npz
-from pipeline.readers.poses import StoredPoses
-from pipeline.readers.raw_motion import RawMotion, forward_kinematics
+from pipeline.readers.poses import TreePoses
+from pipeline.readers.raw_motion import RawMotion
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -104,8 +105,8 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
     """An SMPL motion. `assumed_fps`: what is known of the program that wrote it [Hz]. Raises FileError."""
     translation, rate, shape = arrays.first(*TRANSLATIONS), arrays.first(*RATES), arrays.first(*SHAPES)
     assert translation is not None
-    trans = arrays.numbers(translation, None, 3)
-    poses = _poses(arrays, len(trans), translation)
+    trans = arrays.stored_numbers(translation, None, 3)
+    turns = _turns(arrays, len(trans), translation)
     betas = arrays.array(shape).reshape(-1) if shape is not None else np.zeros(0)
     notes: tuple[Reason, ...] = ()
     if body_model is None:
@@ -115,16 +116,12 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
     else:
         offsets = read_body_model(body_model, betas)
     parents = tuple(-1 if parent is None else JOINTS.index(parent) for parent in PARENTS.values())
-    local_pos = np.broadcast_to(offsets, (len(poses), len(JOINTS), 3)).copy()
-    local_pos[:, 0] = trans + offsets[0]
-    local_quat = rotation.from_rotvec(poses.reshape(len(poses), len(JOINTS), 3))
-    pos, quat = forward_kinematics(parents, local_pos, local_quat)
     return RawMotion(
         format="smpl",
         joint_names=JOINTS,
         parents=parents,
         rest_offset=np.where(np.array(parents)[:, None] < 0, 0.0, offsets),
-        poses=StoredPoses(pos_w=pos, quat_w=quat),
+        poses=_poses(trans, turns, parents, offsets),
         fps=arrays.number(rate) if rate is not None else None,
         assumed_fps=assumed_fps,
         files=(arrays.path,) if body_model is None else (arrays.path, body_model),
@@ -133,34 +130,52 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
     )
 
 
-def _poses(arrays: ArrayFile, frames: int, translation: str) -> Float[np.ndarray, "t 66"]:
-    """Rotation vectors of the root and the body's joints [rad]. Raises FileError."""
+def _poses(
+    trans: np.ndarray, turns: tuple[np.ndarray, ...], parents: tuple[int, ...], offsets: Float[np.ndarray, "22 3"]
+) -> TreePoses:
+    """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, worked out as needed."""
+
+    def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
+        rows = np.concatenate([finite_rows(each, start, stop).reshape(stop - start, -1) for each in turns], axis=1)
+        vectors = rows[:, : 3 * len(JOINTS)].reshape(len(rows), len(JOINTS), 3)
+        return finite_rows(trans, start, stop) + offsets[0], rotation.from_rotvec(vectors)
+
+    def release(stop: int) -> None:
+        for each in (trans, *turns):
+            page_memory.forget(each, stop)
+
+    return TreePoses(parents=parents, offsets=offsets, frame_count=len(trans), local=local, release=release)
+
+
+def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray, ...]:
+    """Rotation vectors of the root and the body's joints [rad] as the file stores them. Raises FileError."""
     whole, root, body = arrays.first(*WHOLE), arrays.first(*ROOTS), arrays.first(*BODIES)
     if whole is not None:
-        poses = _flat(arrays, whole)
-        if poses.shape[1] not in COLUMNS or len(poses) != frames or not frames:
-            problem = (
-                f"{whole} are {poses.shape[0]}×{poses.shape[1]} and {translation} {frames}×3, wanted the same frames"
-            )
+        poses = _rows(arrays, whole)
+        if _width(poses) not in COLUMNS or len(poses) != frames or not frames:
+            problem = f"{whole} are {len(poses)}×{_width(poses)} and {translation} {frames}×3, wanted the same frames"
             raise FileError(arrays.path, f"{problem} and 66, 72, 156 or 165 columns.")
-        return poses[:, : 3 * len(JOINTS)]
+        return (poses,)
     assert root is not None and body is not None
-    turn, rest = _flat(arrays, root), _flat(arrays, body)
-    if turn.shape[1] != 3 or rest.shape[1] not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
+    turn, rest = _rows(arrays, root), _rows(arrays, body)
+    if _width(turn) != 3 or _width(rest) not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
         problem = (
-            f"{root} is {turn.shape[0]}×{turn.shape[1]}, {body} {rest.shape[0]}×{rest.shape[1]} and {translation} "
-            f"{frames}×3, wanted the same frames, 3 columns and 63 or 69."
+            f"{root} is {len(turn)}×{_width(turn)}, {body} {len(rest)}×{_width(rest)} and {translation} {frames}×3, "
+            "wanted the same frames, 3 columns and 63 or 69."
         )
         raise FileError(arrays.path, problem)
-    return np.concatenate([turn, rest[:, : 3 * len(JOINTS) - 3]], axis=1)
+    return (turn, rest)
 
 
-def _flat(arrays: ArrayFile, name: str) -> Float[np.ndarray, "t c"]:
-    """An array of rotation vectors as rows, whether the file keeps its joints apart or not."""
-    if len(arrays.shapes[name]) != 3:
-        return arrays.numbers(name, None, None)
-    value = arrays.numbers(name, None, None, 3)
-    return value.reshape(len(value), value.shape[1] * 3)
+def _rows(arrays: ArrayFile, name: str) -> np.ndarray:
+    """An array of rotation vectors, a row each frame or an array (joints, 3)."""
+    shape = (None, None, 3) if len(arrays.shapes[name]) == 3 else (None, None)
+    return arrays.stored_numbers(name, *shape)
+
+
+def _width(rows: np.ndarray) -> int:
+    """Numbers of a frame."""
+    return int(np.prod(rows.shape[1:]))
 
 
 def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndarray, "22 3"]:

@@ -21,6 +21,11 @@ MAX_NUMBERS = 100_000_000
 
 def read_lines(path: Path) -> list[str]:
     """Lines of a text file without their ends. Raises FileError: missing, empty, too large, not text."""
+    return read_text(path).split("\n")
+
+
+def read_text(path: Path) -> str:
+    """A text file with `\\n` at the ends of its lines. Raises FileError: missing, empty, too large, not text."""
     check_size(path)
     data = path.read_bytes()
     if b"\0" in data:
@@ -29,7 +34,8 @@ def read_lines(path: Path) -> list[str]:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    del data
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def check_size(path: Path) -> None:

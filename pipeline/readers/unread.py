@@ -7,11 +7,13 @@ from pathlib import Path
 from pipeline.errors import FileError
 
 CONVERT: dict[str, str] = {
-    ".fbx": "Import it into Blender and export it as BVH or glTF.",
-    ".c3d": "Markers without a skeleton: solve them in the capture program (Nexus, Motive, Seeker) and export BVH.",
-    ".mvnx": "Export it from Xsens MVN as BVH, or as FBX and convert that.",
-    ".mvn": "Export it from Xsens MVN as BVH.",
-    ".trc": "Markers without a skeleton: solve them in the capture program and export BVH.",
+    ".fbx": "Import it into Blender and export it as BVH or glTF: blender --background --factory-startup "
+    "--python-expr \"import bpy; bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
+    "bpy.ops.export_scene.gltf(filepath='OUT.glb')\"",
+    ".mvnx": "Open its .mvn in Xsens MVN (MVN Analyze or Animate) and export it as BVH, or as FBX and convert that.",
+    ".mvn": "Open it in Xsens MVN (MVN Analyze or Animate) and export it as BVH.",
+    ".trc": "Export the markers as C3D under Plug-in Gait's names, or solve a skeleton in the capture program and "
+    "export BVH.",
     ".npy": "An array without names: write it into an archive, numpy.savez(FILE, poses=..., trans=..., fps=...).",
     ".pth": "Save it as .pt with torch.save({name: tensor, ...}, FILE).",
     ".pickle": "Rename it to .pkl.",
@@ -29,7 +31,7 @@ CONVERT: dict[str, str] = {
     ".mat": "Write its arrays into an archive with scipy.io.loadmat and numpy.savez (docs/sources.md lists the names).",
     ".parquet": "A LeRobot data set holds no human motion; of a robot write root and joints into a CSV.",
     ".mot": "OpenSim coordinates: convert them to BVH.",
-    ".v": "Export the trial from Vicon Nexus or Shogun as BVH.",
+    ".v": "Export the trial from Vicon Nexus or Shogun as C3D or BVH.",
     ".x3d": "Convert it to glTF in Blender.",
 }
 """Suffix -> how to make a file of it that is read."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from pipeline.clips.outcome import Reason
+from pipeline.files.array_file import finite_rows
 from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.statement import Statement
 
@@ -17,20 +17,26 @@ RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500,
 MIN_CORRELATION = 0.98
 """Of differences of position with the stored velocity; below it they tell no rate."""
 
-FEWEST_FRAMES = 10
-"""Frames that are needed."""
+FEWEST_FRAMES, MOST_FRAMES = 10, 20_000
+"""Frames that are needed, and that are compared, from the first."""
 
 CONTRADICTED = 0.05
 """A declared rate that is off by more than this share of the one that the velocities tell is wrong."""
 
 
-def rate_of_velocities(position: Float[np.ndarray, "t n"], velocity: Float[np.ndarray, "t n"]) -> float | None:
+def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> float | None:
     """Rate [Hz] at which central differences of positions are the stored velocities; None where they do not agree.
 
-    Least squares over all columns, taken for the usual rate within 2 %. Frames with missing numbers are left out.
+    Least squares over all columns of at most `MOST_FRAMES` frames, taken for the usual rate within 2 %. Frames with
+    missing numbers are left out.
+
+    Args:
+        position: (t, ...) of any number type
+        velocity: of the same shape
     """
     if len(position) < FEWEST_FRAMES or position.shape != velocity.shape:
         return None
+    position, velocity = (finite_rows(each, 0, MOST_FRAMES).reshape(-1, _width(each)) for each in (position, velocity))
     step, stored = 0.5 * (position[2:] - position[:-2]), velocity[1:-1]
     known = np.isfinite(step).all(axis=1) & np.isfinite(stored).all(axis=1)
     step, stored = step[known], stored[known]
@@ -43,6 +49,10 @@ def rate_of_velocities(position: Float[np.ndarray, "t n"], velocity: Float[np.nd
     fps = product / power
     usual = min(RATES_HZ, key=lambda rate: abs(rate - fps))
     return float(usual) if abs(usual - fps) < 0.02 * usual else None
+
+
+def _width(array: np.ndarray) -> int:
+    return int(np.prod(array.shape[1:]))
 
 
 def checked_rate(

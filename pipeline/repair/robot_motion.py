@@ -14,7 +14,7 @@ from pipeline.errors import ClipError
 from pipeline.repair import reasons
 from pipeline.repair.placement import mean_heading
 from pipeline.repair.robot_contacts import label_robot_contacts
-from pipeline.repair.robot_spikes import without_spikes
+from pipeline.repair.robot_spikes import Dropout, find_dropouts, without_spikes
 from pipeline.repair.settings import RepairSettings, RobotSettings
 from pipeline.robot import Robot
 
@@ -26,13 +26,15 @@ def process_robot(
 ) -> Outcome:
     """The window of a robot's trajectory without frames that no robot can show.
 
-    Spikes of a frame or two are filled. Frames that are not finite, or whose joints move faster than a jump, are cut.
+    Spikes of a frame or two are filled. Frames of longer dropouts, frames that are not finite and frames whose joints
+    move faster than a jump are cut.
     Joint limits passed by a little are clamped where the robot is given; more than that is the feasibility stage's
     matter.
     """
     speed_limit = _speed_limit(clip, robot, settings.robot)
     clip, spikes = without_spikes(clip)
-    bad, gathered = _bad_frames(clip, speed_limit, settings.robot)
+    dropouts = find_dropouts(clip, settings.detection.longest_spike_s)
+    bad, gathered = _bad_frames(clip, speed_limit, dropouts)
     clamped, clamps = _clamped(clip, robot, settings.robot)
     gathered += [*spikes, *clamps]
     pieces = []
@@ -67,7 +69,7 @@ def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) 
 
 
 def _bad_frames(
-    clip: RobotClip, speed_limit: np.ndarray, settings: RobotSettings
+    clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]
 ) -> tuple[Bool[np.ndarray, " t"], list[Reason]]:
     """Frames to cut, and why."""
     norm = np.linalg.norm(clip.root_quat_w, axis=1)
@@ -77,8 +79,13 @@ def _bad_frames(
     gathered += [
         _reason("no_rotation", low, high, clip.fps, "root quaternion not unit") for low, high in time_series.runs(~unit)
     ]
-    speed = np.abs(np.diff(np.where(finite[:, None], clip.joint_pos, 0.0), axis=0)) * clip.fps
-    speed[~(finite[1:] & finite[:-1])] = 0.0
+    away = np.zeros(clip.frame_count, dtype=bool)
+    for dropout in dropouts:
+        away[dropout.start : dropout.stop] = True
+        gathered.append(dropout.reason(clip.fps))
+    known = finite & ~away
+    speed = np.abs(np.diff(np.where(known[:, None], clip.joint_pos, 0.0), axis=0)) * clip.fps
+    speed[~(known[1:] & known[:-1])] = 0.0
     too_fast = np.concatenate([[False], (speed > speed_limit).any(axis=1)])
     too_fast[:-1] |= too_fast[1:]
     for low, high in time_series.runs(too_fast):
@@ -88,7 +95,7 @@ def _bad_frames(
         gathered.append(
             _reason("joint_jump", low, high, clip.fps, text, float(span[:, joint].max()), speed_limit[joint])
         )
-    return ~finite | ~unit | too_fast, gathered
+    return ~known | ~unit | too_fast, gathered
 
 
 def _reason(

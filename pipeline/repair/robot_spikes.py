@@ -1,12 +1,17 @@
-"""Spikes in a robot's trajectory: one or two frames that leave the motion and come back, at any amplitude.
+"""Spikes and dropouts in a robot's trajectory: frames that leave the motion in one step and come back in one step.
 
-A frame is compared with what its neighbours on both sides say (the cubic through two frames before and two after). A
-spike is off by many times what frames nearby are off; where a motion is rough everywhere nothing stands out.
+Spike: one or two frames. They are compared with the cubic through the two frames before and the two after. A spike is
+off by many times what frames nearby are off; where a motion is rough everywhere nothing stands out.
+
+Dropout: more frames, up to a second. Its edges are two opposite steps of about the same size, each many times the steps
+beside it. What the joint did in between is not known, so the frames are cut; a step without its opposite is no dropout.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -25,6 +30,40 @@ NEAR_S = 0.5
 """Nearby [s]."""
 LONGEST = 2
 """Frames of a spike at most."""
+LEAST_STEPS = {"rad": 0.12, "m": 0.04}
+"""Smallest step at the edges of a dropout: twice what an ankle that lands does in a frame at 50 Hz."""
+TIMES_BESIDE = 3.0
+"""A step of a dropout is off by more than this many times the steps before and after it."""
+MOST_DIFFERENCE = 0.35
+"""The steps at both edges differ by no more than this share of the larger one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dropout:
+    """Frames [start, stop) in which a joint or the root is elsewhere."""
+
+    start: int
+    stop: int
+    what: str
+    """`joint 'Left_Knee_Pitch'`, `the root`, …"""
+    size: float
+    """Of the larger of the steps at its edges."""
+    unit: str
+    """`rad` or `m`."""
+
+    def reason(self, fps: float) -> Reason:
+        """Why the frames are cut."""
+        return Reason(
+            code="dropout",
+            text=f"frames {self.start}-{self.stop - 1}: {self.what} jumps by {self.size:.3f} {self.unit} and back; "
+            "these frames are cut",
+            effect="rejected",
+            start_s=self.start / fps,
+            stop_s=self.stop / fps,
+            value=self.size,
+            limit=LEAST_STEPS[self.unit],
+            unit=self.unit,
+        )
 
 
 def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
@@ -35,6 +74,57 @@ def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
         return clip, []
     filled = dataclasses.replace(clip, joint_pos=joints, root_pos_w=root_pos, root_quat_w=root_quat)
     return filled, joint_reasons + root_reasons
+
+
+def find_dropouts(clip: RobotClip, longest_s: float) -> list[Dropout]:
+    """Dropouts of joints and root, the first one first, of at most `longest_s` [s]."""
+    longest = max(round(longest_s * clip.fps), LONGEST + 1)
+    joints = [
+        (f"joint '{name}'", np.abs, clip.joint_pos[:, joint, None], "rad")
+        for joint, name in enumerate(clip.joint_names)
+    ]
+    root = [
+        ("the root", rotation.length, clip.root_pos_w, "m"),
+        ("the root's rotation", _quat_angle, clip.root_quat_w, "rad"),
+    ]
+    found = [
+        Dropout(start=start, stop=stop, what=what, size=step, unit=unit)
+        for what, size, values, unit in (*joints, *root)
+        for start, stop, step in _dropouts(size, values, clip.fps, LEAST_STEPS[unit], longest)
+    ]
+    return sorted(found, key=lambda dropout: (dropout.start, dropout.stop, dropout.what))
+
+
+def _dropouts(
+    size: Callable[[np.ndarray], np.ndarray], values: Float[np.ndarray, "t d"], fps: float, least: float, longest: int
+) -> list[tuple[int, int, float]]:
+    """First frame, frame after the last and largest step of each dropout of a quantity; `size` measures a change."""
+    steps = np.diff(values, axis=0)  # steps[i] leads from frame i to i + 1
+    if len(steps) < LONGEST + 3:
+        return []
+    sizes = np.nan_to_num(np.asarray(size(steps)).reshape(len(steps)))
+    own = steps.copy()
+    own[1:-1] -= 0.5 * (steps[:-2] + steps[2:])
+    off = np.nan_to_num(np.asarray(size(own)).reshape(len(own)))
+    usual = median_filter(off, size=2 * max(3, round(NEAR_S * fps)) + 1, mode="mirror")
+    beside = np.maximum(sizes[:-2], sizes[2:])
+    edges = 1 + np.flatnonzero(
+        (off[1:-1] > np.maximum(least, TIMES_USUAL * usual[1:-1])) & (off[1:-1] > TIMES_BESIDE * beside)
+    )
+    found, after = [], 0
+    for place, first in enumerate(edges):
+        if first < after:
+            continue
+        for second in edges[place + 1 :]:
+            if second - first > longest:
+                break
+            larger = float(max(off[first], off[second]))
+            difference = float(np.asarray(size((own[first] + own[second])[None])).reshape(-1)[0])
+            if second - first > LONGEST and difference <= MOST_DIFFERENCE * larger:
+                found.append((int(first) + 1, int(second) + 1, larger))
+                after = second + 1
+                break
+    return found
 
 
 def _joints_filled(clip: RobotClip) -> tuple[Float[np.ndarray, "t j"], list[Reason]]:
@@ -80,7 +170,7 @@ def _spikes(size, values: Float[np.ndarray, "t d"], fps: float, least: float) ->
         starts = np.arange(2, count - length - 1)
         gaps = [size(values[starts + place] - _cubic(values, starts, length, place)) for place in range(length)]
         off[starts] = np.nan_to_num(np.min([np.asarray(gap).reshape(len(starts)) for gap in gaps], axis=0))
-        usual = median_filter(off, size=2 * max(3, round(NEAR_S * fps)) + 1, mode="nearest")
+        usual = median_filter(off, size=2 * max(3, round(NEAR_S * fps)) + 1, mode="mirror")
         peak = _peaks(off) & (off > np.maximum(least, TIMES_USUAL * usual)) & (off > 0.0)
         for start in np.flatnonzero(peak).tolist():
             around = slice(max(start - 2, 0), start + length + 2)

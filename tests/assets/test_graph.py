@@ -7,7 +7,7 @@ import pytest
 
 from assets.definitions import defs
 from assets.freshness import topological
-from assets.plan import plans
+from assets.plan import EXPORTS, plans
 from assets.project import PROJECT
 from assets.robot_motions import robot_assets
 
@@ -48,6 +48,7 @@ LINEAGE = {
     "webots_validation": {"exported_policy", "adapted_robot"},
     "limit_cycles": {"exported_policy", "adapted_robot", "hardware_trials"},
 }
+LINEAGE |= {name: {"expert_db"} for name in EXPORTS.values()}
 LINEAGE["release_report"] = {
     *("exported_policy", "mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles"),
     *("expert_db", "actuator_calibration", "adapted_robot"),
@@ -103,7 +104,9 @@ def test_another_robot_has_prefixed_keys_and_shares_what_is_human():
     assert found["k9/retargeted_motions"] == {"repaired_motions", "k9/robot_model"}
     assert found["k9/expert_db"] == {"k9/feasible_motions", "k9/robot_model"}
     assert {key for key in found if key.startswith("k9/")} == {
-        f"k9/{name}" for name in LINEAGE if "motions" in name or name in (*MODEL, *TRACKING, "expert_db", *APPROVED[1:])
+        f"k9/{name}"
+        for name in LINEAGE.keys() - set(EXPORTS.values())
+        if "motions" in name or name in (*MODEL, *TRACKING, "expert_db", *APPROVED[1:])
     } - {"k9/raw_motions", "k9/selected_motions", "k9/repaired_motions"}
 
 
@@ -123,7 +126,7 @@ def test_what_would_make_wrong_data_blocks():
         for key in graph.asset_check_keys
         if graph.get_check_spec(key).blocking and "/" not in key.asset_key.to_user_string()
     }
-    others = ("raw_motions", *MODEL, *APPROVED, *FIELD, *POLICY, "tracking_policy", "expert_db")
+    others = ("raw_motions", *MODEL, *APPROVED, *FIELD, *POLICY, *EXPORTS.values(), "tracking_policy", "expert_db")
     stages = [name for name in LINEAGE if name not in others]
     expected = {(name, check) for name in stages for check in ("every_clip_accounted_for", "finite_numbers")}
     expected |= {(name, "sound_frames") for name in stages if name not in ("motion_catalog", "selected_motions")}
@@ -212,4 +215,4 @@ def test_below_kp5_lie_the_database_and_what_is_made_of_it_alone():
         new = {name for name, parents in LINEAGE.items() if above in parents} - below
         below |= new
         todo += new
-    assert below == {"expert_db", *POLICY}
+    assert below == {"expert_db", *EXPORTS.values(), *POLICY}

@@ -43,7 +43,7 @@ def test_a_motion_is_the_same_under_every_convention(tmp_path, truth, name, rest
         found = read(tmp_path, CONVENTIONS[name], rest=rest, metres_per_unit=metres, **AXES[axes])
         assert found.unit == unit
         error = np.linalg.norm(found.clip.body_pos_w - truth.body_pos_w, axis=2).max(axis=0)
-        assert error.max() < 1e-3, f"{name} {rest} {unit} {axes}: {BODIES[int(error.argmax())]} {error.max():.4f} m"
+        assert error.max() < 5e-4, f"{name} {rest} {unit} {axes}: {BODIES[int(error.argmax())]} {error.max():.4f} m"
         if found.skeleton == NAME:
             told = [index for index, each in enumerate(BODIES) if not each.endswith("toe")]
             turned = rotation.angle_between(found.clip.body_quat_w[:, told], truth.body_quat_w[:, told])

@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.errors import FileError
 from pipeline.readers import read_motion
+from tests.factories import c3d_files
 from tests.factories import motion_files as files
 
 MUTATIONS = 150
@@ -21,7 +22,11 @@ def seeds(folder):
     (folder / "07_01.amc").write_text(files.amc([{}] * 3, [[0.0, 17.0, 0.0, 0.0, 0.0, 0.0]] * 3))
     files.write_deepmimic(folder / "text.txt", files.deepmimic(5))
     files.smpl_npz(folder / "smpl.npz", frames=4)
-    return {name: folder / name for name in ("bvh.bvh", "07_01.amc", "text.txt", "robot.csv", "smpl.npz")}
+    (folder / "whole.bvh").write_text(files.bvh(files.upright(4, seed=1)))
+    person = read_motion(folder / "whole.bvh", "clip").clip
+    c3d_files.write_c3d(folder / "markers.c3d", c3d_files.markers(person), 100.0, analog=2)
+    names = ("bvh.bvh", "07_01.amc", "text.txt", "robot.csv", "smpl.npz", "markers.c3d")
+    return {name: folder / name for name in names}
 
 
 def mutated(data: bytes, random: np.random.Generator) -> bytes:
@@ -41,7 +46,7 @@ def mutated(data: bytes, random: np.random.Generator) -> bytes:
     )
 
 
-@pytest.mark.parametrize("name", ["bvh.bvh", "07_01.amc", "07.asf", "text.txt", "robot.csv", "smpl.npz"])
+@pytest.mark.parametrize("name", ["bvh.bvh", "07_01.amc", "07.asf", "text.txt", "robot.csv", "smpl.npz", "markers.c3d"])
 def test_a_mutated_file_is_read_or_refused_in_a_sentence(tmp_path, name):
     paths = seeds(tmp_path)
     changed = tmp_path / name

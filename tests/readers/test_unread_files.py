@@ -53,6 +53,17 @@ def test_each_of_these_files_is_refused_with_how_to_convert_it(tmp_path, suffix)
     assert str(caught.value).endswith(CONVERT[suffix])
 
 
+@pytest.mark.parametrize(
+    ("suffix", "program", "formats"),
+    [(".fbx", r"blender --background .*import_scene\.fbx", "BVH or glTF"), (".mvnx", "Xsens MVN", "as BVH, or as FBX")],
+)
+def test_the_messages_of_fbx_and_mvnx_name_a_program_and_a_format_that_is_read(tmp_path, suffix, program, formats):
+    (tmp_path / f"take{suffix}").write_bytes(b"rubble")
+    for says in (program, formats):
+        with pytest.raises(FileError, match=says):
+            read_motion(tmp_path / f"take{suffix}", "clip")
+
+
 def test_a_source_warns_of_what_is_not_read_of_nothing_and_of_patterns_that_fit_nothing(folder, tmp_path):
     stated = (FileStatement(files="*.bvh", fps=30.0), FileStatement(files="day2/*.bvh", fps=60.0))
     source = Source(name="mine", folder=folder, files=stated)
@@ -76,7 +87,6 @@ def test_a_pointer_in_the_place_of_a_file_is_called_one(tmp_path, suffix):
 def test_the_folder_of_many_formats_names_those_that_are_not_read(cases, capsys):
     assert main(["inspect", str(cases / "folder_with_other_formats" / "motions")]) == 0
     out = capsys.readouterr().out
-    for suffix in (".c3d", ".fbx", ".mvnx", ".trc", ".npy"):
-        assert f"{suffix} 1" in out
-    for name in ("take.pkl", "take.pt", "take.glb"):
+    assert "4 files of other formats were not read: .fbx 1, .mvnx 1, .npy 1, .trc 1" in out
+    for name in ("take.pkl", "take.pt", "take.glb", "take.c3d"):
         assert name in out

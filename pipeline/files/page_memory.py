@@ -1,0 +1,67 @@
+"""Arrays in memory of their own, which goes back to the system page by page while they are read for the last time."""
+
+from __future__ import annotations
+
+import math
+import mmap
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+LEAST_BYTES = 1 << 18
+"""Smaller arrays are ordinary ones."""
+READ_BYTES = 1 << 20
+"""Bytes that are read at once."""
+
+
+@runtime_checkable
+class Readable(Protocol):
+    """A stream of bytes."""
+
+    def read(self, size: int = -1, /) -> bytes:
+        """The next bytes, at most so many; none at the end."""
+        ...
+
+
+def empty(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
+    """An array of zeros whose memory is taken as it is written, and given back by `forget` and with the array."""
+    count = math.prod(shape)
+    if count * np.dtype(dtype).itemsize < LEAST_BYTES:
+        return np.zeros(shape, dtype=dtype)
+    private = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
+    memory = mmap.mmap(-1, count * np.dtype(dtype).itemsize, **private)
+    return np.frombuffer(memory, dtype=dtype, count=count).reshape(shape)
+
+
+def forget(array: np.ndarray, rows: int) -> None:
+    """Give back the memory of the first rows of an array made by `empty`, or of a contiguous part of one.
+
+    The rows read as zeros from then on. Any other array keeps its memory.
+    """
+    memory = _memory(array)
+    if memory is None or not array.flags.c_contiguous or not array.size or not hasattr(mmap, "MADV_DONTNEED"):
+        return
+    start = array.ctypes.data - np.frombuffer(memory, dtype="u1").ctypes.data
+    first = -(-start // mmap.PAGESIZE) * mmap.PAGESIZE
+    stop = (start + min(rows, len(array)) * array.strides[0]) // mmap.PAGESIZE * mmap.PAGESIZE
+    if stop > first:
+        memory.madvise(mmap.MADV_DONTNEED, first, stop - first)
+
+
+def fill(array: np.ndarray, stream: Readable) -> None:
+    """Read the bytes of a contiguous array from a stream. Raises EOFError where it has fewer."""
+    flat, done = array.reshape(-1).view("u1"), 0
+    while done < len(flat):
+        part = stream.read(min(READ_BYTES, len(flat) - done))
+        if not part:
+            raise EOFError("it was cut off")
+        flat[done : done + len(part)] = np.frombuffer(part, dtype="u1")
+        done += len(part)
+
+
+def _memory(array: Any) -> mmap.mmap | None:
+    """The memory below an array and the views that it was made through."""
+    while isinstance(array, (np.ndarray, memoryview)):
+        array = array.base if isinstance(array, np.ndarray) else array.obj
+    return array if isinstance(array, mmap.mmap) else None

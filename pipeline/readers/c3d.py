@@ -1,0 +1,226 @@
+"""C3D: points of a motion capture system, from which a person's joints are worked out (`plug_in_gait`).
+
+The bytes are read by the library `c3d`, frame by frame. (ezc3d takes eleven times the file's size, and crashed on some
+damaged files that it was tried with.) Analog channels are passed over, as are angles, forces and points without a name.
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import c3d
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import rotation
+from pipeline.clips.human_clip import BODIES, PARENTS
+from pipeline.clips.outcome import Reason
+from pipeline.errors import FileError
+from pipeline.files import page_memory
+from pipeline.files.damaged_npz import raise_fault_of_disk
+from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
+from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
+from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
+from pipeline.readers.unit import METRES, STATED_LEG_MAX, STATED_LEG_MIN
+
+DAMAGED_C3D = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    NameError,
+    OSError,
+    struct.error,
+    TypeError,
+    ValueError,
+)
+"""What the library raises on damaged files."""
+
+FARTHEST = 1e7
+"""A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
+MEASURED_FRAMES = 4096
+"""Frames from which the lengths of bones are taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointPoses:
+    """World poses of the canonical bodies from points, worked out for the frames that are asked for."""
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, "t c"]
+    """Positions of the named points one after another, in the file's unit; NaN where a point is missing."""
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.values)
+
+    def forget(self, stop: int) -> None:
+        """Free the memory of the frames before `stop`, which nobody asks for again."""
+        page_memory.forget(self.values, stop)
+
+    def world(
+        self, joints: Sequence[int], start: int, stop: int
+    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
+        """Positions and orientations of some bodies in frames [start, stop)."""
+        part = self.values[start:stop]
+        points = {name: part[:, 3 * column : 3 * column + 3] for column, name in enumerate(self.names)}
+        pos, quat = body_poses(points)
+        return pos[:, list(joints)], quat[:, list(joints)]
+
+
+def read_c3d(path: Path) -> RawMotion:
+    """The person in a C3D file. Raises FileError, or OSError of the disk."""
+    check_size(path)
+    with path.open("rb") as stream, _faults(path):
+        reader = c3d.Reader(stream)
+        columns = _columns(path, _labels(reader))
+        frames, rate = _frame_count(path, reader), _rate(path, reader)
+        values = page_memory.empty((frames, 3 * len(columns)))
+        _read_points(path, reader, tuple(columns.values()), values)
+        declared = _text(reader, "POINT", "UNITS")
+    poses = PointPoses(names=tuple(columns), values=values)
+    parents = tuple(BODIES.index(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
+    offsets = _rest_offsets(path, poses, parents)
+    unit, notes = _unit(declared, offsets)
+    return RawMotion(
+        format="c3d",
+        joint_names=BODIES,
+        parents=parents,
+        rest_offset=offsets,
+        poses=poses,
+        fps=rate,
+        files=(path,),
+        unit=unit,
+        notes=notes,
+    )
+
+
+@contextmanager
+def _faults(path: Path) -> Iterator[None]:
+    """What the library raises and warns of as one sentence."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except FileError:
+        raise
+    except DAMAGED_C3D as error:
+        raise_fault_of_disk(error)
+        says = " ".join(f"{type(error).__name__} {str(error)[:100]}".encode("ascii", "replace").decode().split())
+        raise FileError(path, f"it is not a C3D file that can be read: {says}.") from error
+
+
+def _labels(reader: c3d.Reader) -> list[str]:
+    """Names of the points; lists of more than 255 go on in LABELS2, LABELS3, …"""
+    group = reader.get("POINT")
+    if group is None:
+        return []
+    names: list[str] = []
+    for number in range(1, 1 + reader.point_used // 255 + 1):
+        listed = group.get("LABELS" if number == 1 else f"LABELS{number}")
+        names += [] if listed is None else [str(each).strip(" \0") for each in np.ravel(listed.string_array)]
+    return names[: reader.point_used]
+
+
+def _columns(path: Path, labels: list[str]) -> dict[str, int]:
+    """Column of each point that is used, by its name without the subject's. Raises FileError."""
+    by_subject: dict[str, dict[str, int]] = {}
+    for column, label in enumerate(labels):
+        subject, _, name = label.rpartition(":")
+        if name.upper() in WANTED:
+            by_subject.setdefault(subject, {}).setdefault(name.upper(), column)
+    whole = [subject for subject, found in by_subject.items() if not missing_points(frozenset(found))]
+    if len(whole) > 1:
+        listed = ", ".join(f"'{subject[:40]}'" for subject in whole[:5])
+        raise FileError(path, f"it holds {len(whole)} people ({listed}).", "Export a file for each of them.")
+    if whole:
+        return by_subject[whole[0]]
+    best = max(by_subject.values(), key=len, default={})
+    missing = missing_points(frozenset(best))
+    held = ", ".join(label[:20] for label in labels[:12]) or "no named points"
+    raise FileError(
+        path,
+        f"its points are not those of Plug-in Gait (CGM): {', '.join(missing[:12])} {_are(missing)} missing; it holds "
+        f"{held}.",
+        "Rename them, run the model in the capture program so that its bones (PELO, LFEO, ...) are in the file, or "
+        "solve a skeleton there and export BVH.",
+    )
+
+
+def _are(missing: tuple[str, ...]) -> str:
+    return "is" if len(missing) == 1 else f"and {len(missing) - 12} more are" if len(missing) > 12 else "are"
+
+
+def _rate(path: Path, reader: c3d.Reader) -> float:
+    """Frames per second [Hz]. Raises FileError for none: how many analog samples a frame has is not known then."""
+    rate = float(reader.point_rate)
+    if not 0.0 < rate < np.inf:
+        raise FileError(path, f"POINT:RATE is {rate:g} Hz.", "Export it again with its rate.")
+    return rate
+
+
+def _frame_count(path: Path, reader: c3d.Reader) -> int:
+    """Frames of the file, checked against its size before memory is taken. Raises FileError."""
+    frames, points = int(reader.last_frame) - int(reader.first_frame) + 1, int(reader.point_used)
+    word = 4 if reader.point_scale < 0 else 2
+    if frames < MIN_FRAMES:
+        raise FileError(path, f"the file has {counted(max(frames, 0))}, which is no motion.")
+    if frames > MAX_FRAMES or 3 * frames * points > 10 * MAX_NUMBERS:
+        raise FileError(path, f"{frames} frames of {points} points are more than are allowed.", "Split it.")
+    if frames * points * 4 * word > path.stat().st_size:
+        problem = f"the header declares {frames} frames of {points} points, more than its bytes hold."
+        raise FileError(path, problem, "It was cut off; export it again.")
+    return frames
+
+
+def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], values: Float[np.ndarray, "t c"]) -> None:
+    """Read all frames. A point that the system did not see has a negative residual, or is at zero or far away."""
+    count = 0
+    for count, (_, points, _) in enumerate(reader.read_frames(copy=False, analog_transform=False), start=1):
+        place = points[list(columns)]
+        size = np.abs(place[:, :3]).max(axis=1)
+        gone = (place[:, 3] < 0.0) | (size == 0.0) | (size > FARTHEST)
+        values[count - 1] = np.where(gone[:, None], np.nan, place[:, :3]).reshape(-1)
+    if count < len(values):
+        problem = f"the header declares {len(values)} frames, the file holds {count}."
+        raise FileError(path, problem, "It was cut off; export it again.")
+
+
+def _rest_offsets(path: Path, poses: PointPoses, parents: tuple[int, ...]) -> Float[np.ndarray, "19 3"]:
+    """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
+    pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
+    offsets = np.zeros((len(BODIES), 3))
+    for body, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])
+        local = local[np.isfinite(local).all(axis=1)]
+        if not len(local):
+            problem = f"no frame has all points from which the {BODIES[body].replace('_', ' ')} is worked out."
+            raise FileError(path, problem, "Fill the gaps in the capture program.")
+        offsets[body] = np.median(local, axis=0)
+    return offsets
+
+
+def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None, tuple[Reason, ...]]:
+    """The declared unit; None, with a note, where a person of that size does not exist: then the legs tell it."""
+    leg = sum(float(np.linalg.norm(offsets[BODIES.index(name)])) for name in ("left_knee", "left_ankle"))
+    unit = declared.strip().lower()
+    if unit not in METRES:
+        return None, ()
+    if STATED_LEG_MIN <= leg * METRES[unit] <= STATED_LEG_MAX:
+        return unit, ()
+    text = f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is told by the leg"
+    return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
+
+
+def _text(reader: c3d.Reader, group: str, name: str) -> str:
+    """A parameter that is a text; empty where it is missing."""
+    found = reader.get(f"{group}:{name}")
+    return "" if found is None else str(found.string_value).strip(" \0")
