@@ -49,7 +49,7 @@ def ingest(
     name: str,
     folder: Path,
     *,
-    layouts: Mapping[int, Layout],
+    layouts: Mapping[int, tuple[Layout, ...]],
     settings: LogSettings,
     sidecar: Path | None = None,
     bounds: Bounds | None = None,
@@ -84,7 +84,7 @@ def _read(
     source: McapReader | BagReader,
     name: str,
     folder: Path,
-    layouts: Mapping[int, Layout],
+    layouts: Mapping[int, tuple[Layout, ...]],
     settings: LogSettings,
     sidecar: Path | None,
 ) -> Ingested | None:

@@ -39,15 +39,10 @@ def layout_of(robot: Robot) -> Layout:
     )
 
 
-def layouts(robots: Iterable[Robot]) -> dict[int, Layout]:
-    """Layouts of robots by number of joints.
-
-    Raises ValueError for two robots with as many joints: the robot of a log would be ambiguous.
-    """
-    found: dict[int, Layout] = {}
+def layouts(robots: Iterable[Robot]) -> dict[int, tuple[Layout, ...]]:
+    """Layouts of robots by number of joints. Where several robots have as many, a log must state its robot."""
+    found: dict[int, tuple[Layout, ...]] = {}
     for each in map(layout_of, robots):
         count = len(each.joint_names)
-        if count in found:
-            raise ValueError(f"'{found[count].robot}' and '{each.robot}' both have {count} joints.")
-        found[count] = each
+        found[count] = (*found.get(count, ()), each)
     return found

@@ -40,7 +40,7 @@ class MessageFlow:
         source: McapReader | BagReader,
         report: LogReport,
         files: TrialFiles,
-        layouts: Mapping[int, Layout],
+        layouts: Mapping[int, tuple[Layout, ...]],
         settings: LogSettings,
         facts: Callable[[], StatedFacts],
     ):
@@ -165,15 +165,24 @@ class MessageFlow:
             self._command.note_buttons(time_ns, rows)
         self._regular.hold(topic, time_ns, held_columns(topic, rows, self._ankles))
 
+    def _layout_of(self, fitting: tuple[Layout, ...], robot: str) -> Layout:
+        """The layout of the robot that the log states, of those with as many joints; the only one if it states none."""
+        stated = [each for each in fitting if each.robot == robot]
+        if len(fitting) == 1 or stated:
+            return (stated or fitting)[0]
+        names = " and ".join(f"'{each.robot}'" for each in fitting)
+        joints = len(fitting[0].joint_names)
+        raise self.report.refuse(f"{joints} joints are those of {names}; state the robot in a YAML file beside the log")
+
     def _begin(self) -> None:
         """The first message of `/low_state`: the robot is known."""
         assert self._joints.count is not None
-        self.layout = self.layouts[self._joints.count]
+        self.stated = self._facts()
+        self.layout = self._layout_of(self.layouts[self._joints.count], self.stated.facts.robot)
         self._ankles = self.layout.ankles
         self._regular = Regular(self.settings.time, len(self.layout.joint_names))
         self._plausible = Plausible(self.settings.plausible, self.layout)
         self._sensors = SensorWatch(self.layout, self.settings.plausible.frozen_s)
-        self.stated = self._facts()
         self._command = CommandSource(
             self.stated, self._origin(), whole=not self.report.losses and not self.stated.damaged
         )
@@ -228,7 +237,9 @@ class MessageFlow:
         """Why there are no samples at all."""
         there = ", ".join(f"{name} {count}" for name, count in sorted(self.report.messages.items()) if name)
         if self._joints.other is not None:
-            known = ", ".join(f"'{each.robot}' {count}" for count, each in sorted(self.layouts.items()))
+            known = ", ".join(
+                f"'{each.robot}' {count}" for count, fitting in sorted(self.layouts.items()) for each in fitting
+            )
             return f"its messages are of {self._joints.other} joints, known are {known}"
         if self._undefined:
             return f"{self._undefined} messages are on channels whose definition is lost"

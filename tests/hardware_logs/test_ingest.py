@@ -174,3 +174,20 @@ def test_the_same_log_gives_the_same_bytes(root, robot, tmp_path):
     ]
     one, other = (each.trials[0].path.read_bytes() for each in made)
     assert one == other
+
+
+def test_of_two_robots_with_as_many_joints_the_stated_one_is_taken(root, robot, tmp_path):
+    other = dataclasses.replace(robot, name="t9")
+    values = settings.read(root / "data/hardware_logs.yaml", LogSettings)
+
+    def robot_of(log) -> str:
+        path = tmp_path / "log.mcap"
+        write_mcap(path, log)
+        known = layouts([robot, other])
+        return ingest(path, "log", tmp_path / "out", layouts=known, settings=values).trials[0].numbers["robot"]
+
+    log = robot_log(robot, 1.0, joint_ctrl=None)
+    assert robot_of(dataclasses.replace(log, facts=facts(robot="t9"))) == "t9"
+    assert robot_of(log) == "t1"
+    with pytest.raises(LogError, match="23 joints are those of 't1' and 't9'; state the robot"):
+        robot_of(dataclasses.replace(log, facts=facts(robot="")))
