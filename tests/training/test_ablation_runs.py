@@ -19,7 +19,7 @@ from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, wr
 from tests.factories.training_bundle import small_bundle
 
 EXTRA = ("discriminator.style=0.4", "pushes.impulse_n_s=0.0,50.0")
-SMALL = ["schedule.iterations=2", "simulation.num_envs=4"]
+SMALL = ["schedule.iterations=2", "simulation.num_envs=4", "simulation.terrain=plane"]
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_what_training_writes_is_taken(tmp_path, root, robot):
     assert (one.arm, other.arm, one.seed, one.config["device"]) == ("augmented", "original", 3, "cpu")
     assert one.options == sorted(SMALL)
     assert "--device cpu" in one.command(bundle)
-    assert other.command(bundle).endswith("--set schedule.iterations=2 --set simulation.num_envs=4")
+    assert other.command(bundle).endswith("--set simulation.num_envs=4 --set simulation.terrain=plane")
 
 
 def test_the_columns_are_those_that_the_picture_draws():
