@@ -10,12 +10,12 @@ from assets import actuators
 from assets.approved import (
     BROKEN,
     PARTS,
+    approval_metadata,
     approvals_of,
     approved_key,
     approved_part,
     approved_versions,
     noting,
-    told,
 )
 from assets.bootstrap import _upstream
 from assets.plan import robot_plans
@@ -41,7 +41,7 @@ def _manifest(*variants: str, clip: str = "walk") -> Manifest:
 def test_without_approvals_a_manifest_is_the_same_bytes():
     manifest = _manifest("~mirror")
     assert noting(manifest, (), "weights").to_text() == manifest.to_text()
-    assert told(()) == {}
+    assert approval_metadata(()) == {}
 
 
 def test_without_a_file_every_part_is_empty_and_no_rules_are_read(tmp_path):

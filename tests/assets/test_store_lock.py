@@ -74,7 +74,7 @@ def test_a_training_leaves_the_store_and_refuses_inputs_that_became_others(proje
     monkeypatch.setattr(amp_policy, "train", train)
     with _one_run_at_a_time(context_of("a")):
         if changed:
-            with pytest.raises(TrainingFailedError, match="seed1: the expert database or the adapted robot became"):
+            with pytest.raises(TrainingFailedError, match="seed1: the expert database or the adapted robot changed"):
                 train_beside_others(run, project, "t1", LOG)
         else:
             train_beside_others(run, project, "t1", LOG)

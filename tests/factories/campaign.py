@@ -15,7 +15,7 @@ from pathlib import Path
 
 RIGHT, REFUSED, WRONG, CRASHED, CAPPED = "right", "refused", "silent wrong", "crashed", "capped"
 LEAST_CAP_MB, FILE_FACTOR, FILE_CAP_MB = 1_000.0, 4.0, 200.0
-"""A process may take 1 GB, or 200 MB and four times the size of the file."""
+"""A process may take 1 GB on top of its parent's, or 200 MB and four times the size of the file."""
 ADDRESS_SPACE = 6 << 30
 """Bytes that a process may map on top of its parent's; beyond that an allocation fails."""
 MOST_CPU_S = 120
@@ -32,7 +32,7 @@ class Verdict:
     size: int = 0
     """Bytes of the file."""
     peak_mb: float = 0.0
-    """Largest resident memory of the process, the libraries that its parent had loaded included [MB]."""
+    """Largest resident memory of the process on top of what it began with, its parent's libraries [MB]."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,7 @@ def run_isolated(case: Case) -> Verdict:
 
 def _child(case: Case, write: int) -> None:
     """Answer through the pipe and end; never returns."""
+    base_kb = int(_status("VmRSS"))
     try:
         mapped = int(_status("VmSize")) * 1024 + ADDRESS_SPACE
         resource.setrlimit(resource.RLIMIT_AS, (mapped, mapped))
@@ -84,7 +85,7 @@ def _child(case: Case, write: int) -> None:
         verdict = Verdict(CAPPED, "MemoryError")
     except BaseException:
         verdict = Verdict(CRASHED, traceback.format_exc()[-1500:])
-    answer = {**asdict(verdict), "peak_mb": int(_status("VmHWM")) / 1024.0}
+    answer = {**asdict(verdict), "peak_mb": max(int(_status("VmHWM")) - base_kb, 0) / 1024.0}
     with os.fdopen(write, "wb") as stream:
         stream.write(json.dumps(answer).encode())
     sys.stdout.flush()

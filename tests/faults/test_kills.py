@@ -51,12 +51,15 @@ def prepared(tmp_path_factory) -> dict[str, Path]:
 @pytest.mark.parametrize("name", WORKS)
 def test_work_that_is_killed_leaves_a_whole_state_and_is_done_by_the_next(prepared, tmp_path, name):
     rng = np.random.default_rng([SEED, *name.encode()])
-    folder = shutil.copytree(prepared[name], tmp_path / "timed", symlinks=True)
-    whole = started(name, folder)
-    begun = time.monotonic()
-    whole.join(60.0)
-    length_s = time.monotonic() - begun
-    assert whole.exitcode == 0 and WORKS[name].check(folder) == "after"
+    lengths_s = []
+    for number in range(3):  # the first one also loads code and fills caches
+        folder = shutil.copytree(prepared[name], tmp_path / f"timed{number}", symlinks=True)
+        whole = started(name, folder)
+        begun = time.monotonic()
+        whole.join(60.0)
+        lengths_s.append(time.monotonic() - begun)
+        assert whole.exitcode == 0 and WORKS[name].check(folder) == "after"
+    length_s = min(lengths_s)
     killed = 0
     for number in range(KILLS[name]):
         folder = shutil.copytree(prepared[name], tmp_path / f"kill{number}", symlinks=True)

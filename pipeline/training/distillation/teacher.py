@@ -183,11 +183,12 @@ class ClipTeacher:
 
     def _link_index(self, env) -> torch.Tensor:
         """Indices of the key links in the simulation (k,)."""
-        if self._links is None:
+        links = self._links
+        if links is None:
             robot = env.scene["robot"]
             local, _ = robot.find_bodies(self._robot.key_links, preserve_order=True)
-            self._links = robot.indexing.body_ids[torch.as_tensor(local, device=self._device)]
-        return self._links
+            links = self._links = robot.indexing.body_ids[torch.as_tensor(local, device=self._device)]
+        return links
 
     def act(self, env) -> torch.Tensor:
         """The policy's action (n, a) that gives the tracker's joint targets at the current states."""
