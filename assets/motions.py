@@ -45,7 +45,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     for text in notes:
         context.log.warning(text)
     if notes:
-        metadata["not read or empty"] = dg.MetadataValue.md("\n".join(f"- {text}" for text in notes))
+        metadata["not read or empty"] = dg.MetadataValue.md(markdown_list(notes))
     return materialized(CATALOG, manifest, metadata)
 
 

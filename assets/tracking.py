@@ -255,6 +255,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         from pipeline.robot import load_robot
         from pipeline.tracking.process import process
         from pipeline.tracking.settings import TrackingSettings
+        from pipeline.tracking.tracker import load_tracker
         from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
 
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
@@ -267,6 +268,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
             empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
             return materialized(plan, empty, {"references tracked": f"0: {why}"})
         tracker, content = found
+        load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
         function = partial(process, settings=values, robot=robot, envelope=envelope, tracker=tracker)
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})

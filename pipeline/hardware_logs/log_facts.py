@@ -75,6 +75,10 @@ class FactsError(PipelineError):
     """Statements that contradict each other, or a sidecar that can't be read."""
 
 
+YES_NO = {"yes": True, "no": False}
+"""How `simulated` is written in a log's metadata."""
+
+
 def to_metadata(facts: LogFacts, start_ns: int) -> dict[str, str]:
     """Facts as the strings of an MCAP metadata record, with a checksum of their own as MCAP has none for it."""
     values = {
@@ -98,6 +102,11 @@ def stated_facts(metadata: dict[str, str] | None, sidecar: Path | None) -> State
     if sidecar is not None:
         facts, more = _with_sidecar(facts, sidecar)
         remarks += more
+    if damaged and facts.get("policy_digest") and "simulated" not in facts:
+        remarks.append(
+            "its damaged metadata may have stated it as simulated: its policy is left out; state `simulated`."
+        )
+        facts["policy_digest"] = None
     policy = facts.get("policy_digest")
     if policy and not DIGEST.fullmatch(policy):
         remarks.append("its policy_digest is no SHA-256 and is left out.")
@@ -128,7 +137,9 @@ def _parsed(values: dict[str, str]) -> dict[str, Any]:
             raise ValueError("unknown command source")
         facts["command_source"] = values["command_source"]
     if "simulated" in values:
-        facts["simulated"] = values["simulated"] == "yes"
+        if values["simulated"] not in YES_NO:
+            raise ValueError("simulated is neither yes nor no")
+        facts["simulated"] = YES_NO[values["simulated"]]
     if "command" in values:
         rows = [_finite(row, 4) for row in json.loads(values["command"])[:MAX_ROWS]]
         facts["command"] = tuple(sorted(rows))

@@ -26,6 +26,11 @@ DEGREES_FROM = 10.0
 """Turn of the attitude over that of the gyroscope from which the attitude is in degrees; 57 where it is."""
 
 
+IMU = {"rpy": "the attitude", "gyro_b": "the gyroscope", "acc_b": "the accelerometer"}
+"""Columns of the IMU, each with noise of its own, so that none stands still alone. A joint's position and velocity
+count together: the encoders of a robot that stands may well give one value for seconds."""
+
+
 @dataclass
 class SensorWatch:
     """Looks at the finite messages of `/low_state` of one log, piece by piece."""
@@ -48,10 +53,10 @@ class SensorWatch:
         self.messages += len(length)
         self._length += float(length.sum())
         self._upward += float((np.sum(force * upward(columns["rpy"]), axis=1) / np.maximum(length, 1e-9)).sum())
-        imu = np.concatenate([columns["rpy"], columns["gyro_b"], columns["acc_b"]], axis=1)
+        imu = np.stack([columns[name] for name in IMU], axis=1)
         joints = np.stack([columns["joint_pos"], columns["joint_vel"]], axis=2)
         if self._runs is None:
-            self._runs = _Runs(1 + joints.shape[1])
+            self._runs = _Runs(len(IMU) + joints.shape[1])
         self._runs.add(time_ns, imu, joints)
         self._turns.add(time_ns, columns["rpy"].astype(np.float64), columns["gyro_b"].astype(np.float64))
 
@@ -61,11 +66,19 @@ class SensorWatch:
             return []
         frozen_s = self._runs.longest_ns() / 1e9
         notes = []
-        if frozen_s[0] >= self.frozen_s:
-            notes.append(f"the IMU is frozen: none of its values changed for {frozen_s[0]:.1f} s.")
+        of_imu = {
+            part: seconds
+            for part, seconds in zip(IMU.values(), frozen_s.tolist(), strict=False)
+            if seconds >= self.frozen_s
+        }
+        if len(of_imu) == len(IMU):
+            notes.append(f"the IMU is frozen: none of its values changed for {min(of_imu.values()):.1f} s.")
+        elif of_imu:
+            which = " and ".join(of_imu)
+            notes.append(f"the IMU is frozen in part: {which} did not change for up to {max(of_imu.values()):.1f} s.")
         still = {
             name: seconds
-            for name, seconds in zip(self.layout.joint_names, frozen_s[1:].tolist(), strict=True)
+            for name, seconds in zip(self.layout.joint_names, frozen_s[len(IMU) :].tolist(), strict=True)
             if seconds >= self.frozen_s
         }
         if still:
@@ -104,7 +117,7 @@ class _Runs:
         times = np.concatenate([[self._last[0]], time_ns])
         changed = np.concatenate(
             [
-                (np.diff(imu, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=1)[:, None],
+                (np.diff(imu, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2),
                 (np.diff(joints, axis=0, prepend=self._last[2][None]) != 0.0).any(axis=2),
             ],
             axis=1,

@@ -110,6 +110,7 @@ def _pieces(
             "reference": clip.name,
             "reference_frame": stretch.start,
             "rollout": number,
+            "seed": settings.seed,
             "seconds": motion.duration_s,
             "survived": complete,
             "followed_share": min(followed, 1.0),

@@ -21,6 +21,8 @@ from pipeline.tracking.task import ACTION_SCALE, OBSERVATION, observation_size
 class Tracker:
     """A tracking policy of one robot."""
 
+    robot: str
+    """Name of the robot it was trained on."""
     network: Policy
     """Weights in single precision."""
     gains: PolicyGains
@@ -68,11 +70,19 @@ def _read(path: Path, changed_ns: int) -> Tracker:
     network = dataclasses.replace(
         policy, mean=policy.mean.astype(np.float32), scale=policy.scale.astype(np.float32), layers=single
     )
-    return Tracker(network=network, gains=policy.gains, controlled=texts["controlled"], key_links=texts["key_links"])
+    return Tracker(
+        robot=" ".join(texts["robot"]),
+        network=network,
+        gains=policy.gains,
+        controlled=texts["controlled"],
+        key_links=texts["key_links"],
+    )
 
 
 def _checked(path: Path, tracker: Tracker, robot: Robot) -> Tracker:
-    cure = f"Train a tracker for '{robot.name}': dagster asset materialize --select tracking_policy."
+    cure = f"Train a tracker for '{robot.name}' with a GPU: start its job train_tracker in dagster dev."
+    if tracker.robot != robot.name:
+        raise FileError(path, f"the tracker is for another robot than '{robot.name}': '{tracker.robot}'.", cure)
     if tracker.gains.joint_names != robot.joint_names:
         unknown = [name for name in tracker.gains.joint_names if name not in robot.joint_names]
         differs = f"joints {', '.join(unknown)}" if unknown else "another joint set or order"

@@ -108,3 +108,19 @@ def test_what_is_no_digest_is_no_policy(digest):
     stated = stated_facts(to_metadata(facts(policy_digest=digest), START_NS), None)
     assert stated.facts.policy_digest is None
     assert stated.remarks[-1] == "no policy is stated: it can't be laid to one."
+
+
+@pytest.mark.parametrize("word", ["true", "YES", "1", ""])
+def test_simulated_is_yes_or_no_or_the_metadata_is_left_out(word):
+    values = {key: text for key, text in to_metadata(facts(simulated=True), START_NS).items() if key != "sha256"}
+    stated = stated_facts({**values, "simulated": word}, None)
+    assert stated.damaged and stated.facts.policy_digest is None
+
+
+def test_a_log_that_lost_whether_it_is_simulated_counts_for_no_policy(tmp_path):
+    broken = {**to_metadata(facts(simulated=True), START_NS), "robot": "another"}
+    stated = stated_facts(broken, sidecar(tmp_path, f"policy_digest: {POLICY}\n"))
+    assert stated.damaged and stated.facts.policy_digest is None
+    assert any("state `simulated`" in each for each in stated.remarks)
+    complete = stated_facts(broken, sidecar(tmp_path, f"policy_digest: {POLICY}\nsimulated: false\n"))
+    assert complete.facts.policy_digest == POLICY

@@ -82,13 +82,21 @@ def test_a_sound_log_has_no_such_note(notes):
             frozen(("rpy", "gyro_b", "acc_b"), every, 1.0, 3.5),
             "the IMU is frozen: none of its values changed for 2.5",
         ),
+        (
+            frozen(("gyro_b",), every, 1.0, 3.5),
+            "the IMU is frozen in part: the gyroscope did not change for up to 2.5 s.",
+        ),
+        (
+            frozen(("rpy", "acc_b"), every, 1.0, 3.5),
+            "the attitude and the accelerometer did not change for up to 2.5 s.",
+        ),
         (frozen(("joint_pos", "joint_vel"), every, 1.0, 3.5), "all joints did not change for up to 2.5 s."),
         (frozen(("joint_pos", "joint_vel"), lambda _: [3], 0.0, 4.0), "did not change for up to 4.0 s."),
         (moving(scaled("acc_b", 1.0 / 9.81)), "the acceleration is in g: its mean length is 1.0"),
         (scaled("acc_b", -1.0), "the acceleration has the wrong sign"),
         (scaled("rpy", 180.0 / np.pi), "the attitude is in degrees: it turns"),
     ],
-    ids=["IMU", "joints", "one joint", "g", "sign", "degrees"],
+    ids=["IMU", "gyroscope", "attitude and accelerometer", "joints", "one joint", "g", "sign", "degrees"],
 )
 def test_a_fault_of_the_sensors_is_named(notes, change, says):
     (found,) = notes(change)
