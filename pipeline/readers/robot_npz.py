@@ -35,6 +35,7 @@ def _read_qpos(header: ArrayFile) -> RobotMotion:
         path=header.path,
         root_pos_w=qpos[:, :3],
         root_quat=qpos[:, 3:7],
+        order_is_certain=False,  # MuJoCo has wxyz, and archives made from others' data have xyzw
         joint_pos=qpos[:, 7:],
         joint_names=names,
         fps=_declared_fps(header),
@@ -49,7 +50,8 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
         robot_of(header.path, len(names), names)
     counts = {len(robot.joint_names) for robot in robots()} if names is None else {len(names)}
     bodies = _bodies(header, "body_pos_w", len(joint_pos))
-    if joint_pos.shape[1] - 7 in counts:
+    joints = joint_pos.shape[1] - 7
+    if joints in counts and (bodies is None or bodies.shape[1] <= joints + 1):
         root_pos, root_quat, joint_pos = joint_pos[:, :3], joint_pos[:, 3:7], joint_pos[:, 7:]
     elif bodies is not None:
         root = _root_index(header)
@@ -65,6 +67,7 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
         path=header.path,
         root_pos_w=root_pos,
         root_quat=root_quat,
+        order_is_certain=False,
         joint_pos=joint_pos,
         joint_names=names,
         fps=_declared_fps(header),

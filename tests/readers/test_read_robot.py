@@ -234,6 +234,32 @@ def test_the_order_of_a_quaternion_is_inferred_at_every_heading(tmp_path, order,
     assert [note.code for note in read.notes] == ([] if order == "xyzw" else ["quaternion_order"])
 
 
+@pytest.mark.parametrize("heading_deg", range(-180, 181, 60))
+@pytest.mark.parametrize("order", ["wxyz", "xyzw"])
+@pytest.mark.parametrize("archive", ["qpos", "joint_pos"])
+def test_the_order_in_an_archive_without_bodies_is_inferred_too(tmp_path, archive, order, heading_deg):
+    root, quat, joints = walking(np.deg2rad(heading_deg))
+    columns = quat[:, ["wxyz".index(letter) for letter in order]]
+    rows = np.concatenate([root, columns, joints], axis=1)
+    names = np.array(ROBOT.joint_names)
+    np.savez(tmp_path / "clip.npz", **{archive: rows}, frequency=np.array(50.0), fps=np.array(50.0), joint_names=names)
+    read = read_motion(tmp_path / "clip.npz", "clip")
+    np.testing.assert_allclose(np.abs(np.sum(read.clip.root_quat_w * quat, axis=1)), 1.0, atol=1e-9)
+    assert [note.code for note in read.notes] == ([] if order == "wxyz" else ["quaternion_order"])
+
+
+def test_joints_of_another_robot_are_not_taken_for_a_root_before_those_of_the_k1(tmp_path):
+    """29 columns are a G1's joints, or seven of a root and the K1's 22; the number of bodies decides."""
+    frames, bodies = 40, 30
+    path = tmp_path / "g1.npz"
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (frames, bodies, 1))
+    np.savez(
+        path, joint_pos=np.zeros((frames, 29)), body_pos_w=np.ones((frames, bodies, 3)), body_quat_w=upright, fps=50.0
+    )
+    with pytest.raises(FileError, match="it is of another robot: a frame has 29 joints"):
+        read_motion(path, "clip")
+
+
 def test_a_robot_that_stands_is_the_same_motion_under_both_orders_and_needs_no_statement(tmp_path):
     rows = np.tile(np.concatenate([[0, 0, 0.66], [0, 0, 0, 1.0], ROBOT.default_joint_pos]), (20, 1))
     path = write_csv(tmp_path / "clip.csv", rows, comment="# fps: 50")
