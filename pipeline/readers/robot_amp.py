@@ -35,6 +35,8 @@ def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
         arrays.refuse_other_length(name, "body_positions", frames)
     if arrays.shapes.get("body_linear_velocities") == body_pos.shape:
         by_velocity = rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape))
+    if by_velocity is None and arrays.shapes.get("dof_velocities") == joint_pos.shape:
+        by_velocity = rate_of_velocities(joint_pos, arrays.stored_numbers("dof_velocities", *joint_pos.shape))
     return RobotMotion(
         format="robot_amp",
         path=arrays.path,

@@ -341,6 +341,13 @@ def test_an_amp_archive_of_the_robot_is_read_by_its_names(tmp_path):
     assert_truth(read.clip)
 
 
+def test_joint_velocities_correct_the_rate_where_those_of_the_links_say_nothing(tmp_path):
+    nothing = np.zeros_like(Kinematics(ROBOT).forward(*truth()).pos_w)
+    path = amp_robot(tmp_path / "clip.npz", fps=np.array(25), body_linear_velocities=nothing)
+    read = read_motion(path, "clip")
+    assert read.clip.fps == 50.0 and [note.code for note in read.notes] == ["time_base"]
+
+
 def test_an_amp_archive_of_another_robot_says_so(tmp_path):
     names = np.array([f"left_{number}" for number in range(23)])
     with pytest.raises(FileError, match="it is of another robot"):
