@@ -1,7 +1,7 @@
 """Train a tracker: `python -m pipeline.tracking --bundle DIR --out DIR`.
 
-    --bundle DIR        robot and reference motions as plain files (`dagster asset materialize --select tracking_policy`
-                        writes one into data/policies/<robot>/tracking_bundle)
+    --bundle DIR        robot and reference motions as plain files (the job `train_tracker` writes one into
+                        data/policies/<robot>/tracking_bundle)
     --out DIR           folder of the run
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error
     --num-envs N        environments of each GPU

@@ -43,7 +43,9 @@ def test_a_run_trains_and_resumes(bundle: Path, tmp_path: Path):
     out = tmp_path / "run"
     assert train(bundle, out, 1) == 0
     first = np.load(out / "tracker.npz")["L0_w"].copy()
+    begun = (out / "curves.csv").read_text()
     assert train(bundle, out, 2) == 0
+    assert (out / "curves.csv").read_text().startswith(begun), "the first iteration was not run again"
     rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
     assert [int(row["iteration"]) for row in rows] == [1, 2]
     assert json.loads((out / "done.json").read_text())["iterations"] == 2
