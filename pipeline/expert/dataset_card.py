@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import pandas as pd
 
 from pipeline.expert.read import Contents
+
+_TAG = re.compile(r"[A-Za-z0-9.+\-]{1,60}")
+"""A licence that may stand in the YAML head; text of a file that looks otherwise stays in the table."""
 
 MOST_SOURCES = 200
 """Rows of the table of sources; more are summed up."""
@@ -17,7 +21,7 @@ def dataset_card(contents: Contents) -> str:
     """The card as Markdown, with the YAML head that dataset hubs read."""
     head, index = contents.manifest, contents.index
     licences = sorted(head["licence"]["licences"])
-    tag = licences[0].lower() if len(licences) == 1 else "other"
+    tag = licences[0].lower() if len(licences) == 1 and _TAG.fullmatch(licences[0]) else "other"
     parts = [
         f"---\nlicense: {tag}\ntags: [robotics, motion, humanoid, {head['robot']}]\n---",
         f"# Expert motions for the {head['robot']}",
@@ -78,6 +82,14 @@ def _cell(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     text = " ".join(str(value).split())[:300]
-    for mark, instead in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|"), ("[", "\\["), ("`", "'")):
+    for mark, instead in (
+        ("&", "&amp;"),
+        ("\\", "&#92;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ("|", "\\|"),
+        ("[", "\\["),
+        ("`", "'"),
+    ):
         text = text.replace(mark, instead)
     return text
