@@ -51,7 +51,8 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
     counts = {len(robot.joint_names) for robot in robots()} if names is None else {len(names)}
     bodies = _bodies(header, "body_pos_w", len(joint_pos))
     joints = joint_pos.shape[1] - 7
-    if joints in counts and (bodies is None or bodies.shape[1] <= joints + 1):
+    nameless_bodies = 0 if names is not None or bodies is None else bodies.shape[1]
+    if joints in counts and nameless_bodies <= joints + 1:
         root_pos, root_quat, joint_pos = joint_pos[:, :3], joint_pos[:, 3:7], joint_pos[:, 7:]
     elif bodies is not None:
         root = _root_index(header)
