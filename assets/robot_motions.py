@@ -198,16 +198,9 @@ def untracked(rollouts: Manifest, references: Manifest) -> bool:
 
 
 def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:
-    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`.
-
-    A reference that the tracker rejects (`assets.tracking.compared_with_neighbours`) is no candidate either.
-    """
+    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`."""
     if kind == "rollouts":
         return rollouts
-    rejected = {row.clip for row in rollouts.judged if row.fate == "rejected"}
-    references = dataclasses.replace(
-        references, entries=tuple(entry for entry in references.entries if entry.clip not in rejected)
-    )
     if kind == "references":
         return references
     return dataclasses.replace(

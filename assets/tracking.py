@@ -323,11 +323,7 @@ def tracked_references(manifest: Manifest, references: Manifest) -> pd.DataFrame
 
 
 def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manifest:
-    """The manifest whose reasons against references say how the tracker follows other references of the skill.
-
-    A reference that the tracker does not follow, while it follows at least `TRACKED_SHARE` of the skill's others, is
-    rejected: its rollouts are left out.
-    """
+    """The manifest whose reasons against references say how the tracker follows other references of the skill."""
     from pipeline.tracking.process import NOT_TRACKED
 
     skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
@@ -336,27 +332,23 @@ def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manife
         skill = skills.get(row.clip, "")
         seen[skill] += 1
         held[skill] += bool(row.numbers.get("survived"))
-    judged, at_fault = [], set()
+    judged = []
     for row in manifest.judged:
-        if not any(reason["code"] == NOT_TRACKED for reason in row.reasons):
-            judged.append(row)
-            continue
         skill = skills.get(row.clip, "")
-        others, kept = seen[skill] - 1, held[skill]
-        fault = others > 0 and kept >= TRACKED_SHARE * others
-        why = "so the reference is at fault" if fault else "so the tracker may be too weak for this skill"
-        about = f"It follows {kept} of {others} other references of the skill '{skill}', {why}"
+        others, kept = seen[skill] - 1, held[skill] - bool(row.numbers.get("survived"))
         reasons = tuple(
-            {**reason, "text": f"{reason['text']}. {about}"} if reason["code"] == NOT_TRACKED else reason
+            _with_neighbours(reason, skill, kept, others) if reason["code"] == NOT_TRACKED else reason
             for reason in row.reasons
         )
-        row = dataclasses.replace(row, reasons=reasons)
-        if fault:
-            at_fault.add(row.clip)
-            row = dataclasses.replace(row, pieces=(), numbers={**row.numbers, "seconds_out": 0.0})
-        judged.append(row)
-    entries = tuple(entry for entry in manifest.entries if entry.numbers["reference"] not in at_fault)
-    return dataclasses.replace(manifest, entries=entries, judged=tuple(judged))
+        judged.append(dataclasses.replace(row, reasons=reasons))
+    return dataclasses.replace(manifest, judged=tuple(judged))
+
+
+def _with_neighbours(reason: Mapping[str, Any], skill: str, kept: int, others: int) -> dict[str, Any]:
+    at_fault = others > 0 and kept >= TRACKED_SHARE * others
+    why = "so the reference is at fault" if at_fault else "so the tracker may be too weak for this skill"
+    text = f"{reason['text']}. It follows {kept} of {others} other references of the skill '{skill}', {why}"
+    return {**reason, "text": text}
 
 
 def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:
