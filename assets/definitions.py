@@ -22,7 +22,7 @@ from assets.recuration import approved_feedback_sensor, nightly_recuration, recu
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
 from assets.sources import raw_motions
-from assets.tracking import tracker_jobs
+from assets.tracking_policy import tracker_jobs
 from assets.validation import validation_assets
 
 _assets: list[Any] = [

@@ -8,7 +8,7 @@ import dagster as dg
 
 from assets.plan import Plan, named_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.tracking import tracker_file
+from assets.tracking_policy import tracker_file
 from pipeline.batch import Manifest
 from pipeline.files import settings
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from assets.actuators import actuator_calibration, actuator_measurements, adapted_robot
 from assets.approved import approval_metadata, approved_part, approved_specs, noting
+from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
 from assets.criteria import references_of, thresholds, write_table
 from assets.database import materialize_database
@@ -21,7 +22,7 @@ from assets.reference_motions import motion_variants, reference_motions
 from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
-from assets.tracking import augmented_motions, no_tracker, tracking_policy
+from assets.tracking_policy import no_tracker, tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
 

@@ -56,14 +56,20 @@ def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> Proposed
         SiteRow(line=line, site=name, link=link, **dict(zip("xyz", rounded(pos), strict=True)), source=origin)
         for line, (name, (link, pos, origin)) in enumerate(places.items(), start=2)
     )
-    corners = [tuple(f"{side}_sole_{corner}" for corner in CORNERS) for side in SIDES]
+    left, right = SIDES
     return ProposedSites(
         rows=rows,
         hands=("left_hand", "right_hand"),
         feet=("left_sole_centre", "right_sole_centre"),
-        sole_corners=(corners[0], corners[1]),  # type: ignore[arg-type]
+        sole_corners=(_corners(left), _corners(right)),
         to_check=tuple(to_check),
     )
+
+
+def _corners(side: str) -> tuple[str, str, str, str]:
+    """Names of the corners of a sole."""
+    first, second, third, fourth = (f"{side}_sole_{corner}" for corner in CORNERS)
+    return first, second, third, fourth
 
 
 def _leg(source: MakerModel, model: MakerModel, side: str, leg: Limb) -> Places:

@@ -28,22 +28,14 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
-from pipeline.learning.training_error import TrainingError
+from pipeline.learning.run_command import exit_status
 from pipeline.tracking.task import ITERATIONS
 
 
 def main(arguments: Sequence[str]) -> int:
     """Train a tracker; the exit status."""
     given = _parser().parse_args(arguments)
-    try:
-        _train(given)
-    except TrainingError as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; --resume continues from the newest checkpoint.", file=sys.stderr)
-        return 130
-    return 0
+    return exit_status(lambda: _train(given), "--resume continues from the newest checkpoint.")
 
 
 def _train(given: argparse.Namespace) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import time
@@ -20,6 +19,7 @@ from tensordict import TensorDict
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import write_policy
+from pipeline.learning.run_command import device_name, write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.tracking.bundle import TrackingBundle
 from pipeline.tracking.environment import tracking_environment
@@ -110,7 +110,7 @@ class TrackingRun:
         """Train until `iterations` or `minutes` are reached; minutes before a resume count."""
         before, started = self._curves.seconds, time.monotonic()
         if self.rank == 0:
-            _write_json(self.request.out / "config.json", self._config())
+            write_json(self.request.out / "config.json", self._config())
         reason = "iterations"
         while self.iteration < self.request.iterations:
             begun = time.monotonic()
@@ -128,7 +128,7 @@ class TrackingRun:
             seconds = before + time.monotonic() - started
             steps = self.iteration * self.request.num_envs * STEPS * self.world
             done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
-            _write_json(self.request.out / "done.json", done)
+            write_json(self.request.out / "done.json", done)
 
     def save(self) -> None:
         """Write checkpoint, tracker file and curves; the first process alone writes."""
@@ -196,7 +196,7 @@ class TrackingRun:
             "seed": request.seed,
             "num_envs": request.num_envs,
             "processes": self.world,
-            "device": _device_name(request.device),
+            "device": device_name(request.device),
             "bundle_digest": self.bundle.digest,
             "bundle": self.bundle.about,
             "algorithm": runner_cfg(),
@@ -250,14 +250,3 @@ def _time_left(request: TrackingRequest, iteration: int, seconds: float, took: f
     if request.minutes is not None:
         left = min(left, 60.0 * request.minutes - seconds)
     return f"{max(left, 0.0) / 60.0:.1f} min"
-
-
-def _device_name(device: str) -> str:
-    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
-
-
-def _write_json(path: Path, value: dict[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
-    part.replace(path)

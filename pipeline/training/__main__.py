@@ -29,6 +29,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
 from pipeline.learning.arguments import chosen_device, pairs
+from pipeline.learning.run_command import exit_status
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.config import DEFAULT, PAPER, RECIPE, changed_by_texts, preset
 
@@ -42,15 +43,7 @@ def main(arguments: Sequence[str]) -> int:
     if given.list:
         print(options_table())
         return 0
-    try:
-        _train(given)
-    except TrainingError as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; repeating the command continues from the newest checkpoint.", file=sys.stderr)
-        return 130
-    return 0
+    return exit_status(lambda: _train(given), "repeating the command continues from the newest checkpoint.")
 
 
 def _train(given: argparse.Namespace) -> None:

@@ -26,13 +26,14 @@ import numpy as np
 import torch
 
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
+from pipeline.learning.run_command import device_name, write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import changed_from
 from pipeline.training.distillation.run import DistillationStage
 from pipeline.training.environment import chosen_physics
 from pipeline.training.runner import AmpStage
-from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY, Request, device_name, write_json
+from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY, Request
 
 DISTILLATION, AMP = "distillation", "amp"
 STAGES = (DISTILLATION, AMP)

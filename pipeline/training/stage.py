@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from abc import ABC, abstractmethod
@@ -16,11 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint, save_checkpoint
 from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.run_command import write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import Config
@@ -149,19 +147,3 @@ class Stage(ABC):
         steps = self.iteration * self.request.config.simulation.num_envs * STEPS * self._workers
         done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
         write_json(self.folder / DONE, {**done, "steps_per_s": steps / max(seconds, 1e-9)})
-
-
-def device_name(device: str) -> str:
-    """Name of the GPU, or `cpu`."""
-    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
-
-
-def write_json(path: Path, value: dict[str, Any]) -> None:
-    """Write a file, whole or not at all. Raises TrainingError where the disk refuses."""
-    part = path.with_suffix(".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
-        part.replace(path)
-    except OSError as error:
-        raise TrainingError(f"{path}: could not be written ({error.strerror or error}). Is the disk full?") from error

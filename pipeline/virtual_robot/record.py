@@ -15,7 +15,6 @@ from pipeline.hardware_logs.robot_log import (
     LowCmds,
     LowStates,
     Odometry,
-    OperatorEvent,
     RobotLog,
 )
 from pipeline.physics import GRAVITY
@@ -187,8 +186,3 @@ def _odometry(rollout: Rollout, rng: np.random.Generator, quality: LogQuality) -
     drift = np.cumsum(rng.normal(0.0, quality.odometer_drift * np.sqrt(period_s), (len(place), 3)), axis=0)
     pose = np.column_stack([quality.odometer_scale * place, yaw]) + np.cumsum(drift, axis=0) * period_s
     return Odometry(time_ns=_times(len(place), period_s), pose=pose)
-
-
-def with_events(facts: LogFacts, *events: OperatorEvent) -> LogFacts:
-    """The facts with additional operator events."""
-    return dataclasses.replace(facts, events=(*facts.events, *events))

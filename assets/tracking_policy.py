@@ -1,43 +1,25 @@
-"""KP4's physics: the tracking policy of a robot, and the rollouts of its references."""
+"""KP4's tracking policy of a robot: the one that ships, or one trained here when a person asks."""
 
-import dataclasses
-import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.amp_policy import commit_of
-from assets.checks import check_specs
 from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource, store_left_to_others
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.stage import declared_motions, inputs_of
 from assets.training_process import TrainingFailedError, gpus_here, train
-from pipeline.batch import Manifest, run_stage
-from pipeline.files import digest, settings
+from pipeline.batch import Manifest
+from pipeline.files import digest
 from pipeline.tracking.task import ITERATIONS
 
 TRAINED, SHIPPED = "trained here", "ships with the project"
-
-BEFORE_AND_AFTER = (
-    *("speed_before_m_s", "speed_after_m_s", "drift_m"),
-    *("slip_before_m_s", "slip_after_m_s", "penetration_before_m", "penetration_after_m"),
-    *("jerk_before_rad_s3", "jerk_after_rad_s3", "saturated_after", "contact_changed", "touchdown_shift_s"),
-)
-"""Columns of the table of what simulation changed (pipeline/tracking/before_after.py)."""
-
-TRACKED_SHARE = 0.8
-"""A skill is one that the tracker follows where it survives so many of the skill's other references."""
 
 
 class TrackerConfig(dg.Config):
@@ -235,120 +217,6 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
     }
     name = f"{'trial-' if trial else ''}seed{config.seed}-{digest.of_json([content, asked])[:10]}"
     return TrackerRun(folder=runs / name, bundle=bundle, **asked)
-
-
-def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
-    """The asset `augmented_motions` of a robot."""
-    inputs = inputs_of(reference_motions=references, tracking_policy=policy, adapted_robot=adapted)
-
-    @dg.asset(**declared_motions(plan, "mujoco", "4", inputs), check_specs=check_specs(plan))
-    @plainly
-    def augmented_motions(
-        context: dg.AssetExecutionContext,
-        clip_pool: ClipPoolResource,
-        reference_motions: Manifest,
-        tracking_policy: Manifest,
-        adapted_robot: Manifest,
-    ):
-        """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
-        from pipeline.actuators import read_actuators, torque_envelope
-        from pipeline.robot import load_robot
-        from pipeline.tracking.process import process
-        from pipeline.tracking.settings import TrackingSettings
-        from pipeline.tracking.tracker import load_tracker
-        from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
-
-        folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
-        robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
-        values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
-        found = tracker_file(tracking_policy)
-        if found is None:
-            why = no_tracker(plan.robot or DEFAULT_ROBOT)
-            context.log.warning(why)
-            empty = Manifest(stage=plan.name, entries=(), judged=(), settings=reference_motions.settings)
-            return materialized(plan, empty, {"references tracked": f"0: {why}"})
-        tracker, content = found
-        load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
-        function = partial(process, settings=values, robot=robot, envelope=envelope, tracker=tracker)
-        stage = stage_of(plan, function, values, robot_files=robot.digest)
-        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
-        manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
-        manifest = compared_with_neighbours(manifest, reference_motions)
-        metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
-        tracked = tracked_references(manifest, reference_motions)
-        metadata |= tracking_metadata(manifest, tracked)
-        if manifest.entries:
-            metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
-            metadata["before and after simulation"] = picture(before_and_after(tracked))
-            metadata["worst tracked, when they fail"] = picture(
-                worst_tracked(manifest, reference_motions, PROJECT.store, robot)
-            )
-        return materialized(plan, manifest, metadata)
-
-    return augmented_motions
-
-
-def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
-    """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
-    their end."""
-    from pipeline.tracking.before_after import by_skill
-
-    if worst.empty:
-        return {"references tracked": 0}
-    rows, speeds = worst.to_dict("records"), by_skill(worst)
-    disturbed = [entry.numbers for entry in manifest.entries if entry.numbers["rollout"] > 0]
-    asked = sum(int(row["rollouts"]) - 1 for row in rows)
-    complete = sum(bool(numbers["survived"]) for numbers in disturbed)
-    columns = ["clip", "survived", "followed_s", "body_error_m", "worst_body_error_m", "joint_error_rad"]
-    return {
-        "references tracked": f"{sum(bool(row['survived']) for row in rows)} of {len(rows)} to the last frame",
-        "mean body error [cm]": 100.0 * fmean(row["body_error_m"] for row in rows),
-        "mean joint error [deg]": math.degrees(fmean(row["joint_error_rad"] for row in rows)),
-        "disturbed rollouts": f"{complete} of {asked} to the last frame",
-        "references, the worst first": table_of(worst, columns),
-        "speed of references and rollouts": table_of(speeds, list(speeds.columns)),
-        "before and after, each reference": table_of(worst, ["clip", *BEFORE_AND_AFTER]),
-    }
-
-
-def tracked_references(manifest: Manifest, references: Manifest) -> pd.DataFrame:
-    """One row a reference that was rolled out, with its skill, the worst followed first."""
-    skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
-    rows = [
-        {"clip": row.clip, **row.numbers, "skill": skills.get(row.clip, "")}
-        for row in manifest.judged
-        if "survived" in row.numbers
-    ]
-    return pd.DataFrame(sorted(rows, key=lambda row: (-row["worst_body_error_m"], row["clip"])))
-
-
-def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manifest:
-    """The manifest whose reasons against references say how the tracker follows other references of the skill."""
-    from pipeline.tracking.process import NOT_TRACKED
-
-    skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
-    seen, held = Counter[str](), Counter[str]()
-    for row in manifest.judged:
-        skill = skills.get(row.clip, "")
-        seen[skill] += 1
-        held[skill] += bool(row.numbers.get("survived"))
-    judged = []
-    for row in manifest.judged:
-        skill = skills.get(row.clip, "")
-        others, kept = seen[skill] - 1, held[skill] - bool(row.numbers.get("survived"))
-        reasons = tuple(
-            _with_neighbours(reason, skill, kept, others) if reason["code"] == NOT_TRACKED else reason
-            for reason in row.reasons
-        )
-        judged.append(dataclasses.replace(row, reasons=reasons))
-    return dataclasses.replace(manifest, judged=tuple(judged))
-
-
-def _with_neighbours(reason: Mapping[str, Any], skill: str, kept: int, others: int) -> dict[str, Any]:
-    at_fault = others > 0 and kept >= TRACKED_SHARE * others
-    why = "so the reference is at fault" if at_fault else "so the tracker may be too weak for this skill"
-    text = f"{reason['text']}. It follows {kept} of {others} other references of the skill '{skill}', {why}"
-    return {**reason, "text": text}
 
 
 def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any]:

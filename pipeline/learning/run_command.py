@@ -1,0 +1,47 @@
+"""What the commands that train share: their exit status, the device's name, and the JSON files of a run."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pipeline.learning.training_error import TrainingError
+
+
+def exit_status(train: Callable[[], None], interrupted: str) -> int:
+    """Run `train`: 0 when it is done, 2 with the sentence of a TrainingError, 130 where a person interrupts it.
+
+    Args:
+        train: the work
+        interrupted: how an interrupted run is continued
+    """
+    try:
+        train()
+    except TrainingError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"interrupted; {interrupted}", file=sys.stderr)
+        return 130
+    return 0
+
+
+def device_name(device: str) -> str:
+    """Name of the GPU, or `cpu`."""
+    import torch  # takes seconds; `--help` of a command does not wait for it
+
+    return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
+
+
+def write_json(path: Path, value: dict[str, Any]) -> None:
+    """Write a file, whole or not at all. Raises TrainingError where the disk refuses."""
+    part = path.with_suffix(".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+        part.replace(path)
+    except OSError as error:
+        raise TrainingError(f"{path}: could not be written ({error.strerror or error}). Is the disk full?") from error
