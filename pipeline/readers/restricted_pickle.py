@@ -293,9 +293,18 @@ def load_torch(path: Path) -> Any:
 
 
 def converter(path: Path) -> str:
-    """How a person who trusts a pickle makes an archive of it. Names are quoted: a file's name is a stranger's text."""
+    """How a person who trusts a pickle or a file of joblib makes an archive of it.
+
+    A dictionary of one entry is taken for a name around the motion. An entry that is no array ends the command, since
+    an archive would pickle it. Names are quoted: a file's name is a stranger's text.
+    """
     names = f"{shlex.quote(path.name)} {shlex.quote(path.stem + '.npz')}"
-    code = "import pickle, sys, numpy; numpy.savez(sys.argv[2], **pickle.load(open(sys.argv[1], 'rb')))"
+    code = (
+        "import sys, joblib, numpy; d = joblib.load(sys.argv[1]); "
+        "d = next(iter(d.values())) if len(d) == 1 else d; a = {k: numpy.asarray(v) for k, v in d.items()}; "
+        "bad = [k for k in a if a[k].dtype.hasobject]; "
+        "sys.exit(f'no arrays: {bad}') if bad else numpy.savez(sys.argv[2], **a)"
+    )
     return f'If you trust it, write its arrays into an archive: python -c "{code}" {names}'
 
 

@@ -5,6 +5,8 @@ import os
 import pickle
 import resource
 import shlex
+import subprocess
+import sys
 import warnings
 import zlib
 from pathlib import Path
@@ -18,7 +20,7 @@ from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers import Statement, read_motion
 from pipeline.readers.restricted_pickle import PickledArray, converter, load_pickle, load_torch
 from tests.factories import motion_files as files
-from tests.readers import test_read_robot as robots
+from tests.factories import robot_files as robots
 
 FRAMES = 20
 
@@ -225,3 +227,32 @@ def test_a_files_name_stays_one_word_of_the_command_that_a_person_copies():
     words = shlex.split(converter(path).split("archive: ", 1)[1])
     assert words[:2] == ["python", "-c"] and words[3:] == [path.name, f"{path.stem}.npz"]
     assert "os.system" not in words[2]
+
+
+def _converted(path: Path) -> subprocess.CompletedProcess:
+    """Run the printed command in the file's folder, with this Python."""
+    words = shlex.split(converter(path).split("archive: ", 1)[1])
+    return subprocess.run([sys.executable, *words[1:]], cwd=path.parent, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("dump", ["pickle", "joblib"])
+def test_the_printed_command_makes_an_archive_that_is_read_without_pickle(tmp_path, dump, nested):
+    values = {"root_trans": np.arange(6.0).reshape(2, 3), "fps": 30, "dof": torch.ones(2, 4)}
+    content = {"walk": values} if nested else values
+    path = tmp_path / "a clip.pkl"
+    path.write_bytes(pickle.dumps(content)) if dump == "pickle" else joblib.dump(content, path, compress=3)
+    done = _converted(path)
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a clip.npz", allow_pickle=False) as arrays:
+        assert set(arrays.files) == set(values)
+        np.testing.assert_array_equal(arrays["root_trans"], values["root_trans"])
+        np.testing.assert_array_equal(arrays["dof"], np.ones((2, 4)))
+
+
+def test_the_printed_command_names_what_is_no_array_and_writes_nothing(tmp_path):
+    path = tmp_path / "clip.pkl"
+    path.write_bytes(pickle.dumps({"fps": 30, "settings": {"a": None}}))
+    done = _converted(path)
+    assert done.returncode != 0 and "no arrays: ['settings']" in done.stderr
+    assert not (tmp_path / "clip.npz").exists()

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.feasibility import FeasibilitySettings
+from pipeline.files import settings
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main
@@ -17,6 +19,7 @@ from pipeline.tracking.clips_command import _bins
 from pipeline.tracking.environment import tracking_environment
 from pipeline.tracking.observation import key_link_index, observe
 from pipeline.tracking.reference import reference_states
+from pipeline.tracking.settings import TrackingSettings
 from tests.factories.tracking_bundle import tracking_bundle
 
 
@@ -118,3 +121,13 @@ def test_a_changed_bundle_is_refused(bundle: Path, tmp_path: Path):
     (copy / "robot.xml").write_text((copy / "robot.xml").read_text() + " ")
     with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one in bundle\.json"):
         read_tracking_bundle(copy)
+
+
+def test_training_rollouts_and_kp5_have_the_same_limits(environment, root: Path):
+    """Where an episode ends, a rollout is cut, and KP5 rejects what it was given cut otherwise."""
+    values = settings.read(root / "data" / "tracking.yaml", TrackingSettings).failure
+    kp5 = settings.read(root / "data" / "feasibility.yaml", FeasibilitySettings).tracking
+    terms = {"anchor_pos": "root_height", "anchor_ori": "gravity", "ee_body_pos": "end_height", "path": "path"}
+    for term, name in terms.items():
+        limit = environment.termination_manager.get_term_cfg(term).params["threshold"]
+        assert limit == getattr(values, name) == getattr(kp5, name), name
