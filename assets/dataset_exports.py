@@ -8,17 +8,12 @@ from assets.actuators import declared
 from assets.plainly import plainly
 from assets.plan import Plan, export_plans, named_plans
 from assets.policy import result_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.project import DEFAULT_ROBOT, PROJECT
 from pipeline.batch import Manifest
 from pipeline.files import digest
 
 EXPORT = "export"
 """Key under which an export's facts are in its manifest."""
-
-
-def exports_folder(project: Project, robot: str, kind: str) -> Any:
-    """Where a robot's database is written in one format."""
-    return project.data / "exports" / robot / kind
 
 
 def dataset_exports(robot: str) -> list[Any]:
@@ -39,7 +34,7 @@ def _export(plan: Plan, kind: str, database: Plan) -> Any:
         from pipeline.robot import load_robot
 
         robot = plan.robot or DEFAULT_ROBOT
-        folder = exports_folder(PROJECT, robot, kind)
+        folder = PROJECT.exports(robot, kind)
         written: list[int] = []
 
         def fill(part: Any) -> None:

@@ -50,6 +50,10 @@ class Project:
     def expert_db(self, robot: str) -> Path:
         return self.data / "expert_db" / robot
 
+    def exports(self, robot: str, kind: str) -> Path:
+        """Folder of a robot's database in a format of `booster-lab export`."""
+        return self.data / "exports" / robot / kind
+
     def actuators(self, robot: str) -> Path:
         """Folder of a robot's torque-speed measurements."""
         return self.data / "actuators" / robot

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
 import pandas as pd
 
 from pipeline.expert.read import Contents
+from pipeline.files.shown_text import cell
 
 _TAG = re.compile(r"[A-Za-z0-9.+\-]{1,60}")
 """A licence that may stand in the YAML head; text of a file that looks otherwise stays in the table."""
@@ -29,11 +29,11 @@ def dataset_card(contents: Contents) -> str:
         f"{head['frame_columns']} numbers a frame.",
         "## Licences\n\n"
         + _table(["licence", "class", "clips", "seconds"], _licences(head, index))
-        + f"\n\nStrictest: **{_cell(head['licence']['strictest'])}**. {_cell(head['licence']['allowed_use'])}",
+        + f"\n\nStrictest: **{cell(head['licence']['strictest'])}**. {cell(head['licence']['allowed_use'])}",
         "## Sources\n\n" + _table(["source", "licence", "credit", "clips", "seconds"], _sources(index)),
         "## Seconds by skill\n\n" + _table(["skill", "seconds", "clips"], _by(index, ["skill"])),
         "## How it was made\n\n" + _table(["stage", "version"], _stages(head)) + _variants(index),
-        f"Schema `{_cell(head['schema'])}`; robot files `{head['robot_digest'][:16]}`. Every file of the database has "
+        f"Schema `{cell(head['schema'])}`; robot files `{head['robot_digest'][:16]}`. Every file of the database has "
         "its SHA-256 in `manifest.json`, every clip its source file and settings in `index.parquet`.",
     ]
     return "\n\n".join(parts) + "\n"
@@ -74,22 +74,4 @@ def _variants(index: pd.DataFrame) -> str:
 
 def _table(header: list[str], rows: list[list[Any]]) -> str:
     lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(_cell(value) for value in line) + " |" for line in lines)
-
-
-def _cell(value: Any) -> str:
-    """A value in a table: one line, no markup of its own."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return ""
-    text = " ".join(str(value).split())[:300]
-    for mark, instead in (
-        ("&", "&amp;"),
-        ("\\", "&#92;"),
-        ("<", "&lt;"),
-        (">", "&gt;"),
-        ("|", "\\|"),
-        ("[", "\\["),
-        ("`", "'"),
-    ):
-        text = text.replace(mark, instead)
-    return text
+    return "\n".join("| " + " | ".join(cell(value) for value in line) + " |" for line in lines)

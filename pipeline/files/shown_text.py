@@ -18,6 +18,23 @@ def escaped(text: object) -> str:
     return _PLAIN.sub(lambda match: f"&#{ord(match[0])};" if match[0].isprintable() else " ", decodable(str(text)))
 
 
+_MARKS = (("&", "&amp;"), ("\\", "&#92;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|"), ("[", "\\["), ("`", "'"))
+"""What a text of a file that people also open in an editor must not hold, and what is written in its place."""
+
+
+def cell(value: object) -> str:
+    """A value on one line of a Markdown file, at most 300 characters without markup; empty for None and NaN.
+
+    Unlike `escaped` it leaves punctuation that means nothing there, since such a file is also read as it is.
+    """
+    if value is None or value != value:
+        return ""
+    text = " ".join(decodable(str(value)).split())[:300]
+    for mark, instead in _MARKS:
+        text = text.replace(mark, instead)
+    return text
+
+
 def markdown_list(texts: Iterable[object], none: str = "none") -> str:
     """Texts as a list in Markdown; `none` where there are none."""
     return "\n".join(f"- {escaped(text)}" for text in texts) or none

@@ -110,8 +110,12 @@ def _finish(request: Request, stages: Sequence[str]) -> None:
     last = request.out / stages[-1]
     for name in (CURVES, POLICY):
         part = request.out / f"{name}.part"
-        shutil.copyfile(last / name, part)
-        part.replace(request.out / name)
+        try:
+            shutil.copyfile(last / name, part)
+            part.replace(request.out / name)
+        except OSError as error:
+            problem = f"could not be written ({error.strerror or error}). Is the disk full?"
+            raise TrainingError(f"{request.out / name}: {problem}") from error
     each = {name: json.loads((request.out / name / DONE).read_text()) for name in stages}
     sums = {key: sum(done[key] for done in each.values()) for key in ("seconds", "steps")}
     done = {**each[stages[-1]], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9)}

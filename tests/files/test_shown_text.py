@@ -4,7 +4,7 @@ import html
 
 import pytest
 
-from pipeline.files.shown_text import decodable, escaped, markdown_list
+from pipeline.files.shown_text import cell, decodable, escaped, markdown_list
 
 HOSTILE = [
     "<script>alert(1)</script>",
@@ -40,3 +40,18 @@ def test_letters_of_all_languages_stay_as_they_are():
 def test_bytes_that_are_no_text_can_be_stored():
     assert decodable("walk\udcff.bvh") == "walk\\udcff.bvh"
     assert escaped("walk\udcff").encode() == b"walk&#92;udcff"
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        ("Left_Hip: 0.5 rad (from `t1.urdf`)", "Left_Hip: 0.5 rad (from 't1.urdf')"),
+        ("\\[a](javascript:b)\n# c", "&#92;\\[a](javascript:b) # c"),
+        ("<img src=x onerror=a>", "&lt;img src=x onerror=a&gt;"),
+        (None, ""),
+        (float("nan"), ""),
+        (2.5, "2.5"),
+    ],
+)
+def test_a_cell_is_one_line_without_markup_of_its_own(value, shown):
+    assert cell(value) == shown

@@ -35,6 +35,14 @@ def test_a_stated_table_stands_in_the_readme(tmp_path: Path):
     assert "| shapes | `t1.xml`, primitives in place of meshes |" in readme
 
 
+def test_the_name_of_the_makers_file_is_text_in_the_readme(tmp_path: Path):
+    named = tmp_path / "a`<img src=x onerror=b>.urdf"
+    named.write_text((T1 / "t1.urdf").read_text())
+    assert main(["import-robot", str(named), "--name", "t2", "--out", str(tmp_path / "t2")]) == 0
+    readme = (tmp_path / "t2" / "README.md").read_text()
+    assert "<img" not in readme and "`a'&lt;img src=x onerror=b&gt;.urdf`" in readme
+
+
 def test_an_existing_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "t2").mkdir()
     (tmp_path / "t2" / "mine.txt").write_text("mine")
