@@ -10,14 +10,14 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.amp_policy import bundle_of, commit_of, run_facts, train_beside_others
+from assets.amp_policy import bundle_of, run_facts, train_beside_others
 from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
-from assets.training_process import TrainingConfig, gpus_here, run_of
+from assets.training_process import TrainingConfig, commit_of, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs
@@ -72,7 +72,7 @@ def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
 def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: Any) -> Path:
     """Train every arm with every seed, one after the other, and write what came of it; its folder."""
     bundle, about = bundle_of(PROJECT, robot)
-    runs, curves, commit = [], {}, commit_of(PROJECT)
+    runs, curves, commit = [], {}, commit_of(PROJECT.root)
     for seed in config.seeds:
         for arm, augmented in ARMS.items():
             asked = config.model_copy(update={"seed": seed})

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,16 @@ from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import table_of
 from assets.resources import ClipPoolResource, store_left_to_others
-from assets.training_process import Run, TrainingConfig, TrainingFailedError, policy_of_checkpoint, run_of, train
+from assets.tracking_policy import tracker_file
+from assets.training_process import (
+    Run,
+    TrainingConfig,
+    TrainingFailedError,
+    commit_of,
+    policy_of_checkpoint,
+    run_of,
+    train,
+)
 from assets.training_report import curves_of
 from pipeline.batch import Manifest
 from pipeline.files import digest
@@ -45,7 +53,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
         bundle, about = bundle_of(PROJECT, robot)
         wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
         run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
-        commit = commit_of(PROJECT)
+        commit = commit_of(PROJECT.root)
         train_beside_others(run, PROJECT, robot, context.log)
         chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
         facts = run_facts(run, robot, commit) | {
@@ -114,9 +122,8 @@ def tracker_files(project: Project, robot: str) -> Any:
         reference, rollout = project.store.get_clip(blobs[name], name), project.store.get_clip(entry.blob, entry.clip)
         if isinstance(reference, RobotClip) and isinstance(rollout, RobotClip):
             clips.append(TrackedClip(reference=reference, rollout=rollout))
-    for facts in policy.settings.values():
-        return TrackerFiles(network=project.root / facts["folder"] / "tracker.npz", clips=clips)
-    return None
+    found = tracker_file(project, policy)
+    return None if found is None else TrackerFiles(network=found[0], clips=clips)
 
 
 def train_beside_others(run: Run, project: Project, robot: str, log: Any) -> None:
@@ -180,19 +187,6 @@ def _portable(run: Run) -> str:
 
     paths = {name: near(getattr(run, name)) for name in ("folder", "bundle")}
     return f"python {' '.join(dataclasses.replace(run, **paths).command)}"
-
-
-def commit_of(project: Project) -> str:
-    """The commit that the code is at, with `+` where files differ from it; empty outside a repository."""
-    try:
-        head = subprocess.run(
-            ["git", "rev-parse", "HEAD"], cwd=project.root, capture_output=True, text=True, check=True
-        )
-        state = ["git", "status", "--porcelain", "--untracked-files=no"]
-        changed = subprocess.run(state, cwd=project.root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
 
 
 def _metadata(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
         robot, envelope = load_robot(folder), torque_envelope(read_actuators(folder))
         values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
-        found = tracker_file(tracking_policy)
+        found = tracker_file(PROJECT, tracking_policy)
         if found is None:
             why = no_tracker(plan.robot or DEFAULT_ROBOT)
             context.log.warning(why)

@@ -54,7 +54,7 @@ def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> floa
     plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
-    tracker = tracker_file(PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
+    tracker = tracker_file(PROJECT, PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
     if tracker is None:
         raise FileError(PROJECT.shipped_policies(robot_name) / "tracker", f"there is no tracker of '{robot_name}'.")
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)

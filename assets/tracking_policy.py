@@ -7,14 +7,13 @@ from typing import Any
 
 import dagster as dg
 
-from assets.amp_policy import commit_of
 from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
-from assets.training_process import TrainingFailedError, gpus_here, train
+from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingFailedError, commit_of, gpus_here, train
 from pipeline.batch import Manifest
 from pipeline.files import digest
 from pipeline.tracking.task import ITERATIONS
@@ -157,10 +156,10 @@ def job_of(name: str, robot: str) -> str:
     return name if robot == DEFAULT_ROBOT else f"{name}_{robot}"
 
 
-def tracker_file(tracking_policy: Manifest) -> tuple[Path, str] | None:
+def tracker_file(project: Project, tracking_policy: Manifest) -> tuple[Path, str] | None:
     """The network of a stored `tracking_policy` and its digest; None where the robot has none."""
     for facts in tracking_policy.settings.values():
-        return PROJECT.root / facts["folder"] / "tracker.npz", facts["files"]["tracker.npz"]
+        return project.root / facts["folder"] / "tracker.npz", facts["files"]["tracker.npz"]
     return None
 
 
@@ -187,7 +186,7 @@ def _train(
         licences,
     )
     run = _run_of(config, PROJECT.policies(robot_name) / "tracker_runs", bundle, digest.of_json(about))
-    commit = commit_of(PROJECT)
+    commit = commit_of(PROJECT.root)
     with store_left_to_others(log):
         train(run, PROJECT.root, PROJECT.training_lock, log)
     if run.device == "cpu":
@@ -210,8 +209,8 @@ def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> Tr
     asked: dict[str, Any] = {
         "device": device,
         "gpus": 1 if trial else config.gpus,
-        "num_envs": config.num_envs or (8 if trial else 4096),
-        "iterations": config.iterations or (2 if trial else ITERATIONS),
+        "num_envs": config.num_envs or (TRIAL_ENVS if trial else 4096),
+        "iterations": config.iterations or (TRIAL_ITERATIONS if trial else ITERATIONS),
         "minutes": config.minutes,
         "seed": config.seed,
     }

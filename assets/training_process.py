@@ -225,3 +225,14 @@ def policy_of_checkpoint(run: Run, checkpoint: Path, root: Path) -> Path:
         if done.returncode != 0:
             raise TrainingFailedError(f"{checkpoint}: could not be exported. {done.stderr.strip()}")
     return path
+
+
+def commit_of(root: Path) -> str:
+    """The commit that the code below `root` is at, with `+` where files differ from it; empty outside a repository."""
+    try:
+        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
+        state = ["git", "status", "--porcelain", "--untracked-files=no"]
+        changed = subprocess.run(state, cwd=root, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
