@@ -13,7 +13,7 @@ import torch
 
 from pipeline.deployment import deployment_task, load_policy, save_policy
 from pipeline.errors import FileError
-from pipeline.export.card import FILE, SCHEMA, ModelCard, read_card
+from pipeline.export.card import FILE, SCHEMA, ModelCard, page, read_card
 from pipeline.export.golden import GoldenVectors, read_golden, write_golden
 from pipeline.files import digest
 from pipeline.learning.checkpoint import load_checkpoint
@@ -34,6 +34,9 @@ CARD = ModelCard(
     task={},
     files={"policy.npz": "cd" * 32},
 )
+
+
+PARITY = {"onnx": 0.0, "torch_script": 0.0, "runtime": "none", "observations": 1}
 
 
 @pytest.fixture
@@ -227,6 +230,15 @@ def test_a_card_of_other_kinds_of_values_is_refused(tmp_path, change):
     (tmp_path / FILE).write_text(json.dumps({**value, "sha256": digest.of_json(value)}))
     with pytest.raises(FileError, match=r"card\.json: "):
         read_card(tmp_path)
+
+
+def test_the_page_of_a_card_has_no_markup_of_its_values():
+    hostile = "<script>x</script> ![a](http://b) `c` | d\ne"
+    run = {"command": hostile + " --seed 1" * 100}
+    lines = page(ModelCard(**{**vars(CARD), "name": hostile, "run": run, "parity": PARITY})).splitlines()
+    assert lines[0] == "# &lt;script&gt;x&lt;/script&gt; !\\[a](http://b) 'c' \\| d e"
+    (command,) = [line for line in lines if line.startswith("| command ")]
+    assert command.endswith("--seed 1 |") and "<" not in command
 
 
 @pytest.mark.parametrize("text", ["null", "[]", "3", "{", "[" * 5_000 + "]" * 5_000, '{"schema": null}'])
