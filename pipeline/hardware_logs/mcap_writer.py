@@ -1,4 +1,4 @@
-"""Writes MCAP files as `ros2 bag record -s mcap` does, by the official writer; the same messages give the same bytes."""
+"""Writes MCAP files as `ros2 bag record -s mcap` does, with the official writer; same messages, same bytes."""
 
 from __future__ import annotations
 
