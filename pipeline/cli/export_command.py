@@ -12,8 +12,6 @@ from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError
 from pipeline.expert.swap import current
 
-CARD_ALONE = "card"
-
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add the command."""
@@ -23,10 +21,10 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         description="Write every clip of a database as an archive of mjlab and BeyondMimic (`mjlab`) or of GMR without "
         "pickle (`gmr`), as a Rerun recording (`rerun`, needs the extra booster-lab[export]), or all of them as one "
         "LeRobotDataset v3 (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and "
-        "how it was made. The format `card` writes the card alone.",
+        "how it was made.",
     )
     parser.add_argument("database", metavar="DATABASE", type=Path, help="folder of a database (data/expert_db/t1)")
-    parser.add_argument("--format", choices=(*FORMATS, CARD_ALONE), required=True, help="what to write")
+    parser.add_argument("--format", choices=FORMATS, required=True, help="what to write")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder to write into")
     parser.add_argument("--skill", metavar="NAME", nargs="+", default=[], help="clips of these skills alone")
     add_naming(parser)
@@ -43,7 +41,6 @@ def run(parsed: argparse.Namespace) -> int:
         raise FileError(
             parsed.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder."
         )
-    kind = None if parsed.format == CARD_ALONE else parsed.format
-    written = export_database(parsed.database, kind, find_project().robot, parsed.out, parsed.skill, parsed.naming)
+    written = export_database(parsed.database, parsed.format, find_project().robot, parsed.out, parsed.skill, parsed.naming)
     print(f"{written} clips and {CARD} in {parsed.out}")
     return 0
