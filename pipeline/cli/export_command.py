@@ -41,6 +41,7 @@ def run(parsed: argparse.Namespace) -> int:
         raise FileError(
             parsed.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder."
         )
-    written = export_database(parsed.database, parsed.format, find_project().robot, parsed.out, parsed.skill, parsed.naming)
+    robots = find_project().robot
+    written = export_database(parsed.database, parsed.format, robots, parsed.out, parsed.skill, parsed.naming)
     print(f"{written} clips and {CARD} in {parsed.out}")
     return 0

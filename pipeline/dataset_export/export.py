@@ -50,8 +50,7 @@ def export_database(
     for skill in skills:
         if skill not in known:
             raise UnknownNameError("skill", skill, known)
-    rows = contents.index
-    rows = rows[rows["skill"].isin(skills)] if skills else rows
+    rows = contents.index.loc[contents.index["skill"].isin(list(skills or known))]
     out.mkdir(parents=True, exist_ok=True)
 
     def clips(robot: Robot, named: Robot) -> Iterator[tuple[RobotClip, str, str]]:

@@ -39,10 +39,11 @@ def dataset_card(head: Mapping[str, Any], index: pd.DataFrame) -> str:
     worst = strictest(licences)
     tag = licences[0].lower() if len(licences) == 1 and _TAG.fullmatch(licences[0]) else "other"
     tags = ", ".join(["robotics", "motion", "humanoid", *([robot] if _TAG.fullmatch(robot) else [])])
+    counted = "1 clip" if len(index) == 1 else f"{len(index)} clips"
     parts = [
         f"---\nlicense: {tag}\ntags: [{tags}]\n---",
         f"# Expert motions for the {cell(robot)}",
-        f"{len(index)} clips, {index['seconds'].sum() / 60.0:.1f} minutes at {1.0 / head['frame_duration_s']:g} Hz, "
+        f"{counted}, {index['seconds'].sum() / 60.0:.1f} minutes at {1.0 / head['frame_duration_s']:g} Hz, "
         f"{head['frame_columns']} numbers a frame.",
         "## Licences\n\n"
         + _table(["licence", "class", "clips", "seconds"], _licences(index))
@@ -102,7 +103,7 @@ def _stages_of(text: str) -> Iterable[tuple[str, str, str]]:
 
 def _variants(index: pd.DataFrame) -> list[str]:
     """The table of recorded and augmented clips, where the clips say which they are."""
-    if "variant" not in index or index["variant"].isna().all():
+    if "variant" not in index or index["variant"].isna().to_numpy().all():
         return []
     return [_table(["variant", "seconds", "clips"], _by(index, ["variant"]))]
 

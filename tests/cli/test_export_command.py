@@ -116,7 +116,7 @@ def test_what_is_exported_is_read_back_as_the_same_motion(database, robot, tmp_p
 
 
 def test_the_data_set_has_the_layout_of_lerobot_3(database, robot, tmp_path):
-    """As lerobot 0.4.4 reads it (docs: lerobot-dataset-v3). The package itself needs older pandas than the project."""
+    """As the format's documentation has it; its own loader opens one in tests/dataset_export."""
     out = tmp_path / "out"
     assert main(["export", str(database), "--format", "lerobot", "--out", str(out)]) == 0
     info = json.loads((out / "meta/info.json").read_text())
@@ -217,7 +217,7 @@ def test_the_card_of_an_export_is_that_of_the_exported_clips(database, tmp_path,
         assert main(["export", str(database), "--format", kind, "--out", str(tmp_path / name), *skills]) == 0
     assert (tmp_path / "all/README.md").read_bytes() == (database / "README.md").read_bytes()
     text = (tmp_path / "run/README.md").read_text()
-    assert "1 clips" in text and "Strictest: **public-domain**" in text
+    assert "1 clip, " in text and "Strictest: **public-domain**" in text
     assert "CC-BY-4.0" not in text and "| walk |" not in text
 
 

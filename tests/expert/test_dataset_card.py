@@ -8,7 +8,6 @@ import yaml
 
 from pipeline.expert.dataset_card import dataset_card
 
-
 HEAD = {
     "robot": "t1",
     "frame_duration_s": 0.02,
