@@ -10,7 +10,7 @@ LEROBOT := $(VENV)/lerobot/.installed
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: setup lock expert_db test check dev motions clean
+.PHONY: setup lock expert_db test check audit nightly dev motions clean
 
 setup: $(STAMP)
 
@@ -50,6 +50,15 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/dagster definitions validate
 	dg check defs
+
+# Advisories on the locked packages; ADVISORIES is a copy of the database (docs/security.md).
+audit: setup
+	$(BIN)/python benchmarks/advisories.py $(ADVISORIES)
+
+# What is too long for each push: mutated inputs, of the documented seed and of another one each day.
+nightly: setup
+	$(BIN)/python benchmarks/faults.py --list
+	$(BIN)/python benchmarks/faults.py --list --seed $$(date -u +%Y%m%d)
 
 dev: setup
 	dagster dev --host 127.0.0.1

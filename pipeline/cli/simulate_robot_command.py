@@ -16,6 +16,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.events import Push
 from pipeline.simulation.run import Controller
 from pipeline.virtual_robot.deviations import Deviations
+from pipeline.virtual_robot.failing_motors import Outage
 from pipeline.virtual_robot.holding_hand import Hold
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, ScriptedController
 from pipeline.virtual_robot.trial import TIMESTEP_S, VirtualTrial, simulate
@@ -64,6 +65,14 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     )
     happens.add_argument("--hold", metavar="T,UNTIL", type=_numbers(2), help="a person lifts it off its feet")
     happens.add_argument("--stop", metavar="T", type=float, help="the operator stops it: joints are damped")
+    happens.add_argument(
+        "--motors-off",
+        metavar="T,UNTIL[,JOINT...]",
+        type=_outage,
+        action="append",
+        default=[],
+        help="motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be given again",
+    )
     parser.set_defaults(run=run)
 
 
@@ -82,6 +91,7 @@ def run(parsed: argparse.Namespace) -> int:
         ),
         hold=Hold(start_s=parsed.hold[0], stop_s=parsed.hold[1]) if parsed.hold else None,
         stop_s=parsed.stop,
+        outages=tuple(parsed.motors_off),
     )
     facts = LogFacts(robot=robot.name, policy_digest=policy)
     every = max(round(1.0 / (parsed.rate * TIMESTEP_S)), 1)
@@ -89,7 +99,7 @@ def run(parsed: argparse.Namespace) -> int:
     parsed.out.parent.mkdir(parents=True, exist_ok=True)
     write_mcap(parsed.out, log)
     fell = f"fell after {rollout.fell_s:.2f} s" if rollout.fell_s is not None else "did not fall"
-    differs = "; ".join(trial.deviations.words()) or "nothing"
+    differs = "; ".join(trial.words()) or "nothing"
     print(
         f"{parsed.out}: {parsed.seconds:g} s of a simulated {robot.name}, {parsed.out.stat().st_size / 1e3:.0f} kB. "
         f"It {fell}. Different from its model: {differs}."
@@ -147,6 +157,21 @@ def _numbers(count: int):
 
     read.__name__ = f"{count} numbers"
     return read
+
+
+def _outage(text: str) -> Outage:
+    """An outage `T,UNTIL[,JOINT...]`, for argparse."""
+    start, _, rest = text.partition(",")
+    until, *joints = rest.split(",")
+    try:
+        start_s, stop_s = float(start), np.inf if until == "end" else float(until)
+    except ValueError:
+        start_s = stop_s = np.nan
+    if not 0.0 <= start_s < stop_s:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s] (or the word `end`), and joints after another comma"
+        )
+    return Outage(start_s=start_s, stop_s=stop_s, joints=tuple(joints))
 
 
 def _of_joint(text: str) -> tuple[str, float]:
