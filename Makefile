@@ -5,6 +5,7 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+LEROBOT := $(VENV)/lerobot/.installed
 
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
@@ -23,15 +24,23 @@ $(STAMP): pyproject.toml constraints.txt requirements.lock
 	$(BIN)/pip check
 	touch $(STAMP)
 
-# After a change of constraints.txt; needs uv (pip install uv).
+# LeRobot's data set loader, which a test opens an export with: beside the environment, whose versions it does not allow.
+$(LEROBOT): tests/dataset_export/lerobot.lock $(STAMP)
+	rm -rf $(@D)
+	$(BIN)/pip install --quiet --no-deps --only-binary :all: --require-hashes --target $(@D) \
+		--requirement tests/dataset_export/lerobot.lock
+	touch $@
+
+# After a change of constraints.txt or of tests/dataset_export/lerobot.txt; needs uv (pip install uv).
+LOCK := uv pip compile --quiet --no-deps --generate-hashes --python-version 3.11 --no-annotate --no-header
 lock:
-	grep -v '^torch==' constraints.txt | uv pip compile - --quiet --no-deps --generate-hashes --python-version 3.11 \
-		--no-annotate --no-header --output-file requirements.lock
+	grep -v '^torch==' constraints.txt | $(LOCK) - --output-file requirements.lock
+	$(LOCK) tests/dataset_export/lerobot.txt --output-file tests/dataset_export/lerobot.lock
 
 expert_db: setup
 	dagster asset materialize --select expert_db
 
-test: setup
+test: setup $(LEROBOT)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup
