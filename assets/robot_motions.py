@@ -199,9 +199,17 @@ def untracked(rollouts: Manifest, references: Manifest) -> bool:
 
 
 def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:
-    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`."""
+    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`.
+
+    A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
+    """
+    from pipeline.tracking.neighbours import AT_FAULT
+
     if kind == "rollouts":
         return rollouts
+    at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
+    kept = tuple(entry for entry in references.entries if entry.clip not in at_fault)
+    references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(
