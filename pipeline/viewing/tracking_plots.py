@@ -115,7 +115,7 @@ def worst_tracked(
 def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Strip:
     """A reference and its rollout up to the last frame of it, or around the moment of the largest error."""
     failing = next((str(reason["text"]) for reason in row.reasons if reason["code"] == NOT_TRACKED), None)
-    at_s = rollout.duration_s if failing else float(row.numbers.get("worst_at_s") or 0.0)
+    at_s = (rollout.frame_count - 1) / rollout.fps if failing else float(row.numbers.get("worst_at_s") or 0.0)
     start = max(round((at_s - SHOWN_S) * rollout.fps), 0)
     stop = min(round((at_s + SHOWN_S) * rollout.fps) + 1, rollout.frame_count)
     start_s, stop_s = start / rollout.fps, (stop - 1) / rollout.fps
