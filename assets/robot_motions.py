@@ -227,10 +227,10 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     found = accepted_variations(rollouts, feasible)
     if found.empty:
         return {}
-    accepted, tried = int(found["accepted"].sum()), int(found["tried"].sum())
+    accepted, tried = found["accepted"].tolist(), found["tried"].tolist()
     away = distances(feasible)
     return {
-        "disturbed rollouts accepted": f"{accepted} of {tried}, at least {int(found['accepted'].min())} a source clip",
+        "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} a source clip",
         "disturbed rollouts accepted, each source clip": table_of(found, list(found)),
         "distance of disturbed rollouts from their references": table_of(away, list(away)),
     }
