@@ -114,7 +114,7 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
 
 
 def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotClip | None:
-    """The frames that a rollout of the database tracked; None where it is no rollout or the store lacks its reference."""
+    """The frames that a rollout of the database tracked; None for another clip, or where the store lacks them."""
     shelf = _shelf(project.store, robot.name)
     return shelf.reference(shelf.robot.get(rollout.name), rollout)
 
