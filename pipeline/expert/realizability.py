@@ -157,27 +157,40 @@ def windows(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "w f"]:
 
 
 def _accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray], seed: int) -> float:
+    """Of a network trained on windows of both kinds; on one thread, which for so small a network is as fast as several
+    and does not depend on what else the machine does."""
     import torch
 
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        mean, scale = train[0].mean(axis=0), train[0].std(axis=0) + 1e-3
-        known, held = (
-            [torch.from_numpy(((part - mean) / scale).astype(np.float32)) for part in parts] for parts in (train, test)
-        )
-        sizes = (known[0].shape[1], *HIDDEN)
-        layers: list[torch.nn.Module] = []
-        for inputs, outputs in itertools.pairwise(sizes):
-            layers += [torch.nn.Linear(inputs, outputs), torch.nn.ReLU()]
-        network = torch.nn.Sequential(*layers, torch.nn.Linear(HIDDEN[-1], 1))
-        optimizer = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
-        labels = torch.cat([torch.ones(BATCH // 2), torch.zeros(BATCH // 2)])
-        for _ in range(STEPS):
-            batch = torch.cat([part[torch.randint(len(part), (BATCH // 2,))] for part in known])
-            loss = torch.nn.functional.binary_cross_entropy_with_logits(network(batch)[:, 0], labels)
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-        with torch.no_grad():
-            right = [float((network(part)[:, 0] > 0.0).float().mean()) for part in held]
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            return _trained_accuracy(train, test)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _trained_accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray]) -> float:
+    import torch
+
+    mean, scale = train[0].mean(axis=0), train[0].std(axis=0) + 1e-3
+    known, held = (
+        [torch.from_numpy(((part - mean) / scale).astype(np.float32)) for part in parts] for parts in (train, test)
+    )
+    sizes = (known[0].shape[1], *HIDDEN)
+    layers: list[torch.nn.Module] = []
+    for inputs, outputs in itertools.pairwise(sizes):
+        layers += [torch.nn.Linear(inputs, outputs), torch.nn.ReLU()]
+    network = torch.nn.Sequential(*layers, torch.nn.Linear(HIDDEN[-1], 1))
+    optimizer = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
+    labels = torch.cat([torch.ones(BATCH // 2), torch.zeros(BATCH // 2)])
+    for _ in range(STEPS):
+        batch = torch.cat([part[torch.randint(len(part), (BATCH // 2,))] for part in known])
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(network(batch)[:, 0], labels)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    with torch.no_grad():
+        right = [float((network(part)[:, 0] > 0.0).float().mean()) for part in held]
     return 0.5 * (right[0] + 1.0 - right[1])
