@@ -37,7 +37,7 @@ def materialize_database(
     folder = PROJECT.expert_db(robot.name)
     values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values)
-    realizable, accuracy = realizability_check(plan, feasible, pool)
+    realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())}
     if accuracy is not None:
         metadata["realizability"] = accuracy
