@@ -66,7 +66,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
-    windows_only = dataclasses.replace(curation, expert_motions="rollouts")  # no window depends on it
+    windows_only = dataclasses.replace(curation, expert_motions="rollouts", decisions=())  # no window depends on these
     stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
     for pattern in idle_patterns(windows.entry_table(), curation):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pipeline.cli import (
     check_robot_command,
     cross_engine_command,
+    curate_command,
     database_command,
     export_command,
     import_robot_command,
@@ -40,6 +41,7 @@ COMMANDS = (
     export_command,
     validate_command,
     cross_engine_command,
+    curate_command,
     database_command,
     simulate_robot_command,
     sources_command,
