@@ -7,28 +7,19 @@ from typing import Any
 import pandas as pd
 
 from pipeline.batch import Manifest
-from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable
+from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, asset_of
 from pipeline.errors import UnknownNameError
 from pipeline.selection.decisions import Decision
 
 CRITERIA = (
-    "group",
-    "criterion",
-    "number",
-    "threshold",
-    "sense",
-    "unit",
-    "verdict",
-    "margin",
-    "message",
-    "source",
-    "why",
+    *("group", "criterion", "number", "threshold", "sense", "unit"),
+    *("verdict", "margin", "message", "source", "why"),
 )
 """Columns of the table of criteria that the page shows."""
 
 
 def clip_details(
-    table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], clip: str
+    table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], robot: str, clip: str
 ) -> dict[str, Any]:
     """The details of a clip as JSON types. Raises UnknownNameError for a clip that is not in the table."""
     row = table.row(clip)
@@ -44,6 +35,8 @@ def clip_details(
         "criteria": _criteria(criteria, row),
         "lineage": _lineage(table, row),
         "names": _names(row),
+        "assets": {stage: asset_of(stage, robot) for stage in STAGES},
+        "starts_s": _starts_s(row),
         "decisions": [vars(each) for each in decisions if each.clip in {*_names(row), *row.pieces}],
     }
 
@@ -57,6 +50,13 @@ def _names(row: ClipRow) -> list[str]:
     window = row.clip.split("~")[0]
     recording = window.rpartition("@")[0] or window
     return list(dict.fromkeys((row.clip, window, recording)))
+
+
+def _starts_s(row: ClipRow) -> float:
+    """Time of the clip's first frame in the times of its reasons [s]: KP2 states times of the whole recording."""
+    fps = float(row.numbers.get("fps") or 0.0)
+    start = row.numbers.get("start_frame")
+    return float(start) / fps if row.stage == "repaired_motions" and start and fps else 0.0
 
 
 def _pieces(manifest: Manifest | None, row: ClipRow) -> list[dict[str, Any]]:
@@ -86,11 +86,11 @@ def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any
     """Rows of the table of criteria, stretch by stretch; what is no number is None."""
     if criteria is None or row.stage != LAST:
         return []
-    own = criteria[criteria["clip"] == row.clip]
     wanted = ["start_s", "stop_s", "piece", *CRITERIA]
+    own = pd.DataFrame(criteria.loc[criteria["clip"] == row.clip, wanted]).astype(object)
     return [
-        {str(name): None if value != value else value for name, value in each.items()}
-        for each in own[wanted].astype(object).to_dict("records")
+        {name: None if value != value else value for name, value in zip(wanted, values, strict=True)}
+        for values in own.itertuples(index=False, name=None)
     ]
 
 

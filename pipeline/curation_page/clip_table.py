@@ -2,8 +2,8 @@
 
     motion_catalog -> selected -> repaired -> retargeted -> variants -> references -> rollouts -> feasible_motions
 
-A clip that a stage rejected ends there; a clip that KP5 evaluated ends there, accepted or not. A window that KP1 did not
-select is a row of its own.
+A clip that a stage rejected ends there; a clip that KP5 evaluated ends there, accepted or not. A window that KP1 did
+not select is a row of its own.
 """
 
 from __future__ import annotations

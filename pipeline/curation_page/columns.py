@@ -118,8 +118,12 @@ def _thresholds(criteria: pd.DataFrame | None) -> dict[str, tuple[float, float]]
     """Criterion -> smallest and largest threshold."""
     if criteria is None or criteria.empty:
         return {}
-    ranges = criteria.dropna(subset=["threshold"]).groupby("criterion", observed=True)["threshold"].agg(["min", "max"])
-    return {str(code): (float(row["min"]), float(row["max"])) for code, row in ranges.iterrows()}
+    known = criteria.dropna(subset=["threshold"])
+    found: dict[str, tuple[float, float]] = {}
+    for code, limit in zip(known["criterion"], known["threshold"], strict=True):
+        low, high = found.get(code, (limit, limit))
+        found[code] = (min(low, limit), max(high, limit))
+    return {code: (float(low), float(high)) for code, (low, high) in found.items()}
 
 
 def _coded(values: list[str], names: Sequence[str] = ()) -> dict[str, Any]:

@@ -5,8 +5,8 @@
 - Only GET and HEAD read, and they change nothing. POST changes something and needs the header `X-Booster-Lab-Token`, an
   `Origin` that is this server's if the browser sends one, and a JSON body. A page of another origin can't send that
   header without a preflight, which is never answered.
-- The token is made at each start and shown on the terminal alone, in the fragment of the address, which browsers send to
-  no server.
+- The token is made at each start and shown on the terminal alone, in the fragment of the address, which browsers send
+  to no server.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Motions as thick lines, the form in which the browser draws them: thumbnails and playback alike.
 
-Each primitive of a figure becomes one line with round ends: a capsule is drawn as it is, a box or an ellipsoid along its
-longest side. Positions are whole steps of `STEP_M` from the figure's first position on the ground.
+Each primitive of a figure becomes one line with round ends: a capsule is drawn as it is, a box or an ellipsoid along
+its longest side. Positions are whole steps of `STEP_M` from the figure's first position on the ground.
 
-    bytes: length of the head (uint32, little-endian), head (JSON, padded with blanks to a multiple of 4), int16 positions
-    head:  {"figures": [{name, fps, frames, lines, radius [m], color, foot, contacts}, …], "step_m": …}
+    bytes: length of the head (uint32, little-endian), head (JSON, padded to a multiple of 4), int16 positions
+    head:  {"figures": [{name, fps, frames, lines, radius [m], color, foot, heading, contacts}, …], "step_m": …}
     positions of a figure: frames x lines x (start xyz, end xyz); MISSING where a part is missing
 """
 
@@ -52,9 +52,8 @@ def lines_w(figure: Figure, frames: np.ndarray) -> Float[np.ndarray, "t n 2 3"]:
     shapes = [shape for part in figure.parts for shape in part.shapes]
     ends = np.array([_ends(shape) for shape in shapes])  # n 2 3, in the part's frame
     quat, pos = figure.quat_w[frames][:, owner, None], figure.pos_w[frames][:, owner, None]
-    return pos + rotation.rotate(
-        np.broadcast_to(quat, (*pos.shape[:2], 2, 4)), np.broadcast_to(ends, (*pos.shape[:2], 2, 3))
-    )
+    both = (*pos.shape[:2], 2)
+    return pos + rotation.rotate(np.broadcast_to(quat, (*both, 4)), np.broadcast_to(ends, (*both, 3)))
 
 
 def _ends(shape: Shape) -> np.ndarray:
@@ -88,17 +87,28 @@ def _head(figure: Figure, frames: np.ndarray) -> dict[str, Any]:
         "radius": [round(_measures(shape)[2], 4) for _, shape in shapes],
         "color": ["#" + "".join(f"{round(255 * value):02x}" for value in shape.color) for _, shape in shapes],
         "foot": [-1 if foot is None else foot for foot, _ in shapes],
+        "heading": _first_heading(figure),
         "contacts": _contacts(figure),
     }
+
+
+def _first_heading(figure: Figure) -> float:
+    """Heading [rad] in the first frame that has one."""
+    known = figure.heading[np.isfinite(figure.heading)]
+    return round(float(known[0]), 4) if len(known) else 0.0
 
 
 def _contacts(figure: Figure) -> list[list[list[float]]] | None:
     """Of each foot the times it is on the ground, as [start, stop] [s]; None if unknown."""
     if figure.contacts is None:
         return None
+    contacts = figure.contacts
     return [
-        [[round(start / figure.fps, 4), round(stop / figure.fps, 4)] for start, stop in time_series.runs(foot)]
-        for foot in np.asarray(figure.contacts, dtype=bool).T
+        [
+            [round(start / figure.fps, 4), round(stop / figure.fps, 4)]
+            for start, stop in time_series.runs(contacts[:, foot])
+        ]
+        for foot in range(contacts.shape[1])
     ]
 
 

@@ -125,7 +125,7 @@ class Workplace:
     def clip(self, name: str) -> dict[str, Any]:
         """Details of one clip. Raises UnknownNameError."""
         now = self.read()
-        return clip_details(now.table, now.criteria, self.decisions(), name)
+        return clip_details(now.table, now.criteria, self.decisions(), self.robot_name, name)
 
     def motion(self, name: str) -> bytes:
         """The motions of one clip. Raises UnknownNameError, FileError, ClipError."""

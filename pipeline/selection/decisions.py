@@ -6,7 +6,7 @@ a person reviewed: accepting replaces an exclusion, but lets nothing in that a c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,7 +65,7 @@ def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manif
     """
     excluded = exclusions(decisions)
     input_of = {piece: row.clip for row in manifest.judged for piece in row.pieces}
-    dropped: dict[str, dict] = {}
+    dropped: dict[str, dict[str, Any]] = {}
     for entry in manifest.entries:
         decision = excluded.get(entry.clip) or excluded.get(input_of.get(entry.clip, ""))
         if decision is not None:
@@ -73,6 +73,6 @@ def without_excluded(manifest: Manifest, decisions: Sequence[Decision]) -> Manif
     return manifest.without(dropped) if dropped else manifest
 
 
-def reason_of(clip: str, decision: Decision) -> Mapping[str, object]:
+def reason_of(clip: str, decision: Decision) -> dict[str, Any]:
     """The decision as the reason of a rejection."""
     return Reason(code="excluded_by_person", text=f"{clip}: {decision.text()}", effect="rejected").to_dict()

@@ -66,13 +66,8 @@ class MotionSource:
         human = self.human.load(store, self.clip) if self.human else None
         if isinstance(found, HumanClip):
             human = found
-        return Shown(
-            name=self.clip,
-            human=human,
-            reference=self._reference(store, robot_clip),
-            robot_clip=robot_clip,
-            robot=robot,
-        )
+        reference = self._reference(store, robot_clip)
+        return Shown(name=self.clip, human=human, reference=reference, robot_clip=robot_clip, robot=robot)
 
     def _reference(self, store: Store, rollout: RobotClip | None) -> RobotClip | None:
         if self.reference is None or rollout is None:

@@ -98,7 +98,7 @@ def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
     digest = propose_into(project, report(1, failure()))
     approve_proposal(project.feedback, digest, "a person")
     before = project.approved_feedback.read_text()
-    monkeypatch.setattr("pipeline.feedback.approved.added", lambda earlier, new, whole: (*earlier, *new))
+    monkeypatch.setattr("pipeline.feedback.approve.added", lambda earlier, new, whole: (*earlier, *new))
     with pytest.raises(PipelineError, match="is there twice"):
         approve_proposal(project.feedback, digest, "another")
     assert project.approved_feedback.read_text() == before
