@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import webbrowser
 
 from pipeline.cli.project import find_project
@@ -33,5 +34,6 @@ def run(parsed: argparse.Namespace) -> int:
     print(f"{server.url}\nshows the clips of {project.root}; stop with Ctrl-C", flush=True)
     if not parsed.no_browser:
         webbrowser.open(server.url)
-    server.run()
+    with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        server.run()
     return 0

@@ -17,6 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from pipeline.curation_page.clip_table import NoClipError
 from pipeline.curation_page.guard import Guard
 from pipeline.curation_page.materialization import Materialization
 from pipeline.curation_page.proposals import proposals
@@ -153,7 +154,7 @@ async def _answered(work: Callable[[], Response]) -> Response:
     """The answer that `work` makes in a thread; an error of the project becomes one sentence."""
     try:
         return await run_in_threadpool(work)
-    except UnknownNameError as error:
+    except (UnknownNameError, NoClipError) as error:
         return JSONResponse({"error": str(error)}, status_code=404)
     except PipelineError as error:
         return JSONResponse({"error": str(error)}, status_code=400)

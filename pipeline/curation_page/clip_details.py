@@ -7,8 +7,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.batch import Manifest
-from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, asset_of
-from pipeline.errors import UnknownNameError
+from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, NoClipError, asset_of
 from pipeline.selection.decisions import Decision
 
 CRITERIA = (
@@ -21,10 +20,10 @@ CRITERIA = (
 def clip_details(
     table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], robot: str, clip: str
 ) -> dict[str, Any]:
-    """The details of a clip as JSON types. Raises UnknownNameError for a clip that is not in the table."""
+    """The details of a clip as JSON types. Raises NoClipError for a clip that is not in the table."""
     row = table.row(clip)
     if row is None:
-        raise UnknownNameError("clip", clip, [])
+        raise NoClipError(clip)
     return {
         "clip": row.clip,
         "stage": row.stage,

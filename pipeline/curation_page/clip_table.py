@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.batch import Entry, Judged, Manifest, Store
+from pipeline.errors import PipelineError
 
 HUMAN_STAGES = ("motion_catalog", "selected_motions", "repaired_motions")
 REFERENCES, ROLLOUTS, LAST = "reference_motions", "augmented_motions", "feasible_motions"
@@ -27,6 +28,14 @@ BARE_ROBOT = "t1"
 ACCEPTED, PARTLY, REJECTED, WAITING = "accepted", "partly", "rejected", "waiting"
 VERDICTS = (ACCEPTED, PARTLY, REJECTED, WAITING)
 """`waiting`: the next stage was never materialized."""
+
+
+class NoClipError(PipelineError):
+    """A name that no current clip has."""
+
+    def __init__(self, clip: str):
+        problem = f"there is no clip '{clip}' now; it may have left the database." if clip else "no clip is named."
+        super().__init__(problem)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,13 @@ import pandas as pd
 
 from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.clip_details import clip_details
-from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTable, asset_of, read_table
+from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
 from pipeline.curation_page.columns import columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
 from pipeline.curation_page.motion_sources import MotionSources
 from pipeline.curation_page.thumbnails import ThumbnailStore
-from pipeline.errors import FileError, UnknownNameError
+from pipeline.errors import FileError
 from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest
@@ -123,16 +123,16 @@ class Workplace:
         return json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
 
     def clip(self, name: str) -> dict[str, Any]:
-        """Details of one clip. Raises UnknownNameError."""
+        """Details of one clip. Raises NoClipError."""
         now = self.read()
         return clip_details(now.table, now.criteria, self.decisions(), self.robot_name, name)
 
     def motion(self, name: str) -> bytes:
-        """The motions of one clip. Raises UnknownNameError, FileError, ClipError."""
+        """The motions of one clip. Raises NoClipError, FileError, ClipError."""
         now = self.read()
         row = now.table.row(name)
         if row is None:
-            raise UnknownNameError("clip", name, [])
+            raise NoClipError(name)
         return encode(now.sources.of(row).load(self.store, self.robot).figures())
 
     def thumbnail(self, key: str) -> bytes | None:
@@ -166,7 +166,7 @@ class Workplace:
         known |= windows | {name.rpartition("@")[0] for name in windows}
         strange = [clip for clip in clips if clip not in known]
         if strange or not clips:
-            raise UnknownNameError("clip", strange[0] if strange else "", [])
+            raise NoClipError(strange[0] if strange else "")
         day = date.today().isoformat()
         decide(self.curation, [Decision(clip=clip, verdict=verdict, by=by, why=why, day=day) for clip in clips])
         return len(clips)
