@@ -27,15 +27,18 @@ def add_to(commands: argparse._SubParsersAction) -> None:
         "repaired and retargeted first), a clip of the database (data/expert_db/t1/….json), or the name of a clip that "
         "the graph has made, such as booster_lab/walk or booster_lab/walk@0-300~mirror; with the name of a whole "
         "recording, all that was made from it can be chosen in the browser. A rollout (…~rollout) plays beside the "
-        "reference that it tracks.",
+        "reference that it tracks; a robot log (.mcap) beside the simulation of the same command, with its failures.",
     )
-    parser.add_argument("clip", metavar="CLIP", help="motion file, clip of the database, or name of a clip")
+    parser.add_argument("clip", metavar="CLIP", help="motion file, robot log, clip of the database, or name of a clip")
     parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
     parser.add_argument("--port", type=port, default=8080, help="port of the page (default: 8080, or the next free)")
     parser.add_argument("--host", default="127.0.0.1", help="address to serve on (default: this machine alone)")
     parser.add_argument("--no-browser", action="store_true", help="serve the page but don't open it")
     parser.add_argument("--picture", metavar="OUT.png", type=Path, help="write poses along the clip to a picture")
     parser.add_argument("--poses", type=poses, default=8, help="poses in the picture (default: 8)")
+    parser.add_argument("--record", metavar="OUT", type=Path, help="write an .mp4 or .gif, without a display")
+    parser.add_argument("--start", metavar="S", type=float, default=0.0, help="where the film begins [s]")
+    parser.add_argument("--seconds", metavar="S", type=float, help="length of the film (default: to the end)")
     add_statement(parser)
     parser.set_defaults(run=run)
 
@@ -48,6 +51,13 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.picture is not None:
         atomic.write_bytes(parsed.picture, picture(clips, robot, parsed.poses))
         print(f"{parsed.picture}: {min(len(clips.names), MOST_STRIPS)} of {len(clips.names)} clips")
+        return 0
+    if parsed.record is not None:
+        from pipeline.viewing.film import write_film
+
+        shown = clips.load(clips.names[0])
+        count = write_film(parsed.record, shown.figures(), start_s=parsed.start, seconds=parsed.seconds)
+        print(f"{parsed.record}: {count} pictures of {clips.names[0]}")
         return 0
     from pipeline.viewing.viewer import Viewer  # starts threads and a web server: not for the picture
 

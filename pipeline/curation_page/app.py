@@ -29,6 +29,8 @@ STATIC = Path(__file__).parent / "static"
 KEY = re.compile(r"[0-9a-f]{32}")
 FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 """Of what is named by its content."""
+END_S = 20.0
+"""Longest wait for the processes that make thumbnails when the server ends [s]."""
 NOT_KEPT = {"Cache-Control": "no-store"}
 
 
@@ -47,10 +49,12 @@ def make_app(workplace: Workplace, token: str) -> Guard:
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        threading.Thread(target=_make_thumbnails, args=(workplace,), daemon=True).start()
+        making = threading.Thread(target=_make_thumbnails, args=(workplace,), daemon=True)
+        making.start()
         yield
         workplace.close()
         runs.stop()
+        await run_in_threadpool(making.join, END_S)
 
     reads = {
         "clip": lambda query: workplace.clip(_text(query, "name")),

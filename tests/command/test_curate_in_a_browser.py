@@ -56,7 +56,7 @@ def worst_walking_clip(page: Browser) -> str:
     go(page, "#/?skill=walk", ".card")
     page.page.click("[data-figure='foot_slip_p95'] button")
     page.page.wait_for_selector("[data-figure='foot_slip_p95'].sorted")
-    page.page.wait_for_function("document.querySelectorAll('.card:not([hidden]) canvas[data-drawn]').length > 3")
+    page.until("document.querySelectorAll('.card:not([hidden]) canvas[data-drawn]').length > 3")
     values = page.page.eval_on_selector_all(
         ".card:not([hidden])",
         "cards => cards.map(card => [card.querySelector('.name').textContent, "
@@ -79,11 +79,8 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
     page.page.click(f".card .name[title='{worst}']")
     page.page.wait_for_selector(".timeline")
     first = page.page.get_attribute(".stages canvas >> nth=-1", "data-drawn")
-    page.page.wait_for_function(
-        "was => { const all = document.querySelectorAll('.stages canvas'); "
-        "return all.length >= 2 && all[all.length - 1].dataset.drawn !== was; }",
-        arg=first,
-    )
+    page.until(f"[...document.querySelectorAll('.stages canvas')].at(-1).dataset.drawn !== '{first}'")
+    assert len(page.page.query_selector_all(".stages canvas")) >= 2, "person and robot"
     assert "left foot" in page.page.get_attribute(".timeline", "aria-label")
     assert {"retargeted_motions", "augmented_motions", "feasible_motions"} <= set(
         page.page.eval_on_selector_all("td a", "links => links.map(link => link.textContent)")
@@ -99,7 +96,7 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
     gone = before - database(checkout)
     assert gone and all(name == worst or name.startswith(f"{worst}+") for name in gone)
     go(page, "#/databases", ".summary")
-    page.page.wait_for_function("document.querySelector('.summary').textContent.includes(' left')")
+    page.until("document.querySelector('.summary').textContent.includes(' left')")
     assert "excluded by Ada" in page.page.text_content(".page")
     assert worst in page.page.text_content(".page")
     page.picture("curate_databases")
@@ -157,7 +154,7 @@ def test_several_clips_are_chosen_and_decided_together(page, checkout):
     assert page.page.text_content(".count").startswith(f"{chosen} of")
     page.page.click("text=select all shown")
     page.page.click("text=undo decision")
-    page.page.wait_for_function("!document.querySelector('.card:not([hidden])')")
+    page.until("!document.querySelector('.card:not([hidden])')")
     assert "decisions" not in yaml.safe_load((checkout.root / "data/curation.yaml").read_text())
     assert page.complaints == []
 

@@ -48,6 +48,15 @@ class Browser:
     page: Any
     complaints: list[str] = field(default_factory=list)
 
+    def until(self, condition: str, seconds: float = 30.0) -> None:
+        """Wait until a JavaScript expression is true; the page's security policy refuses Playwright's own wait."""
+        script = (
+            f"async () => {{ const end = performance.now() + {1000 * seconds}; "
+            f"while (!({condition})) {{ if (performance.now() > end) throw new Error('never true'); "
+            "await new Promise(requestAnimationFrame); } }"
+        )
+        self.page.evaluate(script)
+
     def picture(self, name: str) -> None:
         """Write a screenshot into the folder of `BOOSTER_LAB_PICTURES`, if that is set."""
         from PIL import Image

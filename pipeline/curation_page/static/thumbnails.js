@@ -29,6 +29,7 @@ export class Thumbnails {
       if (this.figures.has(card.key)) this.paint(card);
       else {
         card.canvas.getContext("2d").clearRect(0, 0, card.canvas.width, card.canvas.height);
+        delete card.canvas.dataset.drawn;
         this.waiting.set(card.key, true);
       }
     }
@@ -84,7 +85,7 @@ export class Thumbnails {
       context.fill();
       drawn = draw(context, figure, frame, camera) || drawn;
     });
-    canvas.dataset.drawn = drawn ? key : "";
+    canvas.dataset.drawn = drawn ? key : "nothing";
     if (!drawn) {
       context.fillStyle = "#889";
       context.font = "20px sans-serif";
