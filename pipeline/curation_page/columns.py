@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pipeline.curation_page.clip_table import STAGES, VERDICTS, ClipRow, ClipTable
@@ -119,11 +120,12 @@ def _thresholds(criteria: pd.DataFrame | None) -> dict[str, tuple[float, float]]
     if criteria is None or criteria.empty:
         return {}
     known = criteria.dropna(subset=["threshold"])
-    found: dict[str, tuple[float, float]] = {}
-    for code, limit in zip(known["criterion"], known["threshold"], strict=True):
-        low, high = found.get(code, (limit, limit))
-        found[code] = (min(low, limit), max(high, limit))
-    return {code: (float(low), float(high)) for code, (low, high) in found.items()}
+    place, names = pd.factorize(known["criterion"])
+    limits = known["threshold"].to_numpy(dtype=float)
+    low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    np.minimum.at(low, place, limits)
+    np.maximum.at(high, place, limits)
+    return {str(code): (float(low[index]), float(high[index])) for index, code in enumerate(names)}
 
 
 def _coded(values: list[str], names: Sequence[str] = ()) -> dict[str, Any]:

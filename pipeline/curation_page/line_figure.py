@@ -102,14 +102,13 @@ def _contacts(figure: Figure) -> list[list[list[float]]] | None:
     """Of each foot the times it is on the ground, as [start, stop] [s]; None if unknown."""
     if figure.contacts is None:
         return None
-    contacts = figure.contacts
-    return [
-        [
-            [round(start / figure.fps, 4), round(stop / figure.fps, 4)]
-            for start, stop in time_series.runs(contacts[:, foot])
-        ]
-        for foot in range(contacts.shape[1])
-    ]
+    feet: list[np.ndarray] = [np.asarray(column, dtype=bool) for column in zip(*figure.contacts, strict=True)]
+    return [_stretches(foot, figure.fps) for foot in feet]
+
+
+def _stretches(on_ground: np.ndarray, fps: float) -> list[list[float]]:
+    """Start and end [s] of each run of frames on the ground."""
+    return [[round(start / fps, 4), round(stop / fps, 4)] for start, stop in time_series.runs(on_ground)]
 
 
 def _steps(lines: np.ndarray, figure: Figure, frames: np.ndarray) -> np.ndarray:

@@ -26,7 +26,9 @@ class CurationServer:
         self.token = secrets.token_urlsafe(24)
         self._socket = _free_socket(port)
         self.port = int(self._socket.getsockname()[1])
-        app = make_app(Workplace(root, robot), self.token)
+        workplace = Workplace(root, robot)
+        workplace.clips()  # read before the address is shown, so that the first page has nothing to wait for
+        app = make_app(workplace, self.token)
         config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, ws="none")
         self._server = uvicorn.Server(config)
 

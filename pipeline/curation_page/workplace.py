@@ -55,6 +55,7 @@ class Workplace:
         self._pool = pool or ClipPool()
         self._lock = threading.Lock()
         self._read: _Read | None = None
+        self._clips: tuple[tuple[str, tuple[Decision, ...]], bytes] | None = None
         self._stop = threading.Event()
         self._made, self._wanted = 0, 0
 
@@ -113,6 +114,10 @@ class Workplace:
     def clips(self) -> bytes:
         """The table as JSON, with the name of each thumbnail."""
         now, decisions = self.read(), self.decisions()
+        state = (now.version, decisions)
+        with self._lock:
+            if self._clips is not None and self._clips[0] == state:
+                return self._clips[1]
         keys = [self.thumbnails.key(now.sources.of(row)) for row in now.table.rows]
         found = {
             "version": now.version,
@@ -120,7 +125,10 @@ class Workplace:
             "thumbnail": keys,
             **columns(now.table, now.criteria, decisions),
         }
-        return json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
+        made = json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
+        with self._lock:
+            self._clips = (state, made)
+        return made
 
     def clip(self, name: str) -> dict[str, Any]:
         """Details of one clip. Raises NoClipError."""

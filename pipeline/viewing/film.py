@@ -25,7 +25,7 @@ WIDTH_M, HEIGHT_M = 1.2, 2.0
 """Room for a figure."""
 LETTERS = 30
 """Of a line of text over a figure."""
-FPS = {".mp4": 25.0, ".gif": 12.5}
+FPS = {".mp4": 25, ".gif": 10}
 PALETTE = 64
 
 
@@ -89,7 +89,7 @@ def _picture(figures: Sequence[Figure], time_s: float, text: str) -> np.ndarray:
     return np.ascontiguousarray(np.asarray(agg.buffer_rgba())[..., :3])
 
 
-def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
+def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
     writer = None
     for picture in pictures:
         if writer is None:
@@ -101,7 +101,7 @@ def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
         writer.close()
 
 
-def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: float) -> None:
+def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
     images = [
         Image.fromarray(each).quantize(PALETTE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         for each in pictures

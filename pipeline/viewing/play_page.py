@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import NoReturn
+from collections.abc import Callable
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import viser
@@ -18,7 +19,8 @@ from pipeline.viewing.scene import add_shape
 
 LIMITS = ((-0.6, 2.0), (-0.6, 0.6), (-1.5, 1.5))
 """Ranges of the sliders: forward, lateral [m/s], yaw rate [rad/s], as the commands of training."""
-KEYS = {
+Key = Literal["W", "S", "A", "D", "Q", "E", "X", "P", "R"]
+KEYS: dict[Key, tuple[int, float, str]] = {
     "W": (0, 0.1, "forward faster"),
     "S": (0, -0.1, "forward slower"),
     "A": (1, 0.1, "to the left"),
@@ -85,7 +87,7 @@ class PlayPage:
         """End the server; its port is free again."""
         self.server.stop()
 
-    def press(self, key: str) -> None:
+    def press(self, key: Key) -> None:
         """What a key of `KEYS` does."""
         part, step, _ = KEYS[key]
         low, high = LIMITS[part]
@@ -139,7 +141,11 @@ class PlayPage:
         restart = gui.add_button("restart (R)")
         self._placed = (self.terrain.value, round(float(self.friction.value), 2))
         self._name = name
-        actions = {"X": (halt, self.halt), "P": (push, self.push), "R": (restart, self.restart)}
+        actions: dict[Key, tuple[Any, Callable[[], None]]] = {
+            "X": (halt, self.halt),
+            "P": (push, self.push),
+            "R": (restart, self.restart),
+        }
         for key, (button, act) in actions.items():
             button.on_click(lambda _, act=act: act())
             gui.add_command(str(button.label), hotkey=key).on_trigger(lambda _, act=act: act())

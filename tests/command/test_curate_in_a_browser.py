@@ -112,7 +112,7 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
 def test_a_proposal_is_approved_with_its_evidence_declined_and_taken_back(page, checkout):
     go(page, "#/proposals", "[data-section]")
     page.picture("curate_proposals")
-    assert ".mcap" in page.page.text_content(".change")
+    assert "demo/side_left_fall" in page.page.text_content(".change")
     sections = page.page.eval_on_selector_all("[data-section]", "all => all.map(each => each.dataset.section)")
     page.page.click(f"text=approve {sections[0]}")
     page.page.wait_for_selector("h2 >> text=/^Approved$/")

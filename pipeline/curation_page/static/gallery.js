@@ -2,6 +2,7 @@
 
 import { el, number, seconds } from "./dom.js";
 
+const SHARP = Math.min(devicePixelRatio || 1, 2);
 const [CARD_WIDTH, CARD_HEIGHT, GAP] = [222, 196, 10];
 
 export class Gallery {
@@ -72,7 +73,7 @@ export class Gallery {
 
   made() {
     const card = { index: -1 };
-    card.canvas = el("canvas", { width: 440, height: 248, onclick: () => this.onOpen(card.index) });
+    card.canvas = el("canvas", { width: Math.round(220 * SHARP), height: Math.round(124 * SHARP), onclick: () => this.onOpen(card.index) });
     card.box = el("input", { type: "checkbox", onclick: (event) => this.choose(card.index, event.shiftKey) });
     card.name = el("a", { class: "name" });
     card.verdict = el("span");

@@ -11,6 +11,7 @@ export class Thumbnails {
   constructor() {
     this.figures = new Map();
     this.waiting = new Map();
+    this.due = new Set();
     this.busy = 0;
     this.cards = [];
     this.next = 0;
@@ -25,8 +26,9 @@ export class Thumbnails {
     this.cards = cards;
     const wanted = new Set(cards.map((card) => card.key));
     for (const key of this.waiting.keys()) if (!wanted.has(key)) this.waiting.delete(key);
+    this.due.clear();
     for (const card of cards) {
-      if (this.figures.has(card.key)) this.paint(card);
+      if (this.figures.has(card.key)) this.due.add(card);
       else {
         card.canvas.getContext("2d").clearRect(0, 0, card.canvas.width, card.canvas.height);
         delete card.canvas.dataset.drawn;
@@ -34,6 +36,23 @@ export class Thumbnails {
       }
     }
     this.fetchMore();
+    this.paintSoon();
+  }
+
+  // What has to be painted is spread over frames, so that scrolling and filtering never wait for it.
+  paintSoon() {
+    if (this.painting || !this.due.size) return;
+    this.painting = true;
+    requestAnimationFrame(() => {
+      this.painting = false;
+      const start = performance.now();
+      for (const card of this.due) {
+        this.due.delete(card);
+        if (this.cards.includes(card)) this.paint(card);
+        if (performance.now() - start > BUDGET_MS) break;
+      }
+      this.paintSoon();
+    });
   }
 
   fetchMore() {
@@ -52,7 +71,8 @@ export class Thumbnails {
   keep(key, figures) {
     this.figures.set(key, figures);
     if (this.figures.size > KEPT) this.figures.delete(this.figures.keys().next().value);
-    for (const card of this.cards) if (card.key === key) this.paint(card);
+    for (const card of this.cards) if (card.key === key) this.due.add(card);
+    this.paintSoon();
   }
 
   tick() {
@@ -88,7 +108,7 @@ export class Thumbnails {
     canvas.dataset.drawn = drawn ? key : "nothing";
     if (!drawn) {
       context.fillStyle = "#889";
-      context.font = "20px sans-serif";
+      context.font = `${Math.round(tall / 11)}px sans-serif`;
       context.fillText("no motion was read", 12, tall / 2);
     }
   }
