@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import dagster as dg
 import pandas as pd
 
+from assets.curator_link import curator_link
 from assets.report import table_of
 from pipeline.feedback.approved import Approvals
 from pipeline.feedback.change import Change, place_of
@@ -80,6 +81,7 @@ class FeedbackPage:
         shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
         return {
             "proposal": digest or "none",
+            **curator_link("proposals"),
             **faults,
             **shown,
             "changes": len(self.proposal.changes),

@@ -7,6 +7,7 @@ import dagster as dg
 
 from assets.approved import approved_key
 from assets.checks import evaluate
+from assets.curator_link import curator_link
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
@@ -41,10 +42,13 @@ def stage_of(
 
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
     """The result Dagster notes: content as data version, what it depended on as a tag, checks; tables come last."""
+    link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
     return dg.MaterializeResult(
         asset_key=plan.key,
         value=manifest,
-        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
+        metadata=dict(
+            sorted({**metadata, **link}.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))
+        ),
         check_results=evaluate(plan, manifest),
         data_version=dg.DataVersion(manifest.digest),
         tags={

@@ -114,8 +114,8 @@ def _stretches(on_ground: np.ndarray, fps: float) -> list[list[float]]:
 def _steps(lines: np.ndarray, figure: Figure, frames: np.ndarray) -> np.ndarray:
     """Positions in steps from the first known place of the figure on the ground, little-endian int16."""
     roots = figure.root_pos_w[frames]
-    known = roots[np.isfinite(roots).all(axis=1)]
-    origin = np.array([known[0, 0], known[0, 1], 0.0]) if len(known) else np.zeros(3)
+    known = np.flatnonzero(np.isfinite(roots).all(axis=1))
+    origin = roots[known[0]] * np.array([1.0, 1.0, 0.0]) if len(known) else np.zeros(3)
     steps = np.clip(np.round((lines - origin) / STEP_M), -_LARGEST, _LARGEST)
-    missing = ~np.isfinite(lines).all(axis=(2, 3))
-    return np.where(missing[..., None, None], MISSING, np.nan_to_num(steps)).astype("<i2")
+    missing = np.logical_not(np.all(np.isfinite(lines), axis=(2, 3), keepdims=True))
+    return np.where(missing, MISSING, np.nan_to_num(steps)).astype("<i2")
