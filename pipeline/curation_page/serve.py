@@ -27,7 +27,8 @@ class CurationServer:
         self._socket = _free_socket(port)
         self.port = int(self._socket.getsockname()[1])
         workplace = Workplace(root, robot)
-        workplace.clips()  # read before the address is shown, so that the first page has nothing to wait for
+        workplace.clips()  # before the address is shown, so that the first page has nothing to wait for
+        workplace.make_first_thumbnails()
         app = make_app(workplace, self.token)
         config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, ws="none")
         self._server = uvicorn.Server(config)

@@ -28,6 +28,11 @@ from pipeline.robot import Robot, load_robot
 from pipeline.selection.curation_file import decide, read_decisions, take_back
 from pipeline.selection.decisions import Decision
 
+FIRST_SCREEN = 24
+"""Clips that are seen at once."""
+WAIT_S = 4.0
+"""Time before the thumbnails of all clips are made [s]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Read:
@@ -151,8 +156,19 @@ class Workplace:
         source = self._sources_by_key().get(key)
         return None if source is None else self.thumbnails.make(source)
 
+    def make_first_thumbnails(self) -> None:
+        """Make the missing thumbnails of the first screen, in this process."""
+        now = self.read()
+        for row in now.table.rows[:FIRST_SCREEN]:
+            self.thumbnails.make(now.sources.of(row))
+
     def make_thumbnails(self) -> None:
-        """Make the missing thumbnails of all clips, until done or `close` is called."""
+        """Make the missing thumbnails of all clips, until done or `close` is called.
+
+        It begins a little later, so that the first page has the machine to itself.
+        """
+        if self._stop.wait(WAIT_S):
+            return
         sources = self._sources_by_key()
         self._wanted = len(sources)
         for made in self.thumbnails.make_missing(sources, self._stop):

@@ -67,7 +67,7 @@ class PlayPage:
                 self._placed = place
                 self._show_ground()
             self._owed_s = min(self._owed_s + passed_s, MOST_STEPS * self.walk.control_s)
-            while self._owed_s >= self.walk.control_s and not self.paused.value:
+            while self._owed_s >= self.walk.control_s - 1e-9 and not self.paused.value:
                 self.walk.step()
                 self._owed_s -= self.walk.control_s
                 if self.walk.fallen and self.stand_up.value:

@@ -42,7 +42,7 @@ def test_the_simulation_of_the_same_command_is_beside_the_log(root, tmp_path, ro
     from pipeline.cli.main import main
 
     log = tmp_path / "walk.mcap"
-    policy = next((root / "robots/t1/policies/walk").rglob("*.npz"))
+    policy = root / "robots/t1/policies/walk/policy.npz"
     command = ["--policy", str(policy), "--command=0.5,0.4,0,0", "--seconds", "2", "--rate", "100"]
     assert main(["simulate-robot", str(log), *command]) == 0
     shown = clips_to_view(Project(root), str(log), robot, NOTHING_STATED).load("walk")

@@ -23,6 +23,7 @@ export class ClipsPage {
   }
 
   leave() {
+    clearTimeout(this.filling);
     this.thumbnails.stop();
     this.gallery.remove();
     this.seen.disconnect();
@@ -95,7 +96,8 @@ export class ClipsPage {
     this.gallery.element.scrollTop = 0;
     this.gallery.show(indices, figure);
     this.histograms.forEach((each) => each.show(indices.length === table.count ? null : indices, state.ranges[each.figure.name], each.figure === figure));
-    for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices);
+    clearTimeout(this.filling);  // counts come after the frame that shows the clips
+    this.filling = setTimeout(() => { for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices); }, 40);
     this.sort.value = state.sort;
     this.turn.textContent = state.descending ? "↓" : "↑";
     this.remember();

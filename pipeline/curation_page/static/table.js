@@ -28,23 +28,29 @@ export class ClipTable {
     const wanted = Object.entries(texts).map(([name, value]) => [this.texts[name]?.codes, this.texts[name]?.names.indexOf(value)]);
     if (wanted.some(([codes]) => codes === undefined)) return new Uint32Array(0);
     const bounds = Object.entries(ranges).filter(([name]) => this.byName.has(name)).map(([name, range]) => [this.byName.get(name).values, ...range]);
-    const found = [];
+    const kept = new Uint8Array(this.count);
     for (let index = 0; index < this.count; index += 1) {
       if (wanted.every(([codes, code]) => codes[index] === code)
         && bounds.every(([values, low, high]) => values[index] >= low && values[index] <= high)
-        && words.every((word) => this.lower[index].includes(word))) found.push(index);
+        && words.every((word) => this.lower[index].includes(word))) kept[index] = 1;
     }
-    const figure = this.byName.get(sort);
-    if (figure) {
+    return this.order(sort, descending).filter((index) => kept[index]);
+  }
+
+  // All clips in an order, worked out once; those without the figure come last.
+  order(sort, descending) {
+    const key = `${sort} ${descending}`;
+    this.orders ??= new Map();
+    if (!this.orders.has(key)) {
+      const all = Uint32Array.from({ length: this.count }, (_, index) => index);
+      const values = this.byName.get(sort)?.values;
       const sign = descending ? -1 : 1;
-      const values = figure.values;
-      found.sort((one, two) => {
-        const [a, b] = [values[one], values[two]];
-        if (Number.isNaN(a) || Number.isNaN(b)) return Number.isNaN(a) - Number.isNaN(b) || one - two;
-        return sign * (a - b) || one - two;
-      });
-    } else if (descending) found.reverse();
-    return Uint32Array.from(found);
+      const unknown = (value) => (Number.isNaN(value) ? 1 : 0);
+      if (values) all.sort((one, two) => unknown(values[one]) - unknown(values[two]) || sign * (values[one] - values[two]) || one - two);
+      else if (descending) all.reverse();
+      this.orders.set(key, all);
+    }
+    return this.orders.get(key);
   }
 
   countsOf(name, indices) {
