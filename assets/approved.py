@@ -14,6 +14,7 @@ from typing import Any
 
 import dagster as dg
 
+from assets.groups import group_of
 from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
@@ -65,7 +66,7 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
         dg.AssetSpec(
             approved_key(section, robot),
             deps=[PROPOSAL],
-            group_name="field" if robot is None else f"{robot}_motions",
+            group_name=group_of(PARTS[section], robot),
             description=f"What was approved of curation_feedback (data/feedback/approved.yaml): {SAYS[section]}.",
             kinds={"file"},
         )

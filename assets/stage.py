@@ -8,6 +8,7 @@ import dagster as dg
 from assets.approved import approved_key
 from assets.checks import evaluate
 from assets.curator_link import curator_link
+from assets.groups import group_of
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
@@ -69,7 +70,7 @@ def declared_motions(
         "key": plan.key,
         "ins": inputs or {},
         "deps": [approved_key(feedback, plan.robot)] if feedback else [],
-        "group_name": f"{plan.robot}_motions",
+        "group_name": group_of(plan.name, plan.robot),
         "kinds": {kind},
         "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
         "code_version": plan.code_version(),
