@@ -16,9 +16,11 @@ setup: $(STAMP)
 # Everything but torch is checked against the hashes of requirements.lock; torch comes with packages for the GPU that
 # depend on the machine (docs/security.md).
 $(STAMP): pyproject.toml constraints.txt requirements.lock
+	@echo "Installing the packages of requirements.lock into $(VENV); a few minutes, 4 GB and more with PyTorch ..."
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --no-deps --only-binary :all: --require-hashes --requirement requirements.lock
-	$(BIN)/pip install --quiet --constraint constraints.txt torch
+	$(BIN)/pip install --no-deps --only-binary :all: --require-hashes --requirement requirements.lock
+	@echo "Installing PyTorch ..."
+	$(BIN)/pip install --constraint constraints.txt torch
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/pip check
 	touch $(STAMP)
@@ -30,6 +32,7 @@ lock:
 
 expert_db: setup
 	dagster asset materialize --select expert_db
+	@booster-lab database summary
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile

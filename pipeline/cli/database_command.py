@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from pipeline.cli.project import find_project
 from pipeline.cli.text_table import text_table
 from pipeline.errors import FileError
-from pipeline.expert import history
+from pipeline.expert import history, manifest
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -22,10 +23,12 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="show the database in place and the versions that are kept")
     listing.set_defaults(run=run_list)
+    summary = actions.add_parser("summary", help="say what the database in place holds and what to do next")
+    summary.set_defaults(run=run_summary)
     restoring = actions.add_parser("restore", help="put a version in place; the one that was there is kept")
     restoring.add_argument("version", metavar="VERSION", help="as `list` shows it")
     restoring.set_defaults(run=run_restore)
-    for each in (listing, restoring):
+    for each in (listing, summary, restoring):
         each.add_argument("--robot", metavar="NAME", default="t1", help="robot whose database it is")
 
 
@@ -40,6 +43,25 @@ def run_list(parsed: argparse.Namespace) -> int:
     if versions:
         rows = [[each.name, each.clips, each.seconds] for each in versions]
         print(text_table(["version", "clips", "seconds"], rows))
+    return 0
+
+
+def run_summary(parsed: argparse.Namespace) -> int:
+    """Print what the database in place holds: clips, seconds, skills, where, and what to do next."""
+    folder = _folder(parsed.robot)
+    version = history.describe(folder, "current")
+    seconds = json.loads((folder / manifest.FILE).read_text())["seconds_by_skill"]
+    skills = ", ".join(f"{skill} {value:.0f} s" for skill, value in seconds.items())
+    sources = ", ".join(f"{source} {clips}" for source, clips in version.by_source.items())
+    print(
+        f"\nThe expert database of the {parsed.robot} has {version.clips} clips, {version.seconds:.0f} s.\n"
+        f"  skills   {skills}\n  sources  {sources}\n  folder   {folder}\n\n"
+        f"Next, with the environment active (source .venv/bin/activate):\n"
+        f"  booster-lab curate                              watch, accept and exclude clips in the browser\n"
+        f"  dagster dev                                     the graph and each stage's report: http://localhost:3000\n"
+        f"  booster-lab play robots/t1/policies/walk        command the shipped policy\n"
+        f"  docs/sources.md                                 bring your own recordings"
+    )
     return 0
 
 
