@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import webbrowser
 
+from pipeline.cli.arguments import Curate
 from pipeline.cli.project import find_project
+from pipeline.curation_page.serve import CurationServer
 
 
-def add_to(commands: argparse._SubParsersAction) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "curate",
-        help="find, watch, accept and exclude clips in the browser",
-        description="A gallery of all clips that the graph has made, with figures, thresholds and playback. Decisions "
-        "are written into data/curation.yaml. The page is served to this machine alone; the address that is printed "
-        "holds a token without which nothing can be changed.",
-    )
-    parser.add_argument("--robot", default="t1", help="a folder of robots/ (default: t1)")
-    parser.add_argument("--port", type=int, default=8090, help="port of the page (default: 8090, or the next free)")
-    parser.add_argument("--no-browser", action="store_true", help="serve the page but don't open it")
-    parser.set_defaults(run=run)
-
-
-def run(parsed: argparse.Namespace) -> int:
+def run(args: Curate) -> int:
     """Serve until interrupted."""
-    from pipeline.curation_page.serve import CurationServer
-
     project = find_project()
-    project.robot_folder(parsed.robot)
-    server = CurationServer(project.root, parsed.robot, parsed.port)
+    project.robot_folder(args.robot)
+    server = CurationServer(project.root, args.robot, args.port)
     print(f"{server.url}\nshows the clips of {project.root}; stop with Ctrl-C", flush=True)
-    if not parsed.no_browser:
+    if not args.no_browser:
         webbrowser.open(server.url)
     with contextlib.suppress(KeyboardInterrupt):  # the way to end it
         server.run()
