@@ -62,6 +62,7 @@ def test_a_command_of_the_readme_serves_its_page(root, checkout, start):
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
+        preexec_fn=_heed_interrupts,
     )
     try:
         assert process.stdout is not None
@@ -71,3 +72,8 @@ def test_a_command_of_the_readme_serves_its_page(root, checkout, start):
         os.killpg(process.pid, signal.SIGINT)
         process.wait(timeout=60)
     assert process.returncode in (0, 130, -signal.SIGINT), process.stdout.read()
+
+
+def _heed_interrupts() -> None:
+    """A background job of a shell ignores Ctrl-C, and so would what it starts."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -1,0 +1,17 @@
+"""Whether a run was started for a training. The button `Materialize all` makes everything else and trains nothing."""
+
+from typing import Any
+
+from assets.plan import SHARED, Plan
+
+
+def asked_for(context: Any, plan: Plan) -> bool:
+    """False, with a warning that says what to do, in a run that makes the motions as well as this training."""
+    if SHARED[0].key not in context.selected_asset_keys:
+        return True
+    name = plan.key.to_user_string()
+    context.log.warning(
+        f"'{name}' is not trained, and what is made of it is skipped: this run materializes everything. To train, "
+        f"materialize '{name}' alone, or start its job."
+    )
+    return False
