@@ -7,7 +7,8 @@ from assets.plan import SHARED, Plan
 
 def asked_for(context: Any, plan: Plan) -> bool:
     """False, with a warning that says what to do, in a run that makes the motions as well as this training."""
-    if SHARED[0].key not in context.selected_asset_keys:
+    made = context.run.asset_selection or context.job_def.asset_layer.executable_asset_keys
+    if SHARED[0].key not in made:
         return True
     name = plan.key.to_user_string()
     context.log.warning(
