@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from tests.factories.browser import Browser, browser, curation_server
+from tests.factories.curation_browser import Browser, browser, curation_server
 from tests.factories.checkout import Checkout
 
 pytestmark = pytest.mark.command
