@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from tests.factories.curation_browser import Browser, browser, curation_server
 from tests.factories.checkout import Checkout
+from tests.factories.curation_browser import Browser, browser, curation_server
 
 pytestmark = pytest.mark.command
 
