@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from pipeline.curation_page.clip_table import NoClipError
 from pipeline.curation_page.guard import Guard
 from pipeline.curation_page.materialization import Materialization
 from pipeline.curation_page.proposals import proposals
+from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
@@ -29,8 +29,6 @@ STATIC = Path(__file__).parent / "static"
 KEY = re.compile(r"[0-9a-f]{32}")
 FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 """Of what is named by its content."""
-END_S = 20.0
-"""Longest wait for the processes that make thumbnails when the server ends [s]."""
 NOT_KEPT = {"Cache-Control": "no-store"}
 
 
@@ -46,15 +44,18 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         token: what a change must state
     """
     runs = Materialization(workplace.root)
+    making: list[ThumbnailProcess] = []
 
     @asynccontextmanager
     async def life(_: Starlette) -> AsyncIterator[None]:
-        making = threading.Thread(target=_make_thumbnails, args=(workplace,), daemon=True)
-        making.start()
+        making.append(ThumbnailProcess(workplace.root, workplace.robot_name))
         yield
-        workplace.close()
+        making.pop().stop()
         runs.stop()
-        await run_in_threadpool(making.join, END_S)
+
+    def state(_: Mapping[str, Any]) -> dict[str, Any]:
+        counts = {"made": making[0].made, "wanted": making[0].wanted} if making else {"made": 0, "wanted": 0}
+        return {"version": workplace.version(), "thumbnails": counts, **runs.state()}
 
     reads = {
         "clip": lambda query: workplace.clip(_text(query, "name")),
@@ -62,7 +63,7 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         "compare": lambda query: workplace.compare(_text(query, "before"), _text(query, "after")),
         "proposals": lambda _: proposals(workplace.feedback),
         "decisions": lambda _: [vars(each) for each in workplace.decisions()],
-        "state": lambda _: {"version": workplace.version(), "thumbnails": workplace.progress(), **runs.state()},
+        "state": state,
     }
     changes = {
         "decide": lambda value: workplace.decide(
@@ -91,13 +92,6 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     return Guard(Starlette(routes=routes, lifespan=life), token)
-
-
-def _make_thumbnails(workplace: Workplace) -> None:
-    try:
-        workplace.make_thumbnails()
-    except (PipelineError, OSError) as error:  # the gallery makes those it shows, and says why it can't
-        print(f"booster-lab curate: thumbnails are made when they are shown: {error}", flush=True)
 
 
 def _started(runs: Materialization, workplace: Workplace) -> int:

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import multiprocessing
-import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,8 +27,6 @@ FORMAT = "booster-lab thumbnail 1"
 
 LOOP_S = 2.0
 FPS = 10.0
-NICENESS = 15
-"""Priority of the processes that make thumbnails; 19 is the lowest."""
 CLIPS_A_CALL = 16
 """Thumbnails that a worker process makes before it reports."""
 
@@ -84,8 +80,6 @@ class ThumbnailStore:
 
 def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSource, Path]]) -> int:
     """Make some thumbnails; how many. One whose clip can't be drawn is an empty file: there is nothing to see."""
-    if multiprocessing.parent_process() is not None:
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)  # of a worker: what a person waits for goes first
     robot = _robot(robot_folder)
     for source, path in todo:
         try:

@@ -27,11 +27,10 @@ from pipeline.files import digest
 from pipeline.robot import Robot, load_robot
 from pipeline.selection.curation_file import decide, read_decisions, take_back
 from pipeline.selection.decisions import Decision
+from pipeline.viewing.motion_source import MotionSource
 
 FIRST_SCREEN = 24
 """Clips that are seen at once."""
-WAIT_S = 4.0
-"""Time before the thumbnails of all clips are made [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +60,6 @@ class Workplace:
         self._lock = threading.Lock()
         self._read: _Read | None = None
         self._clips: tuple[tuple[str, tuple[Decision, ...]], bytes] | None = None
-        self._stop = threading.Event()
-        self._made, self._wanted = 0, 0
 
     @property
     def curation(self) -> Path:
@@ -162,25 +159,9 @@ class Workplace:
         for row in now.table.rows[:FIRST_SCREEN]:
             self.thumbnails.make(now.sources.of(row))
 
-    def make_thumbnails(self) -> None:
-        """Make the missing thumbnails of all clips, until done or `close` is called.
-
-        It begins a little later, so that the first page has the machine to itself.
-        """
-        if self._stop.wait(WAIT_S):
-            return
-        sources = self._sources_by_key()
-        self._wanted = len(sources)
-        for made in self.thumbnails.make_missing(sources, self._stop):
-            self._made = made
-
-    def close(self) -> None:
-        """Let the making of thumbnails end."""
-        self._stop.set()
-
-    def progress(self) -> dict[str, int]:
-        """How many thumbnails there are, of how many."""
-        return {"made": self._made, "wanted": self._wanted}
+    def wanted_thumbnails(self) -> tuple[dict[str, MotionSource], ThumbnailStore]:
+        """Name of each thumbnail -> what it shows, and where they are."""
+        return self._sources_by_key(), self.thumbnails
 
     def decide(self, clips: list[str], verdict: str, by: str, why: str) -> int:
         """Write a person's decision on some clips; their number. Raises RangeError, SettingsError, FileError."""
@@ -208,7 +189,7 @@ class Workplace:
         """What came and left between two of them. Raises UnknownNameError, FileError."""
         return compare(self.database, before, after, self.read().table, self.decisions())
 
-    def _sources_by_key(self) -> dict[str, Any]:
+    def _sources_by_key(self) -> dict[str, MotionSource]:
         now = self.read()
         found = {}
         for row in now.table.rows:

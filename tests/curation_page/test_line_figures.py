@@ -3,6 +3,7 @@
 import json
 import struct
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.clip_table import read_table
 from pipeline.curation_page.line_figure import MISSING, STEP_M, encode, lines_w
 from pipeline.curation_page.motion_sources import MotionSources
+from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.viewing.human_figure import human_figure
 from pipeline.viewing.robot_figure import robot_figure
@@ -92,3 +94,22 @@ def test_a_clip_whose_blob_is_gone_has_an_empty_thumbnail(thumbnails):
     source = MotionSources(table).of(table.row(made.NOT_TAKEN))
     thumbnails.store.blobs.path(source.human.blob).unlink()
     assert thumbnails.make(source) == b""
+
+
+def test_the_process_beside_the_server_makes_them_all_and_ends_with_it(root, robot, tmp_path):
+    folder = made.curated_project(root, tmp_path / "project", robot)
+    process = ThumbnailProcess(folder, "t1")
+    stop = time.monotonic() + 120.0
+    while time.monotonic() < stop and not (process.wanted and process.made == process.wanted):
+        time.sleep(0.2)
+    process.stop()
+    assert process.made == process.wanted == len(read_table(Store(root=folder / "data/store"), "t1").rows)
+    assert len(list((folder / "data/store/thumbnails").rglob("*.bin"))) == process.made
+    assert process.ended(30.0)
+
+
+def test_the_process_ends_at_once_when_the_server_does(root, robot, tmp_path):
+    folder = made.curated_project(root, tmp_path / "project", robot)
+    process = ThumbnailProcess(folder, "t1")
+    process.stop()
+    assert process.ended(30.0)
