@@ -9,7 +9,7 @@ STAMP := $(VENV)/.installed
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: setup lock expert_db test check dev motions clean
+.PHONY: setup lock expert_db test check dev motions pictures clean
 
 setup: $(STAMP)
 
@@ -50,6 +50,11 @@ dev: setup
 
 motions: setup
 	$(BIN)/python -m pipeline.generator data/motions
+
+# The pictures of README and docs/curate.md, from the database in place; needs Chromium.
+pictures: setup
+	booster-lab view booster_lab/walk@0-840~mirror~rollout --record docs/pictures/mocap_to_robot.gif --start 2 --seconds 2.4
+	BOOSTER_LAB_PICTURES=$(CURDIR)/docs/pictures $(BIN)/python -m pytest tests/command/test_curate_in_a_browser.py
 
 clean:
 	rm -rf data/store data/expert_db data/adapted_robot data/.dagster
