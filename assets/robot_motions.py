@@ -148,14 +148,15 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         from pipeline.feasibility.criteria_table import split
         from pipeline.robot import load_robot
         from pipeline.robot.size import scaled
-        from pipeline.selection import Curation
+        from pipeline.selection import Curation, without_excluded
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
         commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-        kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
+        curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
+        kind = curation.expert_motions
         if untracked(augmented_motions, reference_motions) and kind != "references":
             context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
             kind = "references"
@@ -164,7 +165,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         function = partial(process, settings=values, robot=robot, references=tracked)
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
-        manifest, criteria = split(manifest, thresholds())
+        manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
         damaged = [entry.clip for entry in manifest.entries if not PROJECT.store.round_trips(entry.blob)]
         manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)

@@ -29,6 +29,10 @@ def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) 
         raise FileError(path, "it is a folder.", "Name one motion file, or look at all with: booster-lab inspect")
     if path.suffix.lower() == ".json":
         return _of_database(project, path, robot)
+    if path.suffix.lower() == ".mcap":
+        from pipeline.viewing.log_view import LogFiles, log_playlist
+
+        return log_playlist(path, LogFiles(data=project.root / "data", robots=project.root / "robots"))
     if path.is_file() or path.suffix.lower() in SUFFIXES:
         return _of_file(project, path, robot, stated)
     return stored_clips(project, text, robot)

@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from assets.approval import approve_proposal
 from assets.project import Project
 from pipeline.actuators import read_actuators
 from pipeline.batch import Store
 from pipeline.feasibility import CommandSettings
+from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.cell_weights import cell_parts
 from pipeline.files import digest, settings
 from pipeline.hardware_logs.log_folder import QUIET_S
@@ -110,7 +110,7 @@ def test_seconds_and_speeds_that_are_approved_too_work_on_the_clips_of_that_skil
     before, names, fates = checkout.counts(), set(_index(checkout)["clip"]), _fates_of_references(checkout)
     project = Project(checkout.root)
     proposal = _metadata(checkout, "curation_feedback")["proposal"]
-    approve_proposal(project, proposal, "a person", sections=("selection", "augmentation"))
+    approve_proposal(project.feedback, proposal, "a person", sections=("selection", "augmentation"))
     checkout.materialize()
     made = {name for name, count in checkout.counts().items() if count > before[name]}
     assert made >= {"selected_motions", *ROLLED_OUT, "feasible_motions", "expert_db"}
@@ -134,7 +134,7 @@ def test_seconds_and_speeds_that_are_approved_too_work_on_the_clips_of_that_skil
 def test_a_motor_that_two_logs_show_weaker_is_weaker_in_the_model_that_judges_clips(checkout):
     before, project = checkout.counts(), Project(checkout.root)
     proposal = propose_into(project, *(report(number, saturated(36.0)) for number in range(2)))
-    approve_proposal(project, proposal, "a person", sections=("motors",))
+    approve_proposal(project.feedback, proposal, "a person", sections=("motors",))
     checkout.materialize()
     made = {name for name, count in checkout.counts().items() if count > before[name]}
     assert made - {"tracking_policy"} == {"adapted_robot", *ROLLED_OUT[1:], "feasible_motions", "expert_db"}
