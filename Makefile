@@ -10,16 +10,18 @@ LEROBOT := $(VENV)/lerobot/.installed
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: setup lock expert_db test check audit nightly dev motions clean
+.PHONY: setup lock expert_db test check audit nightly dev motions pictures clean
 
 setup: $(STAMP)
 
 # Everything but torch is checked against the hashes of requirements.lock; torch comes with packages for the GPU that
 # depend on the machine (docs/security.md).
 $(STAMP): pyproject.toml constraints.txt requirements.lock
+	@echo "Installing the packages of requirements.lock into $(VENV); a few minutes, 4 GB and more with PyTorch ..."
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --no-deps --only-binary :all: --require-hashes --requirement requirements.lock
-	$(BIN)/pip install --quiet --constraint constraints.txt torch
+	$(BIN)/pip install --no-deps --only-binary :all: --require-hashes --requirement requirements.lock
+	@echo "Installing PyTorch ..."
+	$(BIN)/pip install --constraint constraints.txt torch
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	$(BIN)/pip check
 	touch $(STAMP)
@@ -39,6 +41,7 @@ lock:
 
 expert_db: setup
 	dagster asset materialize --select expert_db
+	@booster-lab database summary
 
 test: setup $(LEROBOT)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -65,6 +68,11 @@ dev: setup
 
 motions: setup
 	$(BIN)/python -m pipeline.generator data/motions
+
+# The pictures of README and docs/curate.md, from the database in place; needs Chromium.
+pictures: setup
+	booster-lab view booster_lab/walk@0-840~mirror~rollout --record docs/pictures/mocap_to_robot.gif --start 2 --seconds 2.4
+	BOOSTER_LAB_PICTURES=$(CURDIR)/docs/pictures $(BIN)/python -m pytest tests/command/test_curate_in_a_browser.py
 
 clean:
 	rm -rf data/store data/expert_db data/adapted_robot data/.dagster

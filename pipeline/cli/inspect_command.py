@@ -2,65 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.cli.arguments import Inspect
 from pipeline.cli.chain import Chain
 from pipeline.cli.inspection import Inspection, inspect_file
 from pipeline.cli.judged_clips import as_text as judgement_text
 from pipeline.cli.judged_clips import clip_of, judged
 from pipeline.cli.project import find_project
-from pipeline.cli.statement_arguments import add_statement, statement_of
-from pipeline.cli.stored_clips import BARE_ROBOT
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.errors import FileError, PipelineError
 from pipeline.readers import Source, Statement, list_files, refuse_outside_link, written_map
 from pipeline.readers.read_motion import SUFFIXES
 
 
-def add_to(commands: argparse._SubParsersAction) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "inspect",
-        help="tell what a motion file is and what is wrong with it",
-        description="Tell format, skeleton, unit, axes and rate of a motion file, its speeds, the windows of one skill "
-        "in it, and everything that the project would repair, cut or refuse, with the reason. A folder gives a line a "
-        "file. A clip that was made here (by name, or its file in the database) gives every criterion that the robot's "
-        "ability was judged by: number, threshold, unit, source, verdict.",
-    )
-    parser.add_argument(
-        "input", metavar="IN", type=Path, help="a motion file, a folder of them, or a clip that was made"
-    )
-    parser.add_argument("--robot", default=BARE_ROBOT, help="robot that the clip was made for")
-    parser.add_argument("--json", action="store_true", help="print a JSON object (of a folder: a list of them)")
-    parser.add_argument(
-        "--write-map",
-        action="store_true",
-        help="print the skeleton map of a file (YAML) instead: the one that it is read with, or one to start from",
-    )
-    add_statement(parser)
-    parser.set_defaults(run=run)
-
-
-def run(parsed: argparse.Namespace) -> int:
+def run(args: Inspect) -> int:
     """Print it. A file that can't be read is an error; in a folder it is a line."""
     chain = Chain(find_project())
-    stated = statement_of(parsed)
-    if parsed.write_map:
-        print(written_map(parsed.input, stated.skeleton), end="")
+    stated = Statement(**vars(args.statement))
+    if args.write_map:
+        print(written_map(args.input, stated.skeleton), end="")
         return 0
-    if _is_clip(parsed.input):
-        name = clip_of(parsed.input) if parsed.input.is_file() else str(parsed.input)
-        rows = judged(chain.project, name, parsed.robot)
-        print(_json(rows) if parsed.json else judgement_text(rows))
+    if _is_clip(args.input):
+        name = clip_of(args.input) if args.input.is_file() else str(args.input)
+        rows = judged(chain.project, name, args.robot)
+        print(_json(rows) if args.json else judgement_text(rows))
         return 0
-    if parsed.input.is_dir():
-        folder(parsed.input, chain, stated, parsed.json)
+    if args.input.is_dir():
+        folder(args.input, chain, stated, args.json)
         return 0
-    found = inspect_file(chain, parsed.input, stated)
-    print(_json(found.to_dict()) if parsed.json else as_text(found))
+    found = inspect_file(chain, args.input, stated)
+    print(_json(found.to_dict()) if args.json else as_text(found))
     return 0
 
 

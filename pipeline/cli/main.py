@@ -2,62 +2,60 @@
 
 from __future__ import annotations
 
-import argparse
+import importlib
+import importlib.metadata
+import inspect
 import sys
 from collections.abc import Sequence
+from typing import Annotated, Any, Union
 
-from pipeline.cli import (
-    check_robot_command,
-    cross_engine_command,
-    database_command,
-    export_command,
-    import_robot_command,
-    inspect_command,
-    retarget_command,
-    score_command,
-    simulate_robot_command,
-    sources_command,
-    validate_command,
-    view_command,
-    webots_command,
-)
+import tyro
+
+from pipeline.cli import arguments as kinds
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
-    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play "
-    "the result; validate a walking policy; import and check a robot."
+    "Human motion onto a humanoid robot (Booster T1, K1): inspect a motion file, retarget it, score and play the "
+    "result; evaluate a walking policy; import and check a robot. Thresholds are read from the project's data/*.yaml. "
+    "The database is made with: dagster asset materialize --select expert_db\n\n"
+    "--version shows the version, --tyro-print-completion {bash,zsh,fish} a script for your shell."
 )
 
-EPILOG = (
-    "Thresholds are read from the project's data/*.yaml. The database is made with: "
-    "dagster asset materialize --select expert_db"
-)
+COMMANDS: dict[str, tuple[type, str]] = {
+    "inspect": (kinds.Inspect, "inspect_command:run"),
+    "retarget": (kinds.Retarget, "retarget_command:run"),
+    "score": (kinds.Score, "score_command:run"),
+    "export": (kinds.Export, "database_commands:export"),
+    "validate": (kinds.Validate, "validate_command:run"),
+    "cross-engine": (kinds.CrossEngine, "cross_engine_command:run"),
+    "curate": (kinds.Curate, "curate_command:run"),
+    "database": (kinds.Database, "database_commands:database"),
+    "simulate-robot": (kinds.SimulateRobot, "simulate_robot_command:run"),
+    "sources": (kinds.Sources, "database_commands:sources"),
+    "view": (kinds.View, "view_command:run"),
+    "play": (kinds.Play, "play_command:run"),
+    "webots-project": (kinds.WebotsProject, "webots_command:run"),
+    "import-robot": (kinds.ImportRobot, "robot_commands:import_robot"),
+    "check-robot": (kinds.CheckRobot, "robot_commands:check_robot"),
+}
+"""Name -> arguments, and the function in `pipeline.cli` that runs it: its module is imported only then."""
 
-COMMANDS = (
-    inspect_command,
-    retarget_command,
-    score_command,
-    export_command,
-    validate_command,
-    cross_engine_command,
-    database_command,
-    simulate_robot_command,
-    sources_command,
-    view_command,
-    webots_command,
-    import_robot_command,
-    check_robot_command,
-)
+CONFIG = (tyro.conf.FlagCreatePairsOff,)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command. 0: done, 1: it could not be done (one sentence on stderr), 2: wrong usage."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--version"]:
+        print(f"booster-lab {importlib.metadata.version('booster-lab')}")
+        return 0
     try:
-        parsed = parser().parse_args(arguments)
-    except SystemExit as stop:  # argparse has printed what is wrong, or shown the help
+        parsed = parse(words)
+    except SystemExit as stop:  # tyro has printed what is wrong, or shown the help
         return int(stop.code or 0)
     try:
-        return parsed.run(parsed)
+        module, function = COMMANDS[words[0]][1].split(":")
+        return getattr(importlib.import_module(f"pipeline.cli.{module}"), function)(parsed)
     except (PipelineError, OSError) as error:
         print(f"booster-lab: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
@@ -68,10 +66,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def parser() -> argparse.ArgumentParser:
-    """All commands and their arguments."""
-    whole = argparse.ArgumentParser(prog="booster-lab", description=DESCRIPTION, epilog=EPILOG)
-    commands = whole.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in COMMANDS:
-        command.add_to(commands)
-    return whole
+def parse(words: Sequence[str]) -> Any:
+    """The arguments of the command in `words`. Raises SystemExit after help, a completion script or a usage error."""
+    if words and words[0] in COMMANDS:
+        kind, _ = COMMANDS[words[0]]
+        return tyro.cli(kind, prog=f"booster-lab {words[0]}", args=words[1:], config=CONFIG)
+    every = tuple(
+        Annotated[kind, tyro.conf.subcommand(name, description=(inspect.getdoc(kind) or "").split("\n")[0])]
+        for name, (kind, _) in COMMANDS.items()
+    )
+    union: Any = Union[every]  # noqa: UP007
+    return tyro.cli(union, prog="booster-lab", description=DESCRIPTION, args=words, config=CONFIG)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from pathlib import Path
 from typing import Any
 
+from pipeline.cli.arguments import Score
 from pipeline.cli.chain import Chain
 from pipeline.cli.project import find_project
-from pipeline.cli.statement_arguments import add_statement, positive, statement_of
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
@@ -20,39 +19,22 @@ from pipeline.scoring import FIGURES, score
 from pipeline.scoring.align import same_length
 
 
-def add_to(commands: argparse._SubParsersAction) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "score",
-        help="tell how well a robot's motion shows a human's",
-        description="Hold a robot's motion (CSV, from this project or from any other retargeting) against the human "
-        "motion that it was made of: feet, ground, limits, smoothness, self-collision, likeness. The human's file is "
-        "read and repaired as for `retarget`; the CSV has to start with it, in the world that repair leaves it in.",
-    )
-    parser.add_argument("csv", metavar="CSV", type=Path, help="the robot's motion")
-    parser.add_argument("--human", metavar="CLIP", type=Path, required=True, help="the human's motion file")
-    parser.add_argument("--fps", metavar="HZ", type=positive, help="rate of CSV, where it does not say it")
-    parser.add_argument("--json", action="store_true", help="print a JSON object")
-    add_statement(parser)
-    parser.set_defaults(run=run)
-
-
-def run(parsed: argparse.Namespace) -> int:
+def run(args: Score) -> int:
     """Print the figures."""
     project = find_project()
-    clip = read_motion(parsed.csv, parsed.csv.stem, Statement(fps=parsed.fps)).clip
+    clip = read_motion(args.csv, args.csv.stem, Statement(fps=args.fps)).clip
     if not isinstance(clip, RobotClip):
-        raise FileError(parsed.csv, "it is a human's motion.", "Name the robot's first, the human's after --human.")
-    human = piece_of(Chain(project), parsed.human, statement_of(parsed), clip)
+        raise FileError(args.csv, "it is a human's motion.", "Name the robot's first, the human's after --human.")
+    human = piece_of(Chain(project), args.human, Statement(**vars(args.statement)), clip)
     scored = score(human, clip, project.robot(clip.robot))
     facts = {
-        "csv": str(parsed.csv),
+        "csv": str(args.csv),
         "human": human.name,
         "robot": clip.robot,
         "fps": clip.fps,
         "frames": scored.frames,
     }
-    print(as_json(facts, scored.figures()) if parsed.json else as_text(facts, scored.figures()))
+    print(as_json(facts, scored.figures()) if args.json else as_text(facts, scored.figures()))
     return 0
 
 

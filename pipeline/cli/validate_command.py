@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
-from pipeline.batch import ClipPool
+from pipeline.cli.arguments import Validate
+from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
@@ -18,7 +18,7 @@ from pipeline.validation.earlier_logs import refuse_foreign, remove_earlier
 from pipeline.validation.failed_trials import write_failed_trials
 from pipeline.validation.measure import measure
 from pipeline.validation.report import as_text, table
-from pipeline.validation.suites import QUICK, SUITES, cells_of
+from pipeline.validation.suites import cells_of
 from pipeline.validation.verdict import judge
 
 EXPORTED = "policy.npz"
@@ -27,60 +27,31 @@ FAILED = 3
 """Exit code of a policy that fails; 1 is of a validation that could not be done."""
 
 
-def add_to(commands: argparse._SubParsersAction) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "validate",
-        help="tell whether a policy passes simulation",
-        description="Walk a policy in MuJoCo through commands, pushes, terrain and conditions, and hold what it does "
-        "against robots/<robot>/validation.yaml. Exit code 0: passed, 3: failed, 1: could not be done.",
-    )
-    parser.add_argument("policy", metavar="POLICY", type=Path, help="npz of a policy, or the folder of an exported one")
-    parser.add_argument("--robot", metavar="NAME", default="t1", help="robot it is for, adapted where it was")
-    parser.add_argument(
-        "--ankle-kd",
-        metavar="KD",
-        type=float,
-        help="damping of the ankles [N m s/rad], for a policy whose file doesn't say with which it is deployed",
-    )
-    parser.add_argument("--suite", choices=SUITES, default=QUICK, help="how much is tried")
-    parser.add_argument("--json", metavar="OUT", type=Path, help="write verdict and all numbers here")
-    parser.add_argument(
-        "--failures",
-        metavar="FOLDER",
-        type=Path,
-        help="write a log of each failed cell's worst trial here; those of an earlier verdict of this policy go",
-    )
-    parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes; 0 for one each core")
-    parser.add_argument("--table", action="store_true", help="print every cell")
-    parser.set_defaults(run=run)
-
-
-def run(parsed: argparse.Namespace) -> int:
+def run(args: Validate) -> int:
     """Measure, judge, tell."""
     project = find_project()
-    bars = project.validation(parsed.robot)
-    folder = robot_folder(project, parsed.robot)
-    one = deployed(folder, policy_of(parsed.policy, folder))
-    if parsed.ankle_kd is not None:
-        one = with_ankle_kd(one, parsed.ankle_kd)
-    cells = cells_of(parsed.suite, one.robot)
-    if parsed.failures:
-        refuse_foreign(parsed.failures, cells, one)
-    measured = measure(one, cells, ClipPool(workers=parsed.workers))
-    verdict = judge(measured, bars, suite=parsed.suite, policy=digest(one.policy), robot=one.robot.digest)
-    if parsed.table:
+    bars = project.validation(args.robot)
+    folder = robot_folder(project, args.robot)
+    one = deployed(folder, policy_of(args.policy, folder))
+    if args.ankle_kd is not None:
+        one = with_ankle_kd(one, args.ankle_kd)
+    cells = cells_of(args.suite, one.robot)
+    if args.failures:
+        refuse_foreign(args.failures, cells, one)
+    measured = measure(one, cells, ReportingPool(workers=args.workers, what="parts of the trials done"))
+    verdict = judge(measured, bars, suite=args.suite, policy=digest(one.policy), robot=one.robot.digest)
+    if args.table:
         rows = table(verdict)
         print(text_table(list(rows[0]), [list(row.values()) for row in rows]))
-    damped = "" if parsed.ankle_kd is None else f", ankles damped with {parsed.ankle_kd:g} N m s/rad"
-    print(f"{parsed.policy} on {folder}, suite {parsed.suite}{damped}")
+    damped = "" if args.ankle_kd is None else f", ankles damped with {args.ankle_kd:g} N m s/rad"
+    print(f"{args.policy} on {folder}, suite {args.suite}{damped}")
     print(as_text(verdict))
-    if parsed.json:
+    if args.json:
         record = {**verdict.to_dict(), "gains": one.gains()}
-        atomic.write_text(parsed.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
-    if parsed.failures:
-        logs = write_failed_trials(one, verdict, parsed.failures)
-        gone = remove_earlier(parsed.failures, one, logs)
+        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    if args.failures:
+        logs = write_failed_trials(one, verdict, args.failures)
+        gone = remove_earlier(args.failures, one, logs)
         for path in logs:
             print(f"written: {path}")
         for path in gone:

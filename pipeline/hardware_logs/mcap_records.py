@@ -1,9 +1,8 @@
-"""Bytes of MCAP's records: opcodes and how strings, maps and records are laid down (mcap.dev/spec)."""
+"""Bytes of MCAP's records: opcodes, heads of records, and a cursor over their fields (mcap.dev/spec)."""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -20,22 +19,6 @@ STATISTICS_HEAD = struct.Struct("<QHIIIIQQ")
 """Messages, schemas, channels, attachments, metadata, chunks, first and last time."""
 FOOTER_LENGTH = RECORD_HEAD.size + 20
 """Bytes of the footer record; the magic follows."""
-
-
-def record(opcode: int, content: bytes) -> bytes:
-    return RECORD_HEAD.pack(opcode, len(content)) + content
-
-
-def text(value: str) -> bytes:
-    return blob(value.encode())
-
-
-def blob(value: bytes) -> bytes:
-    return struct.pack("<I", len(value)) + value
-
-
-def text_map(values: Mapping[str, str]) -> bytes:
-    return blob(b"".join(text(key) + text(value) for key, value in values.items()))
 
 
 class Cursor:

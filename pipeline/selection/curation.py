@@ -15,6 +15,7 @@ from pipeline.files.ranges import (
     Range,
     check,
 )
+from pipeline.selection.decisions import Decision
 from pipeline.selection.skills import SkillBounds
 
 EXPERT_MOTIONS = ("rollouts", "references", "both")
@@ -79,6 +80,8 @@ class Curation:
     """What the expert database is made of: `rollouts`, `references` or `both`."""
     windows: WindowSettings
     """Segmentation of a clip into windows."""
+    decisions: tuple[Decision, ...] = ()
+    """A person's decisions on single clips, the latest of a clip last."""
 
     def __post_init__(self) -> None:
         check(

@@ -192,27 +192,6 @@ def test_an_error_is_one_sentence_on_stderr_and_exit_code_1(walk, tmp_path, caps
     assert said.err.startswith("booster-lab: ") and sentence in said.err and said.err.count("\n") == 1
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        [],
-        ["dance"],
-        ["retarget", "a.bvh"],
-        ["retarget", "a.bvh", "--out", "o.csv", "--fps", "0"],
-        ["view", "a", "--port", "x"],
-    ],
-)
-def test_wrong_usage_is_exit_code_2(capsys, arguments):
-    assert main(arguments) == 2
-    assert "usage: booster-lab" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", [[], ["retarget"], ["inspect"], ["view"]])
-def test_help_is_exit_code_0(capsys, command):
-    assert main([*command, "--help"]) == 0
-    assert "usage: booster-lab" in capsys.readouterr().out
-
-
 def test_inspect_writes_a_skeleton_map(root, capsys):
     assert main(["inspect", str(root / "data/motions/walk.bvh"), "--write-map"]) == 0
     assert "  left_hip: {joint: LeftUpLeg, left: x, down: LeftLeg}" in capsys.readouterr().out

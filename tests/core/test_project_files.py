@@ -92,3 +92,13 @@ def test_what_the_project_depends_on_is_locked(root: Path):
     wanted += project["build-system"]["requires"]
     names = {re.match(r"[A-Za-z0-9._-]+", each).group().lower().replace("_", "-") for each in wanted}
     assert names - {"torch"} <= set(pinned(root / "requirements.lock"))
+
+
+def test_the_dockerfile_copies_what_is_there_and_leaves_results_out(root: Path):
+    copied = re.findall(r"^COPY (.+) \S+$", (root / "Dockerfile").read_text(), re.MULTILINE)
+    names = [name for line in copied for name in line.split()]
+    assert "requirements.lock" in names and "." in names
+    assert [name for name in names if not (root / name).exists()] == []
+    ignored = set((root / ".gitignore").read_text().split())
+    left_out = set((root / ".dockerignore").read_text().split())
+    assert {f"/{name}/" for name in left_out if name.startswith("data/")} - ignored == {"/data/feedback/"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sqlite3
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import zstandard
 
 from pipeline.hardware_logs import FASTWRITE, ZSTD_FAST, RobotLog, Storage, mcap_bytes
 from pipeline.hardware_logs.log_facts import to_metadata
-from pipeline.hardware_logs.mcap_records import CHUNK, CHUNK_HEAD, HEADER, MAGIC, RECORD_HEAD, record, text
+from pipeline.hardware_logs.mcap_records import CHUNK, CHUNK_HEAD, HEADER, MAGIC, RECORD_HEAD
 from pipeline.hardware_logs.mcap_writer import McapWriter
 from pipeline.hardware_logs.messages import TOPICS, schema_name, schema_text
 from pipeline.hardware_logs.robot_log import METADATA
@@ -115,6 +116,14 @@ def unchecked_bag(clean: Clean, rng: np.random.Generator, index: int) -> Damaged
     elif index % 3 == 2:
         data = data[: int(rng.integers(100, len(data)))]
     return Damaged("bag", ".db3", data, False)
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    return RECORD_HEAD.pack(opcode, len(content)) + content
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value.encode())) + value.encode()
 
 
 def wrong_schema(clean: Clean, rng: np.random.Generator, index: int) -> Damaged:

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from assets.approval import approve_proposal
 from assets.approved import approvals_of
 from assets.log_ingest import ingest_folder
 from assets.plan import TRIALS
@@ -25,6 +24,7 @@ from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.expert import DatabaseSettings, ExpertEntry, history, read_database, write_database
 from pipeline.expert.training_bundle import write_training_bundle
+from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.change import proposal_digest
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes
@@ -120,7 +120,7 @@ def _prepare_approval(folder: Path) -> None:
 
 
 def _approve(folder: Path) -> None:
-    approve_proposal(Project(folder), proposal_digest(proposal(*two_falls()).changes), "a person")
+    approve_proposal(Project(folder).feedback, proposal_digest(proposal(*two_falls()).changes), "a person")
 
 
 def _check_approval(folder: Path) -> str:

@@ -127,6 +127,6 @@ def test_the_command_answers_a_shortage_of_memory_in_a_sentence(monkeypatch, cap
     def fail(_):
         raise MemoryError
 
-    monkeypatch.setattr(command.inspect_command, "run", fail)
+    monkeypatch.setattr("pipeline.cli.inspect_command.run", fail)
     assert command.main(["inspect", "clip.bvh"]) == 1
     assert capsys.readouterr().err.startswith("booster-lab: there is not enough memory")

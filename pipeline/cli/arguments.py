@@ -1,0 +1,415 @@
+"""The commands and their options, as dataclasses that tyro reads: a field is an option, its docstring the help.
+
+Nothing heavy is imported here: `booster-lab --help`, a typo and shell completion need this file alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction, arg
+
+from pipeline.cli.option_types import (
+    AnkleKd,
+    File,
+    Folder,
+    Hertz,
+    JointFactors,
+    Naming,
+    Number,
+    Outages,
+    PolicyFile,
+    RobotName,
+    Text,
+    Workers,
+    integer,
+    numbers,
+    option,
+    rate,
+)
+
+Waypoint = Annotated[tuple[float, float, float, float], option("T,F,L,Y", numbers(4))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileStatement:
+    """What the file does not say itself. Needed only when a command asks for it. See docs/sources.md."""
+
+    unit: Text = None
+    """unit of length: m, cm, mm, inch, cmu, or metres per unit"""
+    up: Annotated[str | None, option("AXIS", str)] = None
+    """axis that points up: x, y, z, -x, -y, -z (write --up=-y)"""
+    fps: Annotated[float | None, option("HZ", rate), arg(name="source-fps")] = None
+    """true frame rate, instead of what the file declares"""
+    skeleton: Annotated[str | None, option("MAP", str)] = None
+    """name of a skeleton map, or the path of your own (.yaml)"""
+    asf: Annotated[str | None, option("FILE", str)] = None
+    """the ASF file of an AMC, from the AMC's folder"""
+    body_model: Annotated[str | None, option("NPZ", str)] = None
+    """your own SMPL body model"""
+    quaternion: Annotated[Literal["wxyz", "xyzw"] | None, option("{wxyz,xyzw}", str, ("wxyz", "xyzw"))] = None
+    """order of a robot's root quaternion"""
+
+
+Statement = OmitArgPrefixes[FileStatement]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspect:
+    """Show what a motion file is and what is wrong with it.
+
+    Format, skeleton, unit, axes and rate of a motion file, its speeds, its windows of one skill, and everything that
+    the project repairs, cuts or rejects, with the reason. A folder gives one line per file. A clip made by the graph
+    (by name, or its file in the database) gives every feasibility criterion: value, threshold, unit, source, verdict.
+    """
+
+    input: Annotated[Positional[Path], arg(metavar="IN")]
+    """a motion file, a folder of them, or a clip made by the graph"""
+    robot: RobotName = "t1"
+    json: bool = False
+    """print a JSON object (for a folder: a list of them)"""
+    write_map: bool = False
+    """print the skeleton map of a file (YAML) instead: the one it is read with, or one to start from"""
+    statement: Statement = FileStatement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Retarget:
+    """Retarget a motion onto the robot, as CSV.
+
+    Reads a motion file, repairs it, retargets it onto the robot and writes the robot's motion as CSV: root position
+    [m], root quaternion xyzw, joints [rad] by name. Where damage cuts the motion, the longest piece goes to OUT.csv and
+    the others, in order of time, to OUT.1.csv, OUT.2.csv, …
+    """
+
+    input: Annotated[Positional[Path], arg(metavar="IN")]
+    """motion file (.bvh, .npz, .amc, .txt, .csv)"""
+    out: Annotated[Path, arg(metavar="OUT.csv")]
+    """where to write"""
+    robot: RobotName = "t1"
+    fps: Hertz = 30.0
+    """rate of OUT.csv"""
+    naming: Naming = None
+    statement: Statement = FileStatement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Score how well a robot motion reproduces a human motion.
+
+    Compares a robot motion (CSV, from this project or any other retargeting) with the human motion it was made from:
+    feet, ground, limits, smoothness, self-collision, likeness. The human file is read and repaired as for `retarget`;
+    the CSV must start with its first frame, in the world frame that repair leaves it in.
+    """
+
+    csv: Annotated[Positional[Path], arg(metavar="CSV")]
+    """the robot's motion"""
+    human: Annotated[Path, arg(metavar="CLIP")]
+    """the human's motion file"""
+    fps: Annotated[float | None, option("HZ", rate)] = None
+    """rate of CSV, where the file does not state it"""
+    json: bool = False
+    """print a JSON object"""
+    statement: Statement = FileStatement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Write the database's clips as other programs load them, with a dataset card.
+
+    Writes every clip of a database as an archive for mjlab and BeyondMimic (`mjlab`) or for GMR without pickle (`gmr`),
+    as a Rerun recording (`rerun`, needs the extra booster-lab[export]), or all of them as one LeRobotDataset v3
+    (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and how it was made.
+    """
+
+    database: Annotated[Positional[Path], arg(metavar="DATABASE")]
+    """folder of a database (data/expert_db/t1)"""
+    format: Literal["mjlab", "gmr", "lerobot", "rerun"]
+    """what to write"""
+    out: Annotated[Path, arg(metavar="FOLDER")]
+    """folder to write into"""
+    skill: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
+    """only clips of these skills"""
+    naming: Naming = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validate:
+    """Evaluate a policy in MuJoCo; the exit code is the verdict.
+
+    Runs a policy through commands, pushes, terrain and conditions and compares the result with
+    robots/<robot>/validation.yaml. Exit code 0: passed, 3: failed, 1: could not run.
+    """
+
+    policy: PolicyFile
+    robot: RobotName = "t1"
+    ankle_kd: AnkleKd = None
+    suite: Literal["quick", "full"] = "quick"
+    """how many cells and trials"""
+    json: File = None
+    """write the verdict and all figures here"""
+    failures: Folder = None
+    """write a log of each failed cell's worst trial here; logs of an earlier verdict of this policy are removed"""
+    workers: Workers = 0
+    table: bool = False
+    """print every cell"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossEngine:
+    """Evaluate a policy in MuJoCo and DART; the exit code is the verdict.
+
+    Runs a policy through the grid of data/cross_engine.yaml in MuJoCo, in MuJoCo with the armature on the links, and in
+    DART, and compares it with the robot's validation.yaml. Exit code 0: passed, 3: failed, 1: could not run.
+    """
+
+    policy: PolicyFile
+    robot: RobotName = "t1"
+    ankle_kd: AnkleKd = None
+    cells: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
+    """only these cells"""
+    seeds: Annotated[int | None, option("N", int)] = None
+    """starts per cell, instead of the file's"""
+    json: File = None
+    """write the verdict and all figures here"""
+    workers: Workers = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WebotsProject:
+    """Write a Webots project of a robot, and run it.
+
+    Writes PROTO, world and controller into a folder that Webots opens. With --run the walk of data/webots.yaml is run
+    and evaluated. Exit code 0: written, or passed; 3: failed, or not run because the program is missing; 1: could not
+    be done.
+    """
+
+    out: Annotated[Path, arg(metavar="FOLDER")]
+    """folder of the project"""
+    robot: RobotName = "t1"
+    policy: Annotated[Path | None, option("POLICY", Path)] = None
+    """npz, or the folder of an exported policy"""
+    ankle_kd: AnkleKd = None
+    engine: Annotated[
+        Literal["webots", "mujoco", "ode"] | None,
+        option("{webots,mujoco,ode}", str, ("webots", "mujoco", "ode")),
+        arg(name="run"),
+    ] = None
+    """run the walk there as well"""
+    json: File = None
+    """write the result of the walk here"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Differences:
+    """What differs from the model."""
+
+    weaker: JointFactors = ()
+    """share of a joint's torque that is left"""
+    hot: JointFactors = ()
+    """factor on a motor's heating"""
+    gains: float = 1.0
+    """factor on kp and kd that the motors follow"""
+    command_scale: float = 1.0
+    """share of the command that reaches the policy"""
+    friction: float = 1.0
+    """factor on the friction of the ground"""
+    delay: float = 0.0
+    """from joint targets to motors [s]"""
+    trunk: float = 1.0
+    """factor on the trunk's mass"""
+    message_loss: Number = None
+    """share of messages lost"""
+    motor_loss: Number = None
+    """packets per second that a motor loses [Hz]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Events:
+    """What happens to the robot."""
+
+    push: UseAppendAction[tuple[Annotated[tuple[float, float, float], option("T,X,Y", numbers(3))], ...]] = ()
+    """at T [s] an impulse X, Y [N s] over 0.1 s; may be repeated"""
+    hold: Annotated[tuple[float, float] | None, option("T,UNTIL", numbers(2))] = None
+    """a person lifts it off its feet [s]"""
+    stop: Number = None
+    """the operator stops it at this time [s]: joints are damped"""
+    motors_off: Outages = ()
+    """motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be repeated"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateRobot:
+    """Write a log as the robot would, from MuJoCo.
+
+    Runs a policy in MuJoCo on a robot that differs from its model and writes what the robot's recorder would have
+    written, as MCAP: sensor noise, motor temperatures, losses. The file states that it is simulated and in what the
+    robot differed from its model.
+    """
+
+    out: Annotated[Positional[Path], arg(metavar="OUT.mcap")]
+    """log to write"""
+    robot: RobotName = "t1"
+    policy: Annotated[Path | None, option("NPZ", Path)] = None
+    """policy to run; the one that ships where not given"""
+    script: Annotated[
+        Literal["sway", "topple_left"] | None, option("{sway,topple_left}", str, ("sway", "topple_left"))
+    ] = None
+    """joint targets over time instead of a policy"""
+    command: UseAppendAction[
+        tuple[Annotated[tuple[float, float, float, float], option("T,F,L,Y", numbers(4))], ...]
+    ] = ()
+    """from T [s] on the command is F, L [m/s] and Y [rad/s]; may be repeated (negative: --command=...)"""
+    seconds: float = 10.0
+    """length of the log [s]"""
+    seed: int = 0
+    """seed of the noise"""
+    rate: float = 500.0
+    """rate of the states in the log [Hz]"""
+    differences: OmitArgPrefixes[Differences] = Differences()
+    events: OmitArgPrefixes[Events] = Events()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Database:
+    """Say what the expert database holds, list its versions, or put one in place.
+
+    Earlier versions of the expert database are kept beside it, and so is a version that was refused because it lost too
+    many clips. `restore VERSION` puts one in place and keeps the present one.
+    """
+
+    action: Positional[Literal["summary", "list", "restore"]]
+    """say what the database in place holds and what to do next; list it and the kept versions; or put one in place"""
+    version: Annotated[Positional[str | None], option("VERSION", str)] = None
+    """version to restore, as `list` shows it"""
+    robot: RobotName = "t1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sources:
+    """List the motion folders in use, or forget one.
+
+    Runs record which motion folders they used. A folder of BOOSTER_LAB_MOTIONS stays a source until it is forgotten; a
+    missing source stops a run before its clips leave the database.
+    """
+
+    action: Positional[Literal["list", "forget"]]
+    """list the sources that runs have used; or remove some, and the next run makes the database without them"""
+    names: Annotated[Positional[tuple[str, ...]], arg(metavar="NAME")] = ()
+    """sources to forget, as `list` shows them"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Play a clip: human and robot side by side.
+
+    Plays a clip in the browser. CLIP is a motion file (repaired and retargeted first), a clip of the database
+    (data/expert_db/t1/….json), or the name of a clip that the graph made, such as booster_lab/walk or
+    booster_lab/walk@0-300~mirror; with the name of a whole recording, every clip made from it can be chosen in the
+    browser. A rollout (…~rollout) plays beside the reference that it tracks; a robot log (.mcap) beside the simulation
+    of the same command, with its failures. With --record a film is written instead, without a display.
+    """
+
+    clip: Annotated[Positional[str], arg(metavar="CLIP")]
+    """motion file, robot log, clip of the database, or name of a clip"""
+    robot: RobotName = "t1"
+    port: Annotated[int, option("PORT", integer("a port", 1, 65535))] = 8080
+    """port of the page; the next free one where it is taken"""
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    """address to serve on; the default serves this machine only"""
+    no_browser: bool = False
+    """serve the page but do not open it"""
+    picture: Annotated[Path | None, option("OUT.png", Path)] = None
+    """write poses along the clip to a picture"""
+    poses: Annotated[int, option("N", integer("a number of poses", 1, 40))] = 8
+    """poses in the picture"""
+    record: Annotated[Path | None, option("OUT", Path)] = None
+    """write an .mp4 or .gif"""
+    start: float = 0.0
+    """where the film begins [s]"""
+    seconds: Number = None
+    """length of the film [s]; to the end where not given"""
+    statement: Statement = FileStatement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play:
+    """Command a policy in MuJoCo, in the browser.
+
+    A policy walks in MuJoCo while you watch: sliders and keys (W S A D Q E, X to stand) command it, P pushes it, R
+    restarts it; terrain and friction are chosen on the page. With --record a walk is written as MP4 or GIF instead,
+    without a display.
+    """
+
+    policy: PolicyFile
+    robot: RobotName = "t1"
+    ankle_kd: AnkleKd = None
+    port: Annotated[int, option("PORT", integer("a port", 1, 65535))] = 8080
+    """port of the page; the next free one where it is taken"""
+    no_browser: bool = False
+    """serve the page but do not open it"""
+    record: Annotated[Path | None, option("OUT", Path)] = None
+    """write a walk to an .mp4 or .gif"""
+    seconds: float = 8.0
+    """length of the filmed walk [s]"""
+    command: Annotated[tuple[float, float, float], option("F,L,Y", numbers(3))] = (0.6, 0.0, 0.0)
+    """command of the filmed walk: forward and left velocity [m/s], yaw rate [rad/s] (negative: --command=...)"""
+    push: Number = None
+    """push to the left at half time of the filmed walk [N s]"""
+    terrain: Annotated[str, arg(metavar="NAME")] = "flat"
+    """terrain of the filmed walk, as the page names it"""
+    friction: float = 1.0
+    """sliding friction of the filmed walk"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curate:
+    """Find, watch, accept and exclude clips in the browser.
+
+    A gallery of all clips that the graph has made, with figures, thresholds and playback. Decisions are written into
+    data/curation.yaml. The page is served to this machine alone; the address that is printed holds a token without
+    which nothing can be changed.
+    """
+
+    robot: RobotName = "t1"
+    port: Annotated[int, option("PORT", integer("a port", 0, 65535))] = 8090
+    """port of the page, the next free one where it is taken; 0: any"""
+    no_browser: bool = False
+    """serve the page but do not open it"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportRobot:
+    """Make a robot folder from a URDF or MJCF.
+
+    Writes a robot folder with the figures of its maker's model file, primitives instead of meshes, sites at soles,
+    hands and joints, and a proposed human correspondence and mirror map; lists what a person must still state.
+    """
+
+    file: Annotated[Positional[Path], arg(metavar="FILE")]
+    """URDF or MJCF of the robot"""
+    name: Annotated[str, arg(metavar="NAME")]
+    """name of the robot and of its folder"""
+    shapes: File = None
+    """another model file of the robot, to take its shapes and sites from"""
+    joints: Annotated[Path | None, option("CSV", Path)] = None
+    """values that replace the file's: the column joint and any others of joints.csv"""
+    out: Folder = None
+    """where to write; robots/NAME where not given"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckRobot:
+    """Find what a robot folder lacks or contradicts.
+
+    Checks masses, limits, mirror map, human correspondence, soles, balance, model files and gains of a robot folder;
+    with another model file of the robot, lists the differences joint by joint. Exit code 0: no findings, 3: findings,
+    1: could not run. Differences from the other file do not change the exit code.
+    """
+
+    folder: Annotated[Positional[Path], arg(metavar="DIR")]
+    """folder of the robot (robots/k1)"""
+    against: Annotated[Positional[Path | None], arg(metavar="AGAINST")] = None
+    """URDF or MJCF of the same robot"""

@@ -1,0 +1,92 @@
+"""Types of options of the command line: how a word is read, and its name in the help."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import Positional, UseAppendAction, arg
+from tyro.constructors import PrimitiveConstructorSpec
+
+
+def option(metavar: str, read: Callable[[str], Any], choices: tuple[str, ...] | None = None) -> Any:
+    """One word of the command line, read by `read` (ValueError: wrong usage); None is an option that is not given."""
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=metavar,
+        instance_from_str=lambda words: read(words[0]),
+        is_instance=lambda _: True,
+        str_from_instance=lambda value: ["none" if value is None else f"{value}"],
+        choices=choices,
+    )
+
+
+def rate(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value <= 1000.0:
+        raise ValueError(f"{text} is not a rate in Hz, wanted more than 0 and at most 1000")
+    return value
+
+
+def integer(what: str, low: int, high: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise ValueError(f"{text} is not {what}, wanted {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    def read(text: str) -> tuple[float, ...]:
+        values = tuple(float(part) for part in text.split(","))
+        if len(values) != count or not all(map(math.isfinite, values)):
+            raise ValueError(f"'{text}' is not {count} numbers with commas between")
+        return values
+
+    return read
+
+
+def of_joint(text: str) -> tuple[str, float]:
+    joint, sign, number = text.partition("=")
+    value = float(number) if sign else math.nan
+    if not value > 0.0:
+        raise ValueError(f"'{text}' is not JOINT=NUMBER with a number above 0")
+    return joint, value
+
+
+def outage(text: str) -> tuple[float, float, tuple[str, ...]]:
+    start, _, rest = text.partition(",")
+    until, *joints = rest.split(",")
+    try:
+        start_s, stop_s = float(start), math.inf if until == "end" else float(until)
+    except ValueError:
+        start_s = stop_s = math.nan
+    if not 0.0 <= start_s < stop_s:
+        raise ValueError(
+            f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s] (or the word `end`), and joints after another comma"
+        )
+    return start_s, stop_s, tuple(joints)
+
+
+Text = Annotated[str | None, option("TEXT", str)]
+File = Annotated[Path | None, option("FILE", Path)]
+Folder = Annotated[Path | None, option("FOLDER", Path)]
+Number = Annotated[float | None, option("NUMBER", float)]
+Hertz = Annotated[float, option("HZ", rate)]
+JointFactors = UseAppendAction[tuple[Annotated[tuple[str, float], option("JOINT=FACTOR", of_joint)], ...]]
+Outages = UseAppendAction[
+    tuple[Annotated[tuple[float, float, tuple[str, ...]], option("T,UNTIL[,JOINT...]", outage)], ...]
+]
+RobotName = Annotated[str, arg(metavar="NAME", help="robot, a folder of robots/")]
+PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz, or the folder of an exported policy")]
+AnkleKd = Annotated[
+    Number,
+    arg(help="damping of the ankles [N m s/rad], for a policy whose file does not say with which it is deployed"),
+]
+Naming = Annotated[
+    Text, arg(help="joint names in the output: a column of the robot's aliases.csv; the robot's own where not given")
+]
+Workers = Annotated[int, arg(metavar="N", help="processes; 0 for one per core")]

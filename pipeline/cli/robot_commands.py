@@ -1,0 +1,57 @@
+"""`booster-lab import-robot` and `check-robot`: a robot folder from its maker's model file, and what it lacks."""
+
+from __future__ import annotations
+
+import re
+
+from pipeline.cli.arguments import CheckRobot, ImportRobot
+from pipeline.cli.project import find_project
+from pipeline.errors import PipelineError
+from pipeline.robot.load import read_description
+from pipeline.robot_check import check_folder, compare
+from pipeline.robot_check.compare import JOINT, model_of
+from pipeline.robot_import import propose, read_model, read_stated, write_folder
+from pipeline.robot_import.readme import readme
+from pipeline.robot_import.stated import NOTHING
+
+NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
+FOUND = 3
+"""Exit code of a folder with findings; 1 is of a check that could not be done."""
+
+
+def import_robot(args: ImportRobot) -> int:
+    """Read the model, propose, write the folder, list what is still to state."""
+    if not NAME.match(args.name):
+        raise PipelineError(f"--name is '{args.name}'; write small letters, digits and underscores, a letter first.")
+    folder = args.out or find_project().root / "robots" / args.name
+    if folder.name != args.name:
+        raise PipelineError(f"--out is '{folder}'; a robot's folder has the robot's name, '{args.name}'.")
+    model = read_model(args.file)
+    shapes = read_model(args.shapes) if args.shapes else None
+    stated = read_stated(args.joints, tuple(each.name for each in model.joints)) if args.joints else NOTHING
+    proposal = propose(model, args.name, shapes=shapes, stated=stated)
+    robot = write_folder(folder, proposal, readme(proposal, model, shapes, stated))
+    print(f"{folder}: {len(robot.joint_names)} joints, {robot.total_mass:.3f} kg, legs of {robot.leg_length:.3f} m")
+    for note in proposal.notes:
+        print(f"  not used: {note}")
+    for text in proposal.to_state:
+        print(f"  to state: {text}")
+    print(f"Edit the tables, then run: python -m pipeline.robot.render {folder}")
+    return 0
+
+
+def check_robot(args: CheckRobot) -> int:
+    """Print a line for each finding and for each difference."""
+    found = check_folder(args.folder)
+    for each in found:
+        print(each)
+    print(f"{args.folder}: {len(found) or 'no'} finding{'' if len(found) == 1 else 's'}")
+    if args.against is not None:
+        differences = compare(model_of(read_description(args.folder.resolve())), read_model(args.against))
+        shown = [each for each in differences if each.of_both or each.figure == JOINT]
+        for each in shown:
+            print(f"  {each}")
+        silent = sorted({each.figure for each in differences if each not in shown})
+        note = f" (it does not state every {', '.join(silent)})" if silent else ""
+        print(f"{args.against}: {len(shown) or 'no'} difference{'' if len(shown) == 1 else 's'}{note}")
+    return FOUND if found else 0
