@@ -5,11 +5,12 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+LEROBOT := $(VENV)/lerobot/.installed
 
 export VIRTUAL_ENV := $(CURDIR)/$(VENV)
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: setup lock expert_db test check dev motions pictures clean
+.PHONY: setup lock expert_db test check audit nightly dev motions pictures clean
 
 setup: $(STAMP)
 
@@ -25,16 +26,24 @@ $(STAMP): pyproject.toml constraints.txt requirements.lock
 	$(BIN)/pip check
 	touch $(STAMP)
 
-# After a change of constraints.txt; needs uv (pip install uv).
+# LeRobot's data set loader, which a test opens an export with: beside the environment, whose versions it does not allow.
+$(LEROBOT): tests/dataset_export/lerobot.lock $(STAMP)
+	rm -rf $(@D)
+	$(BIN)/pip install --quiet --no-deps --only-binary :all: --require-hashes --target $(@D) \
+		--requirement tests/dataset_export/lerobot.lock
+	touch $@
+
+# After a change of constraints.txt or of tests/dataset_export/lerobot.txt; needs uv (pip install uv).
+LOCK := uv pip compile --quiet --no-deps --generate-hashes --python-version 3.11 --no-annotate --no-header
 lock:
-	grep -v '^torch==' constraints.txt | uv pip compile - --quiet --no-deps --generate-hashes --python-version 3.11 \
-		--no-annotate --no-header --output-file requirements.lock
+	grep -v '^torch==' constraints.txt | $(LOCK) - --output-file requirements.lock
+	$(LOCK) tests/dataset_export/lerobot.txt --output-file tests/dataset_export/lerobot.lock
 
 expert_db: setup
 	dagster asset materialize --select expert_db
 	@booster-lab database summary
 
-test: setup
+test: setup $(LEROBOT)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup
@@ -44,6 +53,15 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/dagster definitions validate
 	dg check defs
+
+# Advisories on the locked packages; ADVISORIES is a copy of the database (docs/security.md).
+audit: setup
+	$(BIN)/python benchmarks/advisories.py $(ADVISORIES)
+
+# What is too long for each push: mutated inputs, of the documented seed and of another one each day.
+nightly: setup
+	$(BIN)/python benchmarks/faults.py --list
+	$(BIN)/python benchmarks/faults.py --list --seed $$(date -u +%Y%m%d)
 
 dev: setup
 	dagster dev --host 127.0.0.1

@@ -38,7 +38,7 @@ def materialize_database(
     folder = PROJECT.expert_db(robot.name)
     values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values)
-    realizable, accuracy = realizability_check(plan, feasible, pool)
+    realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
         **curator_link("databases"),
         "dagster/uri": dg.MetadataValue.path(str(folder)),

@@ -19,6 +19,7 @@ from pipeline.cli.option_types import (
     JointFactors,
     Naming,
     Number,
+    Outages,
     PolicyFile,
     RobotName,
     Text,
@@ -120,13 +121,12 @@ class Export:
 
     Writes every clip of a database as an archive for mjlab and BeyondMimic (`mjlab`) or for GMR without pickle (`gmr`),
     as a Rerun recording (`rerun`, needs the extra booster-lab[export]), or all of them as one LeRobotDataset v3
-    (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and how it was made. The format
-    `card` writes the card alone.
+    (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and how it was made.
     """
 
     database: Annotated[Positional[Path], arg(metavar="DATABASE")]
     """folder of a database (data/expert_db/t1)"""
-    format: Literal["mjlab", "gmr", "lerobot", "rerun", "card"]
+    format: Literal["mjlab", "gmr", "lerobot", "rerun"]
     """what to write"""
     out: Annotated[Path, arg(metavar="FOLDER")]
     """folder to write into"""
@@ -236,6 +236,8 @@ class Events:
     """a person lifts it off its feet [s]"""
     stop: Number = None
     """the operator stops it at this time [s]: joints are damped"""
+    motors_off: Outages = ()
+    """motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be repeated"""
 
 
 @dataclass(frozen=True, kw_only=True)

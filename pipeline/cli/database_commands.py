@@ -15,8 +15,6 @@ from pipeline.expert import history, manifest
 from pipeline.expert.swap import current
 from pipeline.readers.remembered import forget, read_remembered
 
-CARD_ALONE = "card"
-
 
 def database(args: Database) -> int:
     """Say what is in place, list the versions, or put one in place. Raises UnknownNameError, FileError."""
@@ -89,7 +87,6 @@ def export(args: Export) -> int:
         raise FileError(args.out, "it is in the database, whose files have digests.", "Name another folder.")
     if args.format == LEROBOT and any(args.out.glob("*")):
         raise FileError(args.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder.")
-    kind = None if args.format == CARD_ALONE else args.format
-    written = export_database(args.database, kind, find_project().robot, args.out, args.skill, args.naming)
+    written = export_database(args.database, args.format, find_project().robot, args.out, args.skill, args.naming)
     print(f"{written} clips and {CARD} in {args.out}")
     return 0

@@ -88,7 +88,9 @@ class TrackingSettings:
     seed: int
     """Of all disturbances, with the reference's content."""
     disturbed: int
-    """Disturbed rollouts of each original motion and of each mirror image."""
+    """Disturbed rollouts of each original motion and of each mirror image, at least."""
+    disturbed_s: float
+    """Disturbed rollouts of each of them last at least this long together, so a short motion has more [s]."""
     disturbed_variants: int
     """Disturbed rollouts of each other variant."""
     shortest_s: float
@@ -103,6 +105,7 @@ class TrackingSettings:
             self,
             seed=Range(0, 2**31),
             disturbed=Range(0, 1000),
+            disturbed_s=Range(0.0, 600.0),
             disturbed_variants=Range(0, 1000),
             shortest_s=Range(0.1, 10.0),
         )

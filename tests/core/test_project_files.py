@@ -79,6 +79,13 @@ def test_the_lock_file_has_the_tested_versions_with_hashes(root: Path):
     assert "--require-hashes --requirement requirements.lock" in (root / "Makefile").read_text()
 
 
+def test_lerobots_loader_is_locked_with_hashes(root: Path):
+    folder = root / "tests/dataset_export"
+    locked = pinned(folder / "lerobot.lock")
+    assert locked == pinned(folder / "lerobot.txt"), "run `make lock`"
+    assert (folder / "lerobot.lock").read_text().count("--hash=sha256:") >= len(locked)
+
+
 def test_what_the_project_depends_on_is_locked(root: Path):
     project = tomllib.loads((root / "pyproject.toml").read_text())
     wanted = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["dev"]]
