@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.amp_policy import bundle_of, run_facts, train_beside_others
-from assets.plainly import plainly
+from assets.asked_for import asked_for
+from assets.plainly import told_plainly
 from assets.plan import Plan
 from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -46,27 +47,35 @@ class AblationConfig(TrainingConfig):
 def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `augmentation_ablation` of a robot."""
 
-    @dg.asset(**declared(plan, "pytorch", deps=[database.key, adapted.key]))
-    @plainly
-    def augmentation_ablation(context: dg.AssetExecutionContext, config: AblationConfig, clip_pool: ClipPoolResource):
+    @dg.asset(**declared(plan, "pytorch", deps=[database.key, adapted.key]), output_required=False)
+    def augmentation_ablation(
+        context: dg.AssetExecutionContext, config: AblationConfig, clip_pool: ClipPoolResource
+    ) -> Iterator[dg.MaterializeResult]:
         """The discriminator's score on policy samples, command and push figures with and without augmented clips."""
-        robot = plan.robot or DEFAULT_ROBOT
-        if config.runs or config.commit:
-            folder = measure_runs(config, robot, clip_pool)
-        elif config.device == "auto" and not gpus_here():
-            folder = PROJECT.shipped_policies(robot) / RECORDED
-            context.log.info(f"no GPU is here: the recorded curves of {folder.relative_to(PROJECT.root)} are served")
-        else:
-            folder = train_arms(config, robot, clip_pool, context.log)
-        found = read_ablation(PROJECT, folder)
-        origin = found.get("origin", HERE)
-        if PROJECT.shipped_policies(robot) in folder.parents:
-            origin = "recorded, ships with the project" + ("" if origin == HERE else f"; {origin}")
-        facts = {**found, "stage": plan.name, "origin": origin, "folder": folder.relative_to(PROJECT.root).as_posix()}
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={RECORDED: facts})
-        return result_of(plan, manifest, ablation_metadata(folder, facts), [])
+        if asked_for(context, plan):
+            with told_plainly():
+                yield _measured(plan, config, clip_pool, context.log)
 
     return augmentation_ablation
+
+
+def _measured(plan: Plan, config: AblationConfig, clip_pool: ClipPoolResource, log: Any) -> dg.MaterializeResult:
+    """Train both arms or take those that are there, and state their figures."""
+    robot = plan.robot or DEFAULT_ROBOT
+    if config.runs or config.commit:
+        folder = measure_runs(config, robot, clip_pool)
+    elif config.device == "auto" and not gpus_here():
+        folder = PROJECT.shipped_policies(robot) / RECORDED
+        log.info(f"no GPU is here: the recorded curves of {folder.relative_to(PROJECT.root)} are served")
+    else:
+        folder = train_arms(config, robot, clip_pool, log)
+    found = read_ablation(PROJECT, folder)
+    origin = found.get("origin", HERE)
+    if PROJECT.shipped_policies(robot) in folder.parents:
+        origin = "recorded, ships with the project" + ("" if origin == HERE else f"; {origin}")
+    facts = {**found, "stage": plan.name, "origin": origin, "folder": folder.relative_to(PROJECT.root).as_posix()}
+    manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={RECORDED: facts})
+    return result_of(plan, manifest, ablation_metadata(folder, facts), [])
 
 
 def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: Any) -> Path:

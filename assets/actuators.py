@@ -7,6 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
+from assets.groups import group_of
 from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -36,7 +37,7 @@ def actuator_measurements(robot: str) -> dg.AssetSpec:
     """The folder `data/actuators/<robot>`, versioned by content."""
     return dg.AssetSpec(
         measurements_key(robot),
-        group_name=f"{robot}_motions",
+        group_name=group_of("actuator_measurements", robot),
         description=f"Torque-speed sweeps and the motor table of data/actuators/{robot}, by content.",
         kinds={"file"},
     )
@@ -46,7 +47,7 @@ def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
     """What both assets declare alike."""
     return {
         "key": plan.key,
-        "group_name": f"{plan.robot}_motions",
+        "group_name": group_of(plan.name, plan.robot),
         "kinds": {kind},
         "tags": {"robot": plan.robot or ""},
         "code_version": plan.code_version(),

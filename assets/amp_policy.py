@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.approved import approved_key, approved_part
-from assets.plainly import plainly
+from assets.asked_for import asked_for
+from assets.plainly import told_plainly
 from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
@@ -45,26 +46,31 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
     deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
 
-    @dg.asset(**declared(plan, "pytorch", deps=deps))
-    @plainly
-    def amp_policy(context: dg.AssetExecutionContext, config: AmpConfig, clip_pool: ClipPoolResource):
+    @dg.asset(**declared(plan, "pytorch", deps=deps), output_required=False)
+    def amp_policy(
+        context: dg.AssetExecutionContext, config: AmpConfig, clip_pool: ClipPoolResource
+    ) -> Iterator[dg.MaterializeResult]:
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
-        robot = plan.robot or DEFAULT_ROBOT
-        bundle, about = bundle_of(PROJECT, robot)
-        wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
-        run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
-        commit = commit_of(PROJECT.root)
-        train_beside_others(run, PROJECT, robot, context.log)
-        chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
-        facts = run_facts(run, robot, commit) | {
-            "stage": plan.name,
-            "policy": chosen.relative_to(run.folder).as_posix(),
-        }
-        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
-        metadata = {**curves_of(run.folder), **sweep, **_metadata(run, facts, about)}
-        return result_of(plan, manifest, metadata, [])
+        if asked_for(context, plan):
+            with told_plainly():
+                yield _trained(plan, config, clip_pool, context.log)
 
     return amp_policy
+
+
+def _trained(plan: Plan, config: AmpConfig, clip_pool: ClipPoolResource, log: Any) -> dg.MaterializeResult:
+    """Train, choose the checkpoint, and state what came of it."""
+    robot = plan.robot or DEFAULT_ROBOT
+    bundle, about = bundle_of(PROJECT, robot)
+    wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
+    run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
+    commit = commit_of(PROJECT.root)
+    train_beside_others(run, PROJECT, robot, log)
+    chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
+    facts = run_facts(run, robot, commit) | {"stage": plan.name, "policy": chosen.relative_to(run.folder).as_posix()}
+    manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
+    metadata = {**curves_of(run.folder), **sweep, **_metadata(run, facts, about)}
+    return result_of(plan, manifest, metadata, [])
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}

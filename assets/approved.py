@@ -14,13 +14,13 @@ from typing import Any
 
 import dagster as dg
 
+from assets.groups import group_of
 from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
-from pipeline.feedback.approved import Approvals, lineage, part_of, part_version, read_approvals
-from pipeline.feedback.change import SECTIONS, Change
-from pipeline.feedback.rules import FeedbackRules
-from pipeline.files import digest, settings
+from pipeline.feedback.approved import Approvals, lineage, part_of, part_version
+from pipeline.feedback.change import Change
+from pipeline.files import digest
 from pipeline.files.shown_text import markdown_list
 
 PROPOSAL = dg.AssetKey(["curation_feedback"])
@@ -66,7 +66,7 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
         dg.AssetSpec(
             approved_key(section, robot),
             deps=[PROPOSAL],
-            group_name="field" if robot is None else f"{robot}_motions",
+            group_name=group_of(PARTS[section], robot),
             description=f"What was approved of curation_feedback (data/feedback/approved.yaml): {SAYS[section]}.",
             kinds={"file"},
         )
@@ -75,14 +75,8 @@ def approved_specs(robot: str | None) -> list[dg.AssetSpec]:
 
 
 def approvals_of(project: Project) -> Approvals:
-    """All that is approved, held against the rules; what can't be used is noted and raises nothing."""
-    if not project.approved_feedback.is_file():
-        return Approvals()
-    try:
-        rules = settings.read(project.settings("feedback_rules.yaml"), FeedbackRules)
-    except PipelineError as error:
-        return Approvals(faults=dict.fromkeys(SECTIONS, error))
-    return read_approvals(project.approved_feedback, rules)
+    """All approved changes, compared with the rules; what can't be used is reported and raises nothing."""
+    return project.feedback.approvals()
 
 
 def approved_part(project: Project, section: str, robot: str | None) -> tuple[Change, ...]:
@@ -116,10 +110,11 @@ def approved_versions(project: Project) -> dict[dg.AssetKey, tuple[str, dict[str
     return found
 
 
-def shown_state(approvals: Approvals) -> str:
-    """Digest of what the page of curation_feedback shows of approvals."""
+def shown_state(approvals: Approvals, declined: Sequence[Change] = ()) -> str:
+    """Digest of what the page of curation_feedback shows of a person's answers."""
     faults = {section: str(fault) for section, fault in approvals.faults.items()}
-    return digest.of_json([[change.to_dict() for change in approvals.changes], faults])[:16]
+    answers = [[change.to_dict() for change in each] for each in (approvals.changes, declined)]
+    return digest.of_json([*answers, faults])[:16]
 
 
 def _facts(part: Sequence[Change], fault: PipelineError | None) -> dict[str, Any]:

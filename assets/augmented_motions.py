@@ -2,8 +2,7 @@
 
 import dataclasses
 import math
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from functools import partial
 from statistics import fmean
 from typing import Any
@@ -19,7 +18,8 @@ from assets.report import picture, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.tracking_policy import no_tracker, tracker_file
-from pipeline.batch import Manifest, run_stage
+from pipeline.batch import Entry, Manifest, run_stage
+from pipeline.clips.outcome import Outcome
 from pipeline.files import settings
 
 BEFORE_AND_AFTER = (
@@ -28,9 +28,6 @@ BEFORE_AND_AFTER = (
     *("jerk_before_rad_s3", "jerk_after_rad_s3", "saturated_after", "contact_changed", "touchdown_shift_s"),
 )
 """Columns of the table of what simulation changed (pipeline/tracking/before_after.py)."""
-
-TRACKED_SHARE = 0.8
-"""A skill is one that the tracker follows where it survives so many of the skill's other references."""
 
 
 def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan) -> Any:
@@ -49,7 +46,8 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
         from pipeline.actuators import read_actuators, torque_envelope
         from pipeline.robot import load_robot
-        from pipeline.tracking.process import process
+        from pipeline.tracking.neighbours import compared_with_neighbours
+        from pipeline.tracking.process import motion_to_failure, process
         from pipeline.tracking.settings import TrackingSettings
         from pipeline.tracking.tracker import load_tracker
         from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
@@ -65,19 +63,24 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
             return materialized(plan, empty, {"references tracked": f"0: {why}"})
         tracker, content = found
         load_tracker(tracker, robot)  # one that does not fit is one error, not a reason against each reference
-        function = partial(process, settings=values, robot=robot, envelope=envelope, tracker=tracker)
-        stage = stage_of(plan, function, values, robot_files=robot.digest)
-        stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
-        manifest = run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log)
-        manifest = compared_with_neighbours(manifest, reference_motions)
+
+        def run(function: Callable[..., Outcome], name: str = "", entries: Sequence[Entry] = ()) -> Manifest:
+            """The stage `function` on references; what it was asked before is in the store."""
+            work = partial(function, settings=values, robot=robot, envelope=envelope, tracker=tracker)
+            stage = stage_of(plan, work, values, name=name, robot_files=robot.digest)
+            stage = dataclasses.replace(stage, depends={**stage.depends, "tracker": content})
+            return run_stage(stage, reference_motions, PROJECT.store, clip_pool.pool(), context.log, entries)
+
+        manifest = compared_with_neighbours(run(process), reference_motions)
         metadata = stage_metadata(manifest, ["rollout", "body_error_m", "joint_error_rad", "action_noise", "survived"])
         tracked = tracked_references(manifest, reference_motions)
         metadata |= tracking_metadata(manifest, tracked)
         if manifest.entries:
             metadata["tracking errors"] = picture(tracking_errors(manifest.entry_table()))
             metadata["before and after simulation"] = picture(before_and_after(tracked))
+            to_failure = partial(run, motion_to_failure, "motion to failure")
             metadata["worst tracked, when they fail"] = picture(
-                worst_tracked(manifest, reference_motions, PROJECT.store, robot)
+                worst_tracked(manifest, reference_motions, to_failure, PROJECT.store, robot)
             )
         return materialized(plan, manifest, metadata)
 
@@ -116,32 +119,3 @@ def tracked_references(manifest: Manifest, references: Manifest) -> pd.DataFrame
         if "survived" in row.numbers
     ]
     return pd.DataFrame(sorted(rows, key=lambda row: (-row["worst_body_error_m"], row["clip"])))
-
-
-def compared_with_neighbours(manifest: Manifest, references: Manifest) -> Manifest:
-    """The manifest whose reasons against references say how the tracker follows other references of the skill."""
-    from pipeline.tracking.process import NOT_TRACKED
-
-    skills = {entry.clip: str(entry.numbers.get("skill", "")) for entry in references.entries}
-    seen, held = Counter[str](), Counter[str]()
-    for row in manifest.judged:
-        skill = skills.get(row.clip, "")
-        seen[skill] += 1
-        held[skill] += bool(row.numbers.get("survived"))
-    judged = []
-    for row in manifest.judged:
-        skill = skills.get(row.clip, "")
-        others, kept = seen[skill] - 1, held[skill] - bool(row.numbers.get("survived"))
-        reasons = tuple(
-            _with_neighbours(reason, skill, kept, others) if reason["code"] == NOT_TRACKED else reason
-            for reason in row.reasons
-        )
-        judged.append(dataclasses.replace(row, reasons=reasons))
-    return dataclasses.replace(manifest, judged=tuple(judged))
-
-
-def _with_neighbours(reason: Mapping[str, Any], skill: str, kept: int, others: int) -> dict[str, Any]:
-    at_fault = others > 0 and kept >= TRACKED_SHARE * others
-    why = "so the reference is at fault" if at_fault else "so the tracker may be too weak for this skill"
-    text = f"{reason['text']}. It follows {kept} of {others} other references of the skill '{skill}', {why}"
-    return {**reason, "text": text}

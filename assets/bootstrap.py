@@ -5,6 +5,7 @@ second run with what was missing or stale.
 """
 
 import logging
+import time
 
 import dagster as dg
 
@@ -60,6 +61,8 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
         for key, why in stale.items():
             log.info(f"'{key.to_user_string()}' is brought up to date first: {why}")
     job = _graph().resolve_implicit_global_asset_job_def()
+    if log:
+        job = job.with_hooks({_progress(log, len(stale))})
     result = job.execute_in_process(
         instance=instance,
         asset_selection=list(stale),
@@ -73,6 +76,21 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
             f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
         )
+
+
+def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:
+    """A hook that tells the run that a person started how far the run that works for it is."""
+    started_s, done = time.monotonic(), []
+
+    @dg.success_hook
+    def stage_done(context: dg.HookContext) -> None:
+        done.append(context.op.name)
+        left_s = (time.monotonic() - started_s) / len(done) * max(stages - len(done), 0)
+        percent = 100 * len(done) // max(stages, len(done))
+        rest = f", about {left_s:.0f} s left" if len(done) < stages else ""
+        log.info(f"stage {len(done)} of {stages} is done ({percent} %): '{context.op.name}'{rest}")
+
+    return stage_done
 
 
 def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:

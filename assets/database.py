@@ -7,6 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.bootstrap import stale_now
+from assets.curator_link import curator_link
 from assets.database_checks import judge_database, last_verdicts
 from assets.plan import FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
@@ -37,8 +38,12 @@ def materialize_database(
     folder = PROJECT.expert_db(robot.name)
     values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
     manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values)
-    realizable, accuracy = realizability_check(plan, feasible, pool)
-    metadata = {"dagster/uri": dg.MetadataValue.path(str(folder)), **_metadata(manifest, feasible.entry_table())}
+    realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
+    metadata = {
+        **curator_link("databases"),
+        "dagster/uri": dg.MetadataValue.path(str(folder)),
+        **_metadata(manifest, feasible.entry_table()),
+    }
     if accuracy is not None:
         metadata["realizability"] = accuracy
     yield dg.MaterializeResult(

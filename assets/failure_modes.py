@@ -7,6 +7,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.groups import group_of
 from assets.hardware import trials_of
 from assets.plainly import plainly, told_plainly
 from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_plans
@@ -28,7 +29,7 @@ def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
     """What the assets about trials declare alike."""
     return {
         "key": plan.key,
-        "group_name": "field",
+        "group_name": group_of(plan.name),
         "kinds": {kind},
         "code_version": plan.code_version(),
         **others,

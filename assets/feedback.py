@@ -65,7 +65,8 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     )
     ensure_token(PROJECT)
     approvals = approvals_of(PROJECT)
-    page = FeedbackPage.of(proposal, approvals)
+    declined = PROJECT.feedback.declined_changes()
+    page = FeedbackPage.of(proposal, approvals, declined)
     check = dg.AssetCheckResult(
         asset_key=PROPOSAL,
         check_name=NOTHING_PENDING,
@@ -74,7 +75,7 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
         metadata={"found": page.sentence()},
     )
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
-    shown = {PAGE_TAG: shown_state(approvals)}
+    shown = {PAGE_TAG: shown_state(approvals, declined)}
     return result_of(FEEDBACK, manifest, page.metadata(found), [check], more_tags=shown)
 
 

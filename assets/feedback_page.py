@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import dagster as dg
 import pandas as pd
 
+from assets.curator_link import curator_link
 from assets.report import table_of
 from pipeline.feedback.approved import Approvals
 from pipeline.feedback.change import Change, place_of
@@ -33,17 +35,21 @@ class FeedbackPage:
     """What is proposed and not approved."""
     lingering: tuple[Change, ...]
     """What is approved and proposed no longer."""
+    declined: tuple[Change, ...] = ()
+    """What is proposed and a person declined."""
 
     @staticmethod
-    def of(proposal: Proposal, approvals: Approvals) -> FeedbackPage:
-        """Compare the two. An approval of a number that is proposed with another value is pending, not lingering."""
+    def of(proposal: Proposal, approvals: Approvals, declined: Sequence[Change] = ()) -> FeedbackPage:
+        """Compare a proposal with the answers to it. An approval of a number that is proposed with another value is
+        pending, not lingering."""
         approved = approvals.changes
         places = {place_of(each) for each in proposal.changes}
         return FeedbackPage(
             proposal=proposal,
             approvals=approvals,
-            pending=tuple(each for each in proposal.changes if each not in approved),
+            pending=tuple(each for each in proposal.changes if each not in approved and each not in declined),
             lingering=tuple(each for each in approved if place_of(each) not in places),
+            declined=tuple(each for each in proposal.changes if each in declined and each not in approved),
         )
 
     @property
@@ -75,11 +81,13 @@ class FeedbackPage:
         shown = {"demonstration": f"What is proposed {SHOWN}"} if self._is_shown() else {}
         return {
             "proposal": digest or "none",
+            **curator_link("proposals"),
             **faults,
             **shown,
             "changes": len(self.proposal.changes),
             "changes pending": len(self.pending),
             "changes approved": len(self.approvals.changes),
+            "changes declined": len(self.declined),
             "how to approve": dg.MetadataValue.md(_how(digest) if self.pending else "nothing waits"),
             "approved, proposed no longer": dg.MetadataValue.md(lingering),
             "proposes nothing": dg.MetadataValue.md(silent),
@@ -98,6 +106,7 @@ class FeedbackPage:
             "to": change.value,
             "bound": change.bound,
             "approved": change in self.approvals.changes,
+            "declined": change in self.declined,
             "rests on": change.counted(),
             "logs": ", ".join(sorted({witness.log for witness in change.witnesses})),
             "simulated": all(witness.simulated for witness in change.witnesses),
@@ -110,7 +119,8 @@ def _how(digest: str) -> str:
         f'{{"ops": {{"approve": {{"config": {{"proposal": "{digest}", "by": "YOUR NAME", "token": "THE TOKEN"}}}}}}}}'
     )
     return (
-        f"Launch the job `approve_feedback` with the content of data/feedback/approval_token (each counts once) in\n\n"
+        f"On the curator's page (`booster-lab curate`), or launch the job `approve_feedback` with the content of "
+        f"data/feedback/approval_token (each counts once) in\n\n"
         f'    {config}\n\n(`"sections": ["weights"]` approves a part; other '
         "sections keep what was approved before), or copy data/feedback/proposed.yaml to data/feedback/approved.yaml, "
         "which is then all that is approved."

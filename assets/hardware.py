@@ -7,6 +7,7 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.groups import HARDWARE
 from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, TRIALS
 from assets.project import PROJECT, Project
@@ -21,7 +22,7 @@ INTEGRITIES = ("complete", "recovered", "unverified")
 
 hardware_logs = dg.AssetSpec(
     HARDWARE_LOGS,
-    group_name="field",
+    group_name=HARDWARE,
     description="The folder data/hardware_logs: MCAP files and sqlite3 bags of the robot, by content.",
     kinds={"file"},
 )
@@ -42,7 +43,7 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 @dg.asset(
     key=TRIALS.key,
     deps=[HARDWARE_LOGS],
-    group_name="field",
+    group_name=HARDWARE,
     kinds={"parquet"},
     code_version=TRIALS.code_version(),
     check_specs=[

@@ -8,6 +8,7 @@ import dagster as dg
 from assets.approved import approval_metadata, approved_key, approved_part
 from assets.checks import check_specs
 from assets.chosen_windows import chosen_windows
+from assets.groups import group_of
 from assets.plainly import plainly
 from assets.plan import SHARED
 from assets.project import PROJECT
@@ -25,7 +26,7 @@ CATALOG, SELECTED, REPAIRED = SHARED
 @dg.asset(
     key=CATALOG.key,
     deps=[RAW_MOTIONS],
-    group_name="motions",
+    group_name=group_of(CATALOG.name),
     kinds={"python"},
     code_version=CATALOG.code_version(),
     check_specs=check_specs(CATALOG),
@@ -53,7 +54,7 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     key=SELECTED.key,
     ins={"motion_catalog": dg.AssetIn(CATALOG.key)},
     deps=[approved_key("selection", None)],
-    group_name="motions",
+    group_name=group_of(SELECTED.name),
     kinds={"python"},
     tags={"kp": "1"},
     code_version=SELECTED.code_version(),
@@ -66,7 +67,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
-    windows_only = dataclasses.replace(curation, expert_motions="rollouts")  # no window depends on it
+    windows_only = dataclasses.replace(curation, expert_motions="rollouts", decisions=())  # no window depends on these
     stage = stage_of(SELECTED, partial(process, settings=windows_only), windows_only)
     windows = run_stage(stage, motion_catalog, PROJECT.store, clip_pool.pool(), context.log)
     for pattern in idle_patterns(windows.entry_table(), curation):
@@ -86,7 +87,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
 @dg.asset(
     key=REPAIRED.key,
     ins={"selected_motions": dg.AssetIn(SELECTED.key)},
-    group_name="motions",
+    group_name=group_of(REPAIRED.name),
     kinds={"numpy"},
     tags={"kp": "2"},
     code_version=REPAIRED.code_version(),

@@ -16,7 +16,7 @@ renew_feedback_page = dg.define_asset_job(
 
 def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
     """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
-    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project))
+    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project), project.feedback.declined_changes())
     if tags is None or tags.get(PAGE_TAG) == state:
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from pipeline.batch import Store
+from pipeline.feedback.approve import FeedbackFiles
 from pipeline.readers import SourcesInUse, sources_in_use
 
 DEFAULT_ROBOT = "t1"
@@ -75,6 +76,11 @@ class Project:
     def adapted_robot(self, robot: str) -> Path:
         """Folder of the robot as adapted to its measurements, in the form of `robots/<robot>`."""
         return self.data / "adapted_robot" / robot
+
+    @property
+    def feedback(self) -> FeedbackFiles:
+        """The files of proposed, approved and declined changes."""
+        return FeedbackFiles.of(self.root)
 
     @property
     def approved_feedback(self) -> Path:

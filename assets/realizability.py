@@ -1,6 +1,7 @@
 """Whether a classifier can tell the database from what the robot does in simulation, with its asset check."""
 
 import dataclasses
+import logging
 from functools import partial
 from typing import Any
 
@@ -9,7 +10,7 @@ import dagster as dg
 from assets.plan import Plan, named_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.tracking_policy import tracker_file
-from pipeline.batch import Manifest
+from pipeline.batch import Manifest, Stage
 from pipeline.files import settings
 
 REALIZABLE = "realizability"
@@ -29,44 +30,55 @@ def realizability_spec(plan: Plan) -> dg.AssetCheckSpec:
     )
 
 
-def realizability_check(plan: Plan, feasible: Manifest, pool: Any) -> tuple[dg.AssetCheckResult, float | None]:
+def realizability_check(
+    plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
+) -> tuple[dg.AssetCheckResult, float | None]:
     """The check's result, and the accuracy; None where the database has too few motions to hold some out."""
     from pipeline.errors import FileError
     from pipeline.expert.realizability import TooFewMotionsError
 
     try:
-        accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool)
+        accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
     except (TooFewMotionsError, FileError) as error:
         return _result(plan, True, f"not measured: {error}"), None
     found = f"held-out accuracy {accuracy:.2f}; 0.5 is chance, a warning above {WARN_ABOVE:g}"
     return _result(plan, accuracy <= WARN_ABOVE, found), accuracy
 
 
-def measured(robot_name: str, clips: Manifest, pool: Any, seed: int = 0) -> float:
+def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
     from pipeline.actuators import read_actuators, torque_envelope
     from pipeline.errors import FileError
-    from pipeline.expert.realizability import accuracy_against_rollouts
+    from pipeline.expert.realizability import SECONDS, accuracy_against_rollouts
     from pipeline.robot import load_robot
-    from pipeline.tracking.process import process
+    from pipeline.tracking.process import disturbed_motion
     from pipeline.tracking.settings import TrackingSettings
 
     plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
-    tracker = tracker_file(PROJECT, PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
-    if tracker is None:
+    found = tracker_file(PROJECT, PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))
+    if found is None:
         raise FileError(PROJECT.shipped_policies(robot_name) / "tracker", f"there is no tracker of '{robot_name}'.")
+    tracker, content = found
     values = settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings)
-    other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed, disturbed=1, disturbed_variants=1)
-    rollout = partial(
-        process,
+    other = dataclasses.replace(values, seed=values.seed + OTHER_SEED + seed)
+    function = partial(
+        disturbed_motion,
         settings=other,
         robot=robot,
         envelope=torque_envelope(read_actuators(folder)),
-        tracker=tracker[0],
+        tracker=tracker,
+        longest_s=SECONDS,
     )
-    return accuracy_against_rollouts(clips, references, rollout, robot, PROJECT.store, pool, seed)
+    stage = Stage(
+        name=REALIZABLE,
+        version=plans["augmented_motions"].code_version(),
+        function=function,
+        settings={**settings.plain(other), "longest_s": SECONDS},
+        depends={"robot_files": robot.digest, "tracker": content},
+    )
+    return accuracy_against_rollouts(clips, references, stage, robot, PROJECT.store, pool, log, seed)
 
 
 def _result(plan: Plan, passed: bool, found: str) -> dg.AssetCheckResult:

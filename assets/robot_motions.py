@@ -148,14 +148,15 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         from pipeline.feasibility.criteria_table import split
         from pipeline.robot import load_robot
         from pipeline.robot.size import scaled
-        from pipeline.selection import Curation
+        from pipeline.selection import Curation, without_excluded
         from pipeline.viewing.plots import command_seconds, lost_seconds
         from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
         commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
-        kind = settings.read(PROJECT.settings("curation.yaml"), Curation).expert_motions
+        curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
+        kind = curation.expert_motions
         if untracked(augmented_motions, reference_motions) and kind != "references":
             context.log.warning(no_tracker(plan.robot or DEFAULT_ROBOT))
             kind = "references"
@@ -164,7 +165,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         function = partial(process, settings=values, robot=robot, references=tracked)
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
-        manifest, criteria = split(manifest, thresholds())
+        manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
         damaged = [entry.clip for entry in manifest.entries if not PROJECT.store.round_trips(entry.blob)]
         manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)
@@ -174,6 +175,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         metadata |= (
             approval_metadata(feedback) | reweighted | write_table(plan, criteria, manifest) | {"expert motions": kind}
         )
+        metadata |= _variations(augmented_motions, manifest)
         if manifest.entries:
             spent = by_command(manifest.entry_table())
             metadata["coverage"] = picture(command_seconds(spent, "robot speed, feasible clips"))
@@ -199,9 +201,17 @@ def untracked(rollouts: Manifest, references: Manifest) -> bool:
 
 
 def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Manifest:
-    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`."""
+    """The clips that KP5 evaluates: `rollouts`, their `references`, or `both`.
+
+    A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
+    """
+    from pipeline.tracking.neighbours import AT_FAULT
+
     if kind == "rollouts":
         return rollouts
+    at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
+    kept = tuple(entry for entry in references.entries if entry.clip not in at_fault)
+    references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(
@@ -209,6 +219,22 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
         entries=(*rollouts.entries, *references.entries),
         settings={**references.settings, **rollouts.settings},
     )
+
+
+def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
+    """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
+    from pipeline.tracking.variations import accepted_variations, distances
+
+    found = accepted_variations(rollouts, feasible)
+    if found.empty:
+        return {}
+    accepted, tried = found["accepted"].tolist(), found["tried"].tolist()
+    away = distances(feasible)
+    return {
+        "disturbed rollouts accepted": f"{sum(accepted)} of {sum(tried)}, at least {min(accepted)} a source clip",
+        "disturbed rollouts accepted, each source clip": table_of(found, list(found)),
+        "distance of disturbed rollouts from their references": table_of(away, list(away)),
+    }
 
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:

@@ -7,6 +7,7 @@ from typing import Any
 
 import dagster as dg
 
+from assets.groups import group_of
 from assets.project import Project
 from pipeline.files import digest
 from pipeline.files.shown_text import escaped
@@ -20,7 +21,7 @@ DATA_VERSION_TAG = "dagster/data_version"
 
 raw_motions = dg.AssetSpec(
     RAW_MOTIONS,
-    group_name="motions",
+    group_name=group_of("raw_motions"),
     description="The folders of motion files named in data/sources.yaml and in BOOSTER_LAB_MOTIONS, by content.",
     kinds={"file"},
 )

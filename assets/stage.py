@@ -7,6 +7,8 @@ import dagster as dg
 
 from assets.approved import approved_key
 from assets.checks import evaluate
+from assets.curator_link import curator_link
+from assets.groups import group_of
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot
 from assets.project import PROJECT
 from pipeline.batch import Manifest, Stage
@@ -41,10 +43,13 @@ def stage_of(
 
 def materialized(plan: Plan, manifest: Manifest, metadata: Mapping[str, Any]) -> dg.MaterializeResult:
     """The result Dagster notes: content as data version, what it depended on as a tag, checks; tables come last."""
+    link = curator_link(f"?stage={plan.name}") if manifest.judged else {}
     return dg.MaterializeResult(
         asset_key=plan.key,
         value=manifest,
-        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
+        metadata=dict(
+            sorted({**metadata, **link}.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))
+        ),
         check_results=evaluate(plan, manifest),
         data_version=dg.DataVersion(manifest.digest),
         tags={
@@ -65,7 +70,7 @@ def declared_motions(
         "key": plan.key,
         "ins": inputs or {},
         "deps": [approved_key(feedback, plan.robot)] if feedback else [],
-        "group_name": f"{plan.robot}_motions",
+        "group_name": group_of(plan.name, plan.robot),
         "kinds": {kind},
         "tags": {"robot": plan.robot or "", **({"kp": kp} if kp else {})},
         "code_version": plan.code_version(),

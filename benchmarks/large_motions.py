@@ -10,11 +10,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pipeline.hardware_logs import write_mcap
+from pipeline.hardware_logs.mcap_writer import Storage
 from pipeline.readers import read_motion
 from pipeline.readers.isaac_amp import PARENTS as HUMANOID
 from pipeline.robot import Kinematics, Robot, load_robot
 from tests.factories import c3d_files, motion_files
 from tests.factories.gltf import write_gltf
+from tests.factories.robot_logs import noisy_log
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAMES = 200
@@ -172,6 +175,33 @@ def _tracking(folder: Path, size: float) -> Path:
     return folder / "tracking.npz"
 
 
+def _robot_amp(folder: Path, size: float) -> Path:
+    """The arrays of a whole-body-tracking archive under the names of Isaac Lab's AMP."""
+    names = {
+        "dof_positions": "joint_pos",
+        "dof_velocities": "joint_vel",
+        "body_positions": "body_pos_w",
+        "body_rotations": "body_quat_w",
+        "body_linear_velocities": "body_lin_vel_w",
+        "body_angular_velocities": "body_ang_vel_w",
+        "dof_names": "joint_names",
+        "body_names": "body_names",
+    }
+    with np.load(_tracking(folder, size)) as arrays:
+        renamed = {name: arrays[other] for name, other in names.items()}
+    np.savez(folder / "robot_amp.npz", allow_pickle=False, fps=np.array(50.0), **renamed)
+    return folder / "robot_amp.npz"
+
+
+def _mcap(folder: Path, size: float) -> Path:
+    """A log of the robot, not compressed: 500 states a second with noise in every number."""
+    robot, path, plain = load_robot(ROOT / "robots/t1"), folder / "log.mcap", Storage(compression="")
+    write_mcap(path, noisy_log(robot, 2.0, 50.0, np.random.default_rng(1)), plain)
+    seconds = 2.0 * size / path.stat().st_size
+    write_mcap(path, noisy_log(robot, seconds, 50.0, np.random.default_rng(1)), plain)
+    return path
+
+
 def _qpos(folder: Path, size: float) -> Path:
     robot, root, quat, joints = _robot(int(size / (4 * (7 + 6 + 2 * 23))))
     qpos = np.hstack([root, quat, joints])
@@ -226,10 +256,12 @@ WRITERS: dict[str, Callable[[Path, float], Path]] = {
     "smpl pt": _torch,
     "isaac amp npz": _isaac_amp,
     "tracking npz": _tracking,
+    "robot amp npz": _robot_amp,
     "qpos npz": _qpos,
     "gmr pkl": _gmr,
     "glb": _glb,
     "gltf": _gltf,
     "c3d": _c3d,
+    "mcap": _mcap,
 }
 """Format -> writer of a file of about so many bytes into a folder."""

@@ -41,6 +41,13 @@ class Motion:
         return f"{self.head}Frames: {len(lines)}\nFrame Time: {self.frame_time_s:.9f}\n" + "\n".join(lines) + "\n"
 
 
+def write_moved(motion: Motion, folder: Path) -> None:
+    """Write a whole motion under its own name, moved to another place."""
+    lines = [_moved(line, SHIFT_CM) for line in motion.frames]
+    head = f"{motion.head}Frames: {len(lines)}\nFrame Time: {motion.frame_time_s:.9f}\n"
+    (folder / f"{motion.name}.bvh").write_text(head + "\n".join(lines) + "\n")
+
+
 def sound_motions(folder: Path) -> list[Motion]:
     """The shipped motions whose sidecars tell of no planted defect, by name. Raises ValueError for an unknown head."""
     paths = sorted(path for path in folder.glob("*.bvh") if "defects" not in read_yaml(path.with_suffix(".yaml")))

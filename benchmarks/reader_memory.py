@@ -2,8 +2,8 @@
 
 Run: python -m benchmarks.reader_memory [--megabytes 50] [--format bvh ...] [--json]
 
-The first bar is a BVH of 149 MB. Archives are written without compression; of a compressed one the size is what it
-inflates to.
+The first bar is a BVH of 149 MB. Archives and logs are written without compression; of a compressed one the size
+is what it inflates to.
 """
 
 from __future__ import annotations

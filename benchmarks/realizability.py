@@ -10,6 +10,7 @@ materialized.
 from __future__ import annotations
 
 import argparse
+import logging
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def main() -> None:
     plans = named_plans(given.robot)
     for name in ("reference_motions", "augmented_motions", "feasible_motions"):
         manifest = PROJECT.store.load(plans[name].key.to_user_string())
-        values = [measured(given.robot, manifest, ClipPool(), seed) for seed in range(given.seeds)]
+        values = [measured(given.robot, manifest, ClipPool(), logging.getLogger(), seed) for seed in range(given.seeds)]
         print(f"{name:20} accuracy {np.mean(values):.3f} ({min(values):.3f} to {max(values):.3f})")
 
 

@@ -6,7 +6,6 @@ import functools
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from pipeline import rotation
 
@@ -74,6 +73,8 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
     pad = min(int(3 * fps / cutoff_hz), len(values) - 1)
     if pad < int(fps / cutoff_hz):
         return np.array(values, dtype=float)
+    from scipy.signal import sosfiltfilt  # 25 MB that readers do without
+
     sections = _low_pass(float(raised), float(fps))
     return sosfiltfilt(sections, values, axis=0, padtype="odd", padlen=pad)
 
@@ -81,6 +82,8 @@ def smooth(values: np.ndarray, fps: float, cutoff_hz: float) -> np.ndarray:
 @functools.cache
 def _low_pass(cutoff_hz: float, fps: float) -> np.ndarray:
     """Second-order sections of a Butterworth low pass of order 2; designing it takes longer than running it."""
+    from scipy.signal import butter
+
     return np.asarray(butter(2, cutoff_hz, fs=fps, output="sos"))
 
 

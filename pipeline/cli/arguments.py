@@ -19,6 +19,7 @@ from pipeline.cli.option_types import (
     JointFactors,
     Naming,
     Number,
+    Outages,
     PolicyFile,
     RobotName,
     Text,
@@ -120,13 +121,12 @@ class Export:
 
     Writes every clip of a database as an archive for mjlab and BeyondMimic (`mjlab`) or for GMR without pickle (`gmr`),
     as a Rerun recording (`rerun`, needs the extra booster-lab[export]), or all of them as one LeRobotDataset v3
-    (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and how it was made. The format
-    `card` writes the card alone.
+    (`lerobot`); and a dataset card (README.md) with sources, licences, seconds by skill and how it was made.
     """
 
     database: Annotated[Positional[Path], arg(metavar="DATABASE")]
     """folder of a database (data/expert_db/t1)"""
-    format: Literal["mjlab", "gmr", "lerobot", "rerun", "card"]
+    format: Literal["mjlab", "gmr", "lerobot", "rerun"]
     """what to write"""
     out: Annotated[Path, arg(metavar="FOLDER")]
     """folder to write into"""
@@ -236,6 +236,8 @@ class Events:
     """a person lifts it off its feet [s]"""
     stop: Number = None
     """the operator stops it at this time [s]: joints are damped"""
+    motors_off: Outages = ()
+    """motors of the joints, or all, give no torque from T to UNTIL [s], or to the `end`; may be repeated"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,14 +274,14 @@ class SimulateRobot:
 
 @dataclass(frozen=True, kw_only=True)
 class Database:
-    """List the versions of the expert database, or put one in place.
+    """Say what the expert database holds, list its versions, or put one in place.
 
     Earlier versions of the expert database are kept beside it, and so is a version that was refused because it lost too
     many clips. `restore VERSION` puts one in place and keeps the present one.
     """
 
-    action: Positional[Literal["list", "restore"]]
-    """list the database in place and the kept versions; or put one in place"""
+    action: Positional[Literal["summary", "list", "restore"]]
+    """say what the database in place holds and what to do next; list it and the kept versions; or put one in place"""
     version: Annotated[Positional[str | None], option("VERSION", str)] = None
     """version to restore, as `list` shows it"""
     robot: RobotName = "t1"
@@ -306,11 +308,12 @@ class View:
     Plays a clip in the browser. CLIP is a motion file (repaired and retargeted first), a clip of the database
     (data/expert_db/t1/….json), or the name of a clip that the graph made, such as booster_lab/walk or
     booster_lab/walk@0-300~mirror; with the name of a whole recording, every clip made from it can be chosen in the
-    browser. A rollout (…~rollout) plays beside the reference that it tracks.
+    browser. A rollout (…~rollout) plays beside the reference that it tracks; a robot log (.mcap) beside the simulation
+    of the same command, with its failures. With --record a film is written instead, without a display.
     """
 
     clip: Annotated[Positional[str], arg(metavar="CLIP")]
-    """motion file, clip of the database, or name of a clip"""
+    """motion file, robot log, clip of the database, or name of a clip"""
     robot: RobotName = "t1"
     port: Annotated[int, option("PORT", integer("a port", 1, 65535))] = 8080
     """port of the page; the next free one where it is taken"""
@@ -322,7 +325,59 @@ class View:
     """write poses along the clip to a picture"""
     poses: Annotated[int, option("N", integer("a number of poses", 1, 40))] = 8
     """poses in the picture"""
+    record: Annotated[Path | None, option("OUT", Path)] = None
+    """write an .mp4 or .gif"""
+    start: float = 0.0
+    """where the film begins [s]"""
+    seconds: Number = None
+    """length of the film [s]; to the end where not given"""
     statement: Statement = FileStatement()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play:
+    """Command a policy in MuJoCo, in the browser.
+
+    A policy walks in MuJoCo while you watch: sliders and keys (W S A D Q E, X to stand) command it, P pushes it, R
+    restarts it; terrain and friction are chosen on the page. With --record a walk is written as MP4 or GIF instead,
+    without a display.
+    """
+
+    policy: PolicyFile
+    robot: RobotName = "t1"
+    ankle_kd: AnkleKd = None
+    port: Annotated[int, option("PORT", integer("a port", 1, 65535))] = 8080
+    """port of the page; the next free one where it is taken"""
+    no_browser: bool = False
+    """serve the page but do not open it"""
+    record: Annotated[Path | None, option("OUT", Path)] = None
+    """write a walk to an .mp4 or .gif"""
+    seconds: float = 8.0
+    """length of the filmed walk [s]"""
+    command: Annotated[tuple[float, float, float], option("F,L,Y", numbers(3))] = (0.6, 0.0, 0.0)
+    """command of the filmed walk: forward and left velocity [m/s], yaw rate [rad/s] (negative: --command=...)"""
+    push: Number = None
+    """push to the left at half time of the filmed walk [N s]"""
+    terrain: Annotated[str, arg(metavar="NAME")] = "flat"
+    """terrain of the filmed walk, as the page names it"""
+    friction: float = 1.0
+    """sliding friction of the filmed walk"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curate:
+    """Find, watch, accept and exclude clips in the browser.
+
+    A gallery of all clips that the graph has made, with figures, thresholds and playback. Decisions are written into
+    data/curation.yaml. The page is served to this machine alone; the address that is printed holds a token without
+    which nothing can be changed.
+    """
+
+    robot: RobotName = "t1"
+    port: Annotated[int, option("PORT", integer("a port", 0, 65535))] = 8090
+    """port of the page, the next free one where it is taken; 0: any"""
+    no_browser: bool = False
+    """serve the page but do not open it"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.cli.chain import Chain, reason_line
 from pipeline.cli.project import Project
-from pipeline.cli.stored_clips import stored_clips
+from pipeline.cli.stored_clips import reference_of, stored_clips
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
@@ -28,7 +28,11 @@ def clips_to_view(project: Project, text: str, robot: Robot, stated: Statement) 
     if path.is_dir():
         raise FileError(path, "it is a folder.", "Name one motion file, or look at all with: booster-lab inspect")
     if path.suffix.lower() == ".json":
-        return _of_database(path, robot)
+        return _of_database(project, path, robot)
+    if path.suffix.lower() == ".mcap":
+        from pipeline.viewing.log_view import LogFiles, log_playlist
+
+        return log_playlist(path, LogFiles(data=project.root / "data", robots=project.root / "robots"))
     if path.is_file() or path.suffix.lower() in SUFFIXES:
         return _of_file(project, path, robot, stated)
     return stored_clips(project, text, robot)
@@ -67,7 +71,10 @@ def _shown(name: str, source: object, result: object, robot: Robot, reasons: tup
     )
 
 
-def _of_database(path: Path, robot: Robot) -> Playlist:
+def _of_database(project: Project, path: Path, robot: Robot) -> Playlist:
+    """A clip of the database; a rollout plays beside its reference where the store has it."""
     clip, head = read_database_clip(path, robot)
     facts = markdown_list(f"{name}: {value}" for name, value in head.items())
-    return Playlist(names=(clip.name,), load=lambda name: Shown(name=name, robot_clip=clip, robot=robot, text=facts))
+    reference = reference_of(project, clip, robot)
+    shown = Shown(name=clip.name, reference=reference, robot_clip=clip, robot=robot, text=facts)
+    return Playlist(names=(clip.name,), load=lambda name: shown)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 
-from pipeline.batch import ClipPool
 from pipeline.cli.arguments import CrossEngine
+from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import find_project
 from pipeline.cli.text_table import text_table
 from pipeline.cli.validate_command import policy_of, robot_folder
@@ -35,7 +35,9 @@ def run(args: CrossEngine) -> int:
     one = deployed(folder, policy_of(args.policy, folder))
     if args.ankle_kd is not None:
         one = with_ankle_kd(one, args.ankle_kd)
-    found = cross_engine(one, grid, bars, pool=ClipPool(workers=args.workers), only=tuple(args.cells))
+    found = cross_engine(
+        one, grid, bars, pool=ReportingPool(workers=args.workers, what="walks done"), only=tuple(args.cells)
+    )
     print(text_table(["cell", "engine", "survival", "forward", "left", "turning", "height", "power [W]"], _rows(found)))
     print(f"{args.policy} on {folder}: {'passed' if found.passed else 'failed'}")
     for reason in found.reasons:

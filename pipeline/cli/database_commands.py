@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 from pipeline.cli.arguments import Database, Export, Sources
 from pipeline.cli.project import find_project
 from pipeline.cli.text_table import text_table
 from pipeline.dataset_export import export_database
 from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError, PipelineError
-from pipeline.expert import history
+from pipeline.expert import history, manifest
 from pipeline.expert.swap import current
 from pipeline.readers.remembered import forget, read_remembered
 
-CARD_ALONE = "card"
-
 
 def database(args: Database) -> int:
-    """List the versions, the one in place first, or put one in place. Raises UnknownNameError."""
+    """Say what is in place, list the versions, or put one in place. Raises UnknownNameError, FileError."""
     project = find_project()
     folder = project.root / "data" / "expert_db" / project.robot(args.robot).name
     if args.action == "restore":
@@ -28,6 +29,9 @@ def database(args: Database) -> int:
             "The next `dagster asset materialize --select expert_db` writes the database of the present sources again."
         )
         return 0
+    if args.action == "summary":
+        print(summary(folder, args.robot))
+        return 0
     versions = history.read_versions(folder)
     try:
         versions.insert(0, history.describe(folder, "current"))
@@ -37,6 +41,24 @@ def database(args: Database) -> int:
         rows = [[each.name, each.clips, each.seconds] for each in versions]
         print(text_table(["version", "clips", "seconds"], rows))
     return 0
+
+
+def summary(folder: Path, robot: str) -> str:
+    """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises FileError."""
+    version = history.describe(folder, "current")
+    seconds = json.loads((folder / manifest.FILE).read_text())["seconds_by_skill"]
+    skills = ", ".join(f"{skill} {value:.0f} s" for skill, value in seconds.items())
+    return (
+        f"\nThe expert database of the {robot} has {version.clips} clips, {version.seconds:.0f} s.\n"
+        f"  skills   {skills}\n"
+        f"  sources  {', '.join(f'{source} {clips}' for source, clips in version.by_source.items())}\n"
+        f"  folder   {folder}\n\n"
+        "Next, with the environment active (source .venv/bin/activate):\n"
+        "  booster-lab curate                          watch, accept and exclude clips in the browser\n"
+        "  dagster dev                                 the graph and each stage's report: http://localhost:3000\n"
+        "  booster-lab play robots/t1/policies/walk    command the shipped policy\n"
+        "  docs/sources.md                             bring your own recordings"
+    )
 
 
 def sources(args: Sources) -> int:
@@ -65,7 +87,6 @@ def export(args: Export) -> int:
         raise FileError(args.out, "it is in the database, whose files have digests.", "Name another folder.")
     if args.format == LEROBOT and any(args.out.glob("*")):
         raise FileError(args.out, "it is not empty; a LeRobot data set is written as a whole.", "Name another folder.")
-    kind = None if args.format == CARD_ALONE else args.format
-    written = export_database(args.database, kind, find_project().robot, args.out, args.skill, args.naming)
+    written = export_database(args.database, args.format, find_project().robot, args.out, args.skill, args.naming)
     print(f"{written} clips and {CARD} in {args.out}")
     return 0

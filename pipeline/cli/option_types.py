@@ -57,12 +57,29 @@ def of_joint(text: str) -> tuple[str, float]:
     return joint, value
 
 
+def outage(text: str) -> tuple[float, float, tuple[str, ...]]:
+    start, _, rest = text.partition(",")
+    until, *joints = rest.split(",")
+    try:
+        start_s, stop_s = float(start), math.inf if until == "end" else float(until)
+    except ValueError:
+        start_s = stop_s = math.nan
+    if not 0.0 <= start_s < stop_s:
+        raise ValueError(
+            f"'{text}' is not T,UNTIL with 0 <= T < UNTIL [s] (or the word `end`), and joints after another comma"
+        )
+    return start_s, stop_s, tuple(joints)
+
+
 Text = Annotated[str | None, option("TEXT", str)]
 File = Annotated[Path | None, option("FILE", Path)]
 Folder = Annotated[Path | None, option("FOLDER", Path)]
 Number = Annotated[float | None, option("NUMBER", float)]
 Hertz = Annotated[float, option("HZ", rate)]
 JointFactors = UseAppendAction[tuple[Annotated[tuple[str, float], option("JOINT=FACTOR", of_joint)], ...]]
+Outages = UseAppendAction[
+    tuple[Annotated[tuple[float, float, tuple[str, ...]], option("T,UNTIL[,JOINT...]", outage)], ...]
+]
 RobotName = Annotated[str, arg(metavar="NAME", help="robot, a folder of robots/")]
 PolicyFile = Annotated[Positional[Path], arg(metavar="POLICY", help="npz, or the folder of an exported policy")]
 AnkleKd = Annotated[

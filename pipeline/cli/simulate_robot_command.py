@@ -16,6 +16,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.events import Push
 from pipeline.simulation.run import Controller
 from pipeline.virtual_robot.deviations import Deviations
+from pipeline.virtual_robot.failing_motors import Outage
 from pipeline.virtual_robot.holding_hand import Hold
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, ScriptedController
 from pipeline.virtual_robot.trial import TIMESTEP_S, VirtualTrial, simulate
@@ -39,6 +40,9 @@ def run(args: SimulateRobot) -> int:
         ),
         hold=Hold(start_s=args.events.hold[0], stop_s=args.events.hold[1]) if args.events.hold else None,
         stop_s=args.events.stop,
+        outages=tuple(
+            Outage(start_s=start, stop_s=stop, joints=joints) for start, stop, joints in args.events.motors_off
+        ),
     )
     facts = LogFacts(robot=robot.name, policy_digest=policy)
     every = max(round(1.0 / (args.rate * TIMESTEP_S)), 1)
@@ -46,7 +50,7 @@ def run(args: SimulateRobot) -> int:
     args.out.parent.mkdir(parents=True, exist_ok=True)
     write_mcap(args.out, log)
     fell = f"fell after {rollout.fell_s:.2f} s" if rollout.fell_s is not None else "did not fall"
-    differs = "; ".join(trial.deviations.words()) or "nothing"
+    differs = "; ".join(trial.words()) or "nothing"
     print(
         f"{args.out}: {args.seconds:g} s of a simulated {robot.name}, {args.out.stat().st_size / 1e3:.0f} kB. "
         f"It {fell}. Different from its model: {differs}."

@@ -59,21 +59,21 @@ class _Shelf:
         return Shown(
             name=name,
             human=human,
-            reference=self._reference(entry, result),
+            reference=self.reference(entry, result),
             robot_clip=result if isinstance(result, RobotClip) else None,
             robot=robot,
             text=_text(shown.numbers, self.reasons.get(name, [])),
         )
 
-    def _reference(self, entry: Entry | None, rollout: Any) -> RobotClip | None:
-        """The frames of its reference that a rollout tracked; None of a clip that is no rollout."""
+    def reference(self, entry: Entry | None, rollout: Any) -> RobotClip | None:
+        """The frames of its reference that a rollout tracked; None for a clip that is no rollout."""
         if entry is None or not isinstance(rollout, RobotClip) or not entry.numbers.get("reference"):
             return None
         tracked = self.references.get(str(entry.numbers["reference"]))
         clip = self.store.get_clip(tracked.blob, tracked.clip) if tracked is not None else None
-        if not isinstance(clip, RobotClip):
-            return None
         start = int(entry.numbers.get("reference_frame") or 0)
+        if not isinstance(clip, RobotClip) or start + rollout.frame_count > clip.frame_count:
+            return None
         return clip.cut(start, start + rollout.frame_count, clip.name)
 
     def _human(self, name: str, result: Any) -> HumanClip | None:
@@ -111,6 +111,12 @@ def stored_clips(project: Project, text: str, robot: Robot) -> Playlist:
     names = [stem] if stem in shelf.robot else (made or found)[:MOST_NAMES]
     beside = [name for name in found if name not in set(names)][:MOST_NAMES]
     return Playlist(names=tuple(names), beside=tuple(beside), load=lambda name: shelf.load(name, robot))
+
+
+def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotClip | None:
+    """The frames that a rollout of the database tracked; None for another clip, or where the store lacks them."""
+    shelf = _shelf(project.store, robot.name)
+    return shelf.reference(shelf.robot.get(rollout.name), rollout)
 
 
 def _shelf(store: Store, robot: str) -> _Shelf:

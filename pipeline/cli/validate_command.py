@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pipeline.batch import ClipPool
 from pipeline.cli.arguments import Validate
+from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
@@ -38,7 +38,7 @@ def run(args: Validate) -> int:
     cells = cells_of(args.suite, one.robot)
     if args.failures:
         refuse_foreign(args.failures, cells, one)
-    measured = measure(one, cells, ClipPool(workers=args.workers))
+    measured = measure(one, cells, ReportingPool(workers=args.workers, what="parts of the trials done"))
     verdict = judge(measured, bars, suite=args.suite, policy=digest(one.policy), robot=one.robot.digest)
     if args.table:
         rows = table(verdict)

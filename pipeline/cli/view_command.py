@@ -26,6 +26,13 @@ def run(args: View) -> int:
         atomic.write_bytes(args.picture, picture(clips, robot, args.poses))
         print(f"{args.picture}: {min(len(clips.names), MOST_STRIPS)} of {len(clips.names)} clips")
         return 0
+    if args.record is not None:
+        from pipeline.viewing.film import write_film
+
+        shown = clips.load(clips.names[0])
+        count = write_film(args.record, shown.figures(), start_s=args.start, seconds=args.seconds)
+        print(f"{args.record}: {count} pictures of {clips.names[0]}")
+        return 0
     from pipeline.viewing.viewer import Viewer  # starts threads and a web server: not for the picture
 
     viewer = Viewer(clips, port=args.port, host=args.host)

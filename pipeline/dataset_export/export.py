@@ -1,4 +1,4 @@
-"""The clips of a database written in one format, with the database's card beside them."""
+"""The clips of a database written in one format, with the card of these clips beside them."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from pipeline.dataset_export.archives import ARCHIVES
 from pipeline.dataset_export.lerobot import write_lerobot
 from pipeline.dataset_export.rerun_recording import write_rerun
 from pipeline.errors import UnknownNameError
-from pipeline.expert import check_database, dataset_card
+from pipeline.expert import check_database
 from pipeline.expert.database_clip import read_database_clip
+from pipeline.expert.dataset_card import FILE as CARD
+from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.swap import current
 from pipeline.files import atomic
 from pipeline.robot import Robot
 
-CARD = "README.md"
 LEROBOT, RERUN = "lerobot", "rerun"
 FORMATS = (*ARCHIVES, LEROBOT, RERUN)
 """What a database can be exported as."""
@@ -27,7 +28,7 @@ SUFFIXES = {**dict.fromkeys(ARCHIVES, ".npz"), RERUN: ".rrd"}
 
 def export_database(
     database: Path,
-    kind: str | None,
+    kind: str,
     robots: Callable[[str], Robot],
     out: Path,
     skills: Sequence[str] = (),
@@ -36,7 +37,7 @@ def export_database(
     """Write the clips of a database, or those of some skills, into the folder `out`; how many.
 
     Args:
-        kind: one of `FORMATS`, or None for the card alone
+        kind: one of `FORMATS`
         robots: the robot of a name
         skills: clips of these alone; of all where none is named
         naming: a column of the robot's aliases.csv that the joints are called by; None for the robot's own names
@@ -49,8 +50,7 @@ def export_database(
     for skill in skills:
         if skill not in known:
             raise UnknownNameError("skill", skill, known)
-    rows = contents.index
-    rows = rows[rows["skill"].isin(skills)] if skills else rows
+    rows = contents.index.loc[contents.index["skill"].isin(list(skills or known))]
     out.mkdir(parents=True, exist_ok=True)
 
     def clips(robot: Robot, named: Robot) -> Iterator[tuple[RobotClip, str, str]]:
@@ -58,12 +58,10 @@ def export_database(
             clip, _ = read_database_clip(current(database) / file, robot)
             yield dataclasses.replace(clip, joint_names=named.joint_names), skill, file
 
-    written = 0
-    if kind is not None:
-        robot = robots(contents.manifest["robot"])
-        named = robot.in_naming(naming) if naming else robot
-        written = export_clips(kind, clips(robot, named), named, out)
-    atomic.write_text(out / CARD, dataset_card(contents))
+    robot = robots(contents.manifest["robot"])
+    named = robot.in_naming(naming) if naming else robot
+    written = export_clips(kind, clips(robot, named), named, out)
+    atomic.write_text(out / CARD, dataset_card(contents.manifest, rows))
     return written
 
 

@@ -1,6 +1,5 @@
 """The expert motion database that adversarial imitation is trained on: its frames, files and licences."""
 
-from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.history import DatabaseLossError
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
@@ -19,7 +18,6 @@ __all__ = [
     "check_database",
     "classify_licence",
     "columns",
-    "dataset_card",
     "expert_frames",
     "read_database",
     "strictest",

@@ -2,39 +2,60 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pandas as pd
 
-from pipeline.expert.read import Contents
+from pipeline.expert.licence import classify_licence, strictest
 from pipeline.files.shown_text import cell
 
+FILE = "README.md"
+
+COLUMNS = ("source", "licence", "credit", "skill", "seconds", "variant", "stages")
+"""Columns of the index that the card is made of; `source`, `credit` and `variant` may be missing."""
+
 _TAG = re.compile(r"[A-Za-z0-9.+\-]{1,60}")
-"""A licence that may stand in the YAML head; text of a file that looks otherwise stays in the table."""
+"""A word that may stand in the YAML head; text of a file that looks otherwise stays in the tables."""
+
+_DIGITS = 12
+"""Digits of a digest that are shown."""
 
 MOST_SOURCES = 200
 """Rows of the table of sources; more are summed up."""
 
 
-def dataset_card(contents: Contents) -> str:
-    """The card as Markdown, with the YAML head that dataset hubs read."""
-    head, index = contents.manifest, contents.index
-    licences = sorted(head["licence"]["licences"])
+def dataset_card(head: Mapping[str, Any], index: pd.DataFrame) -> str:
+    """The card as Markdown, with the YAML head that dataset hubs read; the same text for the same clips.
+
+    Args:
+        head: the manifest; of it robot, frames, stages and schema are used
+        index: the clips that the card is of, all of the database's or some; of its columns `COLUMNS` are used
+    """
+    robot = str(head["robot"])
+    licences = sorted({str(licence) for licence in index["licence"]})
+    worst = strictest(licences)
     tag = licences[0].lower() if len(licences) == 1 and _TAG.fullmatch(licences[0]) else "other"
+    tags = ", ".join(["robotics", "motion", "humanoid", *([robot] if _TAG.fullmatch(robot) else [])])
+    counted = "1 clip" if len(index) == 1 else f"{len(index)} clips"
     parts = [
-        f"---\nlicense: {tag}\ntags: [robotics, motion, humanoid, {head['robot']}]\n---",
-        f"# Expert motions for the {head['robot']}",
-        f"{head['clips']} clips, {head['seconds'] / 60.0:.1f} minutes at {1.0 / head['frame_duration_s']:g} Hz, "
+        f"---\nlicense: {tag}\ntags: [{tags}]\n---",
+        f"# Expert motions for the {cell(robot)}",
+        f"{counted}, {index['seconds'].sum() / 60.0:.1f} minutes at {1.0 / head['frame_duration_s']:g} Hz, "
         f"{head['frame_columns']} numbers a frame.",
         "## Licences\n\n"
-        + _table(["licence", "class", "clips", "seconds"], _licences(head, index))
-        + f"\n\nStrictest: **{cell(head['licence']['strictest'])}**. {cell(head['licence']['allowed_use'])}",
+        + _table(["licence", "class", "clips", "seconds"], _licences(index))
+        + f"\n\nStrictest: **{cell(worst.label)}**. {cell(worst.allowed_use)}",
         "## Sources\n\n" + _table(["source", "licence", "credit", "clips", "seconds"], _sources(index)),
         "## Seconds by skill\n\n" + _table(["skill", "seconds", "clips"], _by(index, ["skill"])),
-        "## How it was made\n\n" + _table(["stage", "version"], _stages(head)) + _variants(index),
-        f"Schema `{cell(head['schema'])}`; robot files `{head['robot_digest'][:16]}`. Every file of the database has "
-        "its SHA-256 in `manifest.json`, every clip its source file and settings in `index.parquet`.",
+        "## How it was made\n\nBy Booster Lab: `dagster asset materialize --select expert_db`. Each clip went through "
+        "these stages:\n\n" + _table(["stage", "digest of its code", "digest of its settings"], _stages(head, index)),
+        *_variants(index),
+        f"Schema `{cell(head['schema'])}`; robot files `{cell(head['robot_digest'][:_DIGITS])}`. `manifest.json` has "
+        "the SHA-256 of every file and the settings of every stage, `index.parquet` each clip's source file and what "
+        "the stages measured and did.",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -46,9 +67,9 @@ def _by(index: pd.DataFrame, columns: list[str]) -> list[list[Any]]:
     return [[*row[:-2], f"{row[-2]:.1f}", int(row[-1])] for row in groups.itertuples(index=False, name=None)]
 
 
-def _licences(head: dict[str, Any], index: pd.DataFrame) -> list[list[Any]]:
-    labels = head["licence"]["licences"]
-    return [[licence, labels.get(licence, ""), clips, seconds] for licence, seconds, clips in _by(index, ["licence"])]
+def _licences(index: pd.DataFrame) -> list[list[Any]]:
+    rows = _by(index, ["licence"])
+    return [[licence, classify_licence(licence).label, clips, seconds] for licence, seconds, clips in rows]
 
 
 def _sources(index: pd.DataFrame) -> list[list[Any]]:
@@ -58,18 +79,33 @@ def _sources(index: pd.DataFrame) -> list[list[Any]]:
     return shown[:MOST_SOURCES] + ([[f"and {more} more", "", "", "", ""]] if more > 0 else [])
 
 
-def _stages(head: dict[str, Any]) -> list[list[Any]]:
-    found = {}
-    for key, facts in head["stages"].items():
-        if isinstance(facts, dict):
-            found[str(facts.get("stage", key))] = str(facts.get("version", ""))
-    return [[stage, version] for stage, version in found.items()]
+def _stages(head: Mapping[str, Any], index: pd.DataFrame) -> list[list[str]]:
+    """Stages in the order in which clips went through them; of a database whose clips do not say it, all there are."""
+    texts = index["stages"].dropna().unique() if "stages" in index else ()
+    found = dict.fromkeys(stage for text in texts for stage in _stages_of(text))
+    if not found:
+        found = dict.fromkeys(
+            (str(facts.get("stage", key)), str(facts.get("version", "")), "")
+            for key, facts in head["stages"].items()
+            if isinstance(facts, dict)
+        )
+    return [[stage, version[:_DIGITS], settings[:_DIGITS]] for stage, version, settings in found]
 
 
-def _variants(index: pd.DataFrame) -> str:
-    if "variant" not in index:
-        return ""
-    return "\n\n" + _table(["variant", "seconds", "clips"], _by(index, ["variant"]))
+def _stages_of(text: str) -> Iterable[tuple[str, str, str]]:
+    """Name, digest of the code and of the settings of each stage of one clip."""
+    stages = json.loads(text)
+    listed = stages.get("stages") if isinstance(stages, dict) else None
+    for each in listed if isinstance(listed, list) else ():
+        if isinstance(each, dict):
+            yield str(each.get("stage", "")), str(each.get("version", "")), str(each.get("settings", ""))
+
+
+def _variants(index: pd.DataFrame) -> list[str]:
+    """The table of recorded and augmented clips, where the clips say which they are."""
+    if "variant" not in index or index["variant"].isna().to_numpy().all():
+        return []
+    return [_table(["variant", "seconds", "clips"], _by(index, ["variant"]))]
 
 
 def _table(header: list[str], rows: list[list[Any]]) -> str:

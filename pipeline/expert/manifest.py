@@ -22,12 +22,11 @@ SEAL = "sha256"
 """Key of the manifest's digest of itself."""
 
 
-def build(folder: Path, rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -> dict[str, Any]:
-    """The manifest of the files that lie in `folder` (all but itself) and of the index's rows."""
+def facts(rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -> dict[str, Any]:
+    """What the manifest says of the index's rows; `sealed` adds the files."""
     licences = sorted({entry["licence"] for entry in rows})
     worst = strictest(licences)
-    files = sorted(path for path in folder.iterdir() if path.name != FILE)
-    content = {
+    return {
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
@@ -44,8 +43,13 @@ def build(folder: Path, rows: list[dict[str, Any]], robot: Robot, stages: Mappin
             "licences": {licence: classify_licence(licence).label for licence in licences},
         },
         "stages": dict(stages),
-        "files": {path.name: digest.of_file(path) for path in files},
     }
+
+
+def sealed(folder: Path, head: Mapping[str, Any]) -> dict[str, Any]:
+    """The manifest: its facts, the digest of each file in `folder` but itself, and the digest of all that."""
+    files = sorted(path for path in folder.iterdir() if path.name != FILE)
+    content = {**head, "files": {path.name: digest.of_file(path) for path in files}}
     return {**content, SEAL: seal_of(content)}
 
 

@@ -7,17 +7,17 @@ discriminator then gives no useful signal (the two-sample test of Lopez-Paz and 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+import logging
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.batch import ClipPool, Entry, Manifest, Store
-from pipeline.clips.outcome import Outcome
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
+from pipeline.files import digest
 from pipeline.robot import Robot
 
 WINDOW = 10
@@ -41,48 +41,47 @@ class TooFewMotionsError(PipelineError):
 def accuracy_against_rollouts(
     clips: Manifest,
     references: Manifest,
-    rollout: Callable[..., Outcome],
+    stage: Stage,
     robot: Robot,
     store: Store,
     pool: ClipPool,
+    log: logging.Logger,
     seed: int = 0,
 ) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed.
 
+    A reference that was rolled out before is not rolled out again.
+
     Args:
         clips: whose numbers name the `reference`, or that are references themselves
         references: motions that were tracked
-        rollout: `rollout(clip, numbers)` tracks a reference in simulation; its piece with `rollout` 1 is the disturbed
-            one. Must be importable
+        stage: makes the rollouts under the other seed
         robot: that moves
         store: with the motions of both manifests
         pool: that the rollouts are spread over
+        log: of the stage
         seed: of the choice of references, of split, network and batches
 
     Raises TooFewMotionsError.
     """
     known = {_reference(entry) for entry in clips.entries}
-    entries = [entry for entry in references.entries if entry.clip in known]
-    chosen = np.random.default_rng(seed).permutation(len(entries))[:REFERENCES]
-    taken = [entries[index] for index in sorted(chosen)]
+    taken = _chosen([entry for entry in references.entries if entry.clip in known], seed)
+    if not taken:
+        raise TooFewMotionsError("No motion was rolled out.")
     made: dict[str, list[RobotClip]] = {}
-    work = partial(_disturbed, rollout=rollout, store=store)
-    for entry, found in zip(taken, pool.map(work, [(entry,) for entry in taken]), strict=True):
-        made.setdefault(_family(entry.clip), []).extend(found)
+    for entry in run_stage(stage, references, store, pool, log, taken).entries:
+        made.setdefault(_family(entry.clip), []).append(_clip(entry, store))
     names = {entry.clip for entry in taken}
     motions: dict[str, list[RobotClip]] = {}
     for entry in clips.entries:
         if _reference(entry) in names:
             motions.setdefault(_family(entry.clip), []).append(_clip(entry, store))
-    return held_out_accuracy(motions, {name: found for name, found in made.items() if found}, robot, seed)
+    return held_out_accuracy(motions, made, robot, seed)
 
 
-def _disturbed(entry: Entry, *, rollout: Callable[..., Outcome], store: Store) -> list[RobotClip]:
-    """The disturbed rollout of the first seconds of a reference."""
-    clip = _clip(entry, store)
-    part = clip.cut(0, min(clip.frame_count, round(SECONDS * clip.fps)), clip.name)
-    pieces = rollout(part, entry.numbers).pieces
-    return [piece.clip for piece in pieces if piece.numbers["rollout"] == 1 and isinstance(piece.clip, RobotClip)]
+def _chosen(references: Sequence[Entry], seed: int) -> list[Entry]:
+    """`REFERENCES` of the references, by digests of their names: a new one takes the place of at most one other."""
+    return sorted(references, key=lambda entry: digest.of_json([seed, entry.clip]))[:REFERENCES]
 
 
 def _clip(entry: Entry, store: Store) -> RobotClip:
@@ -158,27 +157,40 @@ def windows(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "w f"]:
 
 
 def _accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray], seed: int) -> float:
+    """Of a network trained on windows of both kinds; on one thread, which for so small a network is as fast as several
+    and does not depend on what else the machine does."""
     import torch
 
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        mean, scale = train[0].mean(axis=0), train[0].std(axis=0) + 1e-3
-        known, held = (
-            [torch.from_numpy(((part - mean) / scale).astype(np.float32)) for part in parts] for parts in (train, test)
-        )
-        sizes = (known[0].shape[1], *HIDDEN)
-        layers: list[torch.nn.Module] = []
-        for inputs, outputs in itertools.pairwise(sizes):
-            layers += [torch.nn.Linear(inputs, outputs), torch.nn.ReLU()]
-        network = torch.nn.Sequential(*layers, torch.nn.Linear(HIDDEN[-1], 1))
-        optimizer = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
-        labels = torch.cat([torch.ones(BATCH // 2), torch.zeros(BATCH // 2)])
-        for _ in range(STEPS):
-            batch = torch.cat([part[torch.randint(len(part), (BATCH // 2,))] for part in known])
-            loss = torch.nn.functional.binary_cross_entropy_with_logits(network(batch)[:, 0], labels)
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-        with torch.no_grad():
-            right = [float((network(part)[:, 0] > 0.0).float().mean()) for part in held]
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            return _trained_accuracy(train, test)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _trained_accuracy(train: Sequence[np.ndarray], test: Sequence[np.ndarray]) -> float:
+    import torch
+
+    mean, scale = train[0].mean(axis=0), train[0].std(axis=0) + 1e-3
+    known, held = (
+        [torch.from_numpy(((part - mean) / scale).astype(np.float32)) for part in parts] for parts in (train, test)
+    )
+    sizes = (known[0].shape[1], *HIDDEN)
+    layers: list[torch.nn.Module] = []
+    for inputs, outputs in itertools.pairwise(sizes):
+        layers += [torch.nn.Linear(inputs, outputs), torch.nn.ReLU()]
+    network = torch.nn.Sequential(*layers, torch.nn.Linear(HIDDEN[-1], 1))
+    optimizer = torch.optim.Adam(network.parameters(), lr=LEARNING_RATE)
+    labels = torch.cat([torch.ones(BATCH // 2), torch.zeros(BATCH // 2)])
+    for _ in range(STEPS):
+        batch = torch.cat([part[torch.randint(len(part), (BATCH // 2,))] for part in known])
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(network(batch)[:, 0], labels)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    with torch.no_grad():
+        right = [float((network(part)[:, 0] > 0.0).float().mean()) for part in held]
     return 0.5 * (right[0] + 1.0 - right[1])

@@ -2,6 +2,7 @@
 
 <folder>/<clip file>.json    frames of one clip, in the form of Eq. (1)
 <folder>/index.parquet       a row a clip: quality, weight, skill, where it came from
+<folder>/README.md           the dataset card: sources, licences, seconds by skill, how it was made
 <folder>/manifest.json       what the database is, a digest of every file and of itself, what it may be used for
 """
 
@@ -15,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, PipelineError
-from pipeline.expert import history, index, manifest
+from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
 from pipeline.expert.read import check_database
 from pipeline.expert.settings import DatabaseSettings
@@ -124,7 +126,10 @@ def write_database(
         if not rows:
             raise NoClipsError(folder)
         (part / index.FILE).write_bytes(index.encode(rows))
-        text = manifest.build(part, rows, robot, stages)
+        head = manifest.facts(rows, robot, stages)
+        shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
+        (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
+        text = manifest.sealed(part, head)
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 

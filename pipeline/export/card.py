@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files import digest as digests
+from pipeline.files.shown_text import plain
 
 FILE = "card.json"
 PAGE = "CARD.md"
@@ -122,8 +122,8 @@ def _check_types(path: Path, value: dict[str, Any]) -> None:
 
 def page(card: ModelCard) -> str:
     """The card as Markdown; text of it is shown as text, whatever HTML it holds."""
-    lines = [f"| {name} | {_cell(value)} |" for name, value in card_rows(card).items()]
-    return "\n".join([f"# {_cell(card.name)}", "", "| | |", "|---|---|", *lines, ""])
+    lines = [f"| {name} | {plain(value)} |" for name, value in card_rows(card).items()]
+    return "\n".join([f"# {plain(card.name)}", "", "| | |", "|---|---|", *lines, ""])
 
 
 def card_rows(card: ModelCard) -> dict[str, str]:
@@ -152,7 +152,3 @@ def _preset(run: dict[str, Any]) -> str:
     """The preset and the options that differ from it."""
     changed = ", ".join(f"{name}={value}" for name, value in run.get("changed", {}).items())
     return str(run.get("preset", "not stated")) + (f" with {changed}" if changed else "")
-
-
-def _cell(value: Any) -> str:
-    return escape(str(value), quote=False).replace("|", "\\|").replace("\n", " ")

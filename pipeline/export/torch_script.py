@@ -20,10 +20,13 @@ from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import FileError
 from pipeline.export.metadata import metadata
 from pipeline.files import atomic
+from pipeline.files.npz import NpzCaps
+from pipeline.files.torch_archive import check_torch_archive
 
 FACTS = "metadata.json"
 """Name of the archive's extra file with the metadata."""
-MAX_BYTES = 100_000_000
+CAPS = NpzCaps(members=200, member_bytes=64_000_000, total_bytes=64_000_000, ratio=1_000)
+"""Of a TorchScript archive, as of a policy's npz."""
 _ALIGNMENT = 64
 """Alignment of tensors in an archive that torch maps into memory [bytes]."""
 
@@ -68,14 +71,13 @@ def write_torch_script(path: Path, task: DeploymentTask, policy: Policy) -> None
 def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
     """The module and its metadata, loaded as booster_deploy does.
 
-    Raises FileError for what is no TorchScript archive: a checkpoint is a pickle, which may hold code that runs when
-    it is read, and is not opened here.
+    Raises FileError for what is no TorchScript archive, or is larger than `CAPS` when inflated. A checkpoint is a
+    pickle, which may hold code that runs when it is read, and is not opened here.
     """
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the TorchScript file of an exported policy.")
-    if path.stat().st_size > MAX_BYTES:
-        raise FileError(path, f"is larger than {MAX_BYTES} bytes.")
-    _check_archive(path)
+    if not any("/code/" in name for name in check_torch_archive(path, CAPS)):
+        raise FileError(path, "is a checkpoint or another archive without code/.", "Export the policy as TorchScript.")
     extra = {FACTS: ""}
     try:
         with warnings.catch_warnings():
@@ -84,16 +86,6 @@ def read_torch_script(path: Path) -> tuple[Any, dict[str, Any]]:
     except RuntimeError as error:
         raise FileError(path, f"is no TorchScript module ({str(error).splitlines()[0]}).") from error
     return module.eval(), json.loads(extra[FACTS]) if extra[FACTS] else {}
-
-
-def _check_archive(path: Path) -> None:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-    except zipfile.BadZipFile as error:
-        raise FileError(path, f"is no TorchScript archive ({error}).") from error
-    if not any("/code/" in name for name in names):
-        raise FileError(path, "is a checkpoint or another archive without code/.", "Export the policy as TorchScript.")
 
 
 def _without_sources(data: bytes) -> bytes:

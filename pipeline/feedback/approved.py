@@ -42,6 +42,8 @@ HEAD = {
     "approves it\n# all; so does the job approve_feedback. Written by the asset curation_feedback.\n",
     "approved": "# Changes that a person approved, and the logs they rest on. An entry that is deleted is taken back, "
     "all of it\n# with the file; so does the job take_back_feedback.\n",
+    "declined": "# Changes that a person declined on the curator's page: they are not asked again while they rest on "
+    "the same logs.\n# An entry that is deleted is pending again.\n",
 }
 
 

@@ -23,13 +23,18 @@ _MARKS = (("&", "&amp;"), ("\\", "&#92;"), ("<", "&lt;"), (">", "&gt;"), ("|", "
 
 
 def cell(value: object) -> str:
-    """A value on one line of a Markdown file, at most 300 characters without markup; empty for None and NaN.
+    """`plain` of at most 300 characters; empty for None and NaN."""
+    if value is None or value != value:
+        return ""
+    return plain(value, 300)
+
+
+def plain(value: object, most: int | None = None) -> str:
+    """`str(value)` on one line of a Markdown file, without markup; of a longer one its first `most` characters.
 
     Unlike `escaped` it leaves punctuation that means nothing there, since such a file is also read as it is.
     """
-    if value is None or value != value:
-        return ""
-    text = " ".join(decodable(str(value)).split())[:300]
+    text = " ".join(decodable(str(value)).split())[:most]
     for mark, instead in _MARKS:
         text = text.replace(mark, instead)
     return text

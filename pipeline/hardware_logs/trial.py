@@ -190,13 +190,13 @@ def write_trial(path: Path, trial: Trial) -> None:
 def read_trial(path: Path) -> Trial:
     """The trial of a file. Raises FileError."""
     try:
-        table = pq.read_table(path)
-        head = json.loads(pq.read_metadata(path).metadata[b"booster_lab"])
+        with pq.ParquetFile(path) as file:  # read_table would load pyarrow.dataset
+            table, head = file.read(), json.loads(file.metadata.metadata[b"booster_lab"])
+        arrays: dict[str, Any] = {name: _from_column(table.column(name)) for name in ARRAYS}
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
         raise FileError(path, f"not a trial ({error}).", "Materialize hardware_trials again.") from error
     if head.pop("format", None) != FORMAT:
         raise FileError(path, f"not a trial of format {FORMAT!r}.", "Materialize hardware_trials again.")
-    arrays: dict[str, Any] = {name: _from_column(table.column(name)) for name in ARRAYS}
     head["joint_names"], head["notes"] = tuple(head["joint_names"]), tuple(head["notes"])
     head["events"] = tuple(OperatorEvent(**event) for event in head["events"])
     head["gaps"] = tuple(Gap(**gap) for gap in head["gaps"])
@@ -206,13 +206,19 @@ def read_trial(path: Path) -> Trial:
 
 def _to_column(name: str, values: np.ndarray) -> pa.Array:
     if values.ndim == 1:
-        return pa.array(values.astype(np.int64 if name in WHOLE else np.float64))
+        return _plain(np.ascontiguousarray(values, dtype=np.int64 if name in WHOLE else np.float64))
     flat = np.ascontiguousarray(values, dtype=np.int64 if name in WHOLE else np.float32)
-    return pa.FixedSizeListArray.from_arrays(pa.array(flat.ravel()), flat.shape[1])
+    return pa.FixedSizeListArray.from_arrays(_plain(flat.ravel()), flat.shape[1])
+
+
+def _plain(values: np.ndarray) -> pa.Array:
+    """The numbers without a copy; `pa.array` would load pandas (30 MB) to ask whether they are a Series."""
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
 
 
 def _from_column(column: pa.ChunkedArray) -> np.ndarray:
-    if not pa.types.is_fixed_size_list(column.type):
-        return column.to_numpy().copy()
-    chunks = [np.asarray(chunk.flatten()).reshape(len(chunk), column.type.list_size) for chunk in column.chunks]
-    return np.concatenate(chunks) if chunks else np.zeros((0, column.type.list_size))
+    """The numbers of a column by DLPack; `to_numpy` would load pandas. Raises pa.ArrowInvalid for nulls."""
+    wide = pa.types.is_fixed_size_list(column.type)
+    chunks = [np.from_dlpack(chunk.flatten() if wide else chunk) for chunk in column.chunks if len(chunk)]
+    flat = np.concatenate(chunks) if chunks else np.zeros(0)
+    return flat.reshape(-1, column.type.list_size) if wide else flat

@@ -17,7 +17,7 @@ from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
 from pipeline.readers.poses import RowPoses
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.velocity_rate import rate_of_velocities
+from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -73,14 +73,14 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
         rest_offset=_bones(path, names, parents, *poses.world(range(len(names)), 0, MEASURED_FRAMES)),
         poses=poses,
         fps=header.number("fps") if header.has("fps") else None,
-        fps_by_velocity=_rate_of_bodies(header, len(stored)),
+        rate_by_velocity=_rate_of_bodies(header, len(stored)),
         files=(path,),
         unit="m",
     )
 
 
-def _rate_of_bodies(header: ArrayFile, bodies: int) -> float | None:
-    """Rate inferred from `body_linear_velocities` [Hz]."""
+def _rate_of_bodies(header: ArrayFile, bodies: int) -> VelocityRate | None:
+    """The rate that `body_linear_velocities` show."""
     if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
         return None
     return rate_of_velocities(

@@ -22,7 +22,8 @@ WRIST = ("hand", "wrist", "palm")
 call the shank otherwise, `shoulder` the upper arm of skeletons without an arm."""
 
 LIMBS = {"hip": HIP, "knee": KNEE, "ankle": ANKLE, "toe": TOE, "shoulder": SHOULDER, "elbow": ELBOW, "wrist": WRIST}
-HEAD = "head"
+HEADS = ("head", "chead", "spine006")
+"""Of VRM (`C_Head`) and Rigify (`spine.006`) the last two."""
 
 _PARTS = frozenset(alias for aliases in LIMBS.values() for alias in aliases)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import os
+import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from pipeline.errors import FileError
 from pipeline.readers.outside_link import can_be_followed
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.readers.source import Source
-from pipeline.readers.unread import CONVERT
+from pipeline.readers.unread import NO_MOTION, POINTER, how_to_convert
 
 MAX_FILES = 200_000
 
@@ -31,7 +32,8 @@ class Listing:
     motions: tuple[Path, ...]
     """Motion files, sorted by their path below the folder."""
     unread: Mapping[str, int]
-    """Files that may hold motion in a format that is not read, by suffix and how many."""
+    """Files of formats that are not read, but for those that hold no motion (pictures, text, code): suffix -> how
+    many."""
 
     def unread_text(self) -> str:
         """`8 files of other formats were not read: .fbx 7, .trc 1`, and how to convert them; may be empty."""
@@ -40,8 +42,8 @@ class Listing:
         count = sum(self.unread.values())
         found = ", ".join(f"{suffix} {number}" for suffix, number in self.unread.items())
         what = "1 file of another format was" if count == 1 else f"{count} files of other formats were"
-        ways = "; ".join(f"{suffix}: {CONVERT[suffix]}" for suffix in self.unread)
-        return f"{what} not read: {found}. {ways}"
+        ways = "; ".join(f"{suffix}: {way}" for suffix in self.unread if (way := how_to_convert(suffix)))
+        return f"{what} not read: {found}. {ways}".rstrip()
 
 
 def list_motion_files(source: Source) -> list[Path]:
@@ -50,7 +52,7 @@ def list_motion_files(source: Source) -> list[Path]:
 
 
 def list_files(source: Source) -> Listing:
-    """Motion files of a source, and files of formats that hold motion and are not read.
+    """Motion files of a source, and files of formats that are not read.
 
     By suffix; text and tables that are no motions (README.txt, index.csv), hidden files and folders are left out. A
     symbolic link that leaves the folder is listed by its name and not followed; `refuse_outside_link` has the reason.
@@ -61,9 +63,7 @@ def list_files(source: Source) -> Listing:
     for parent, folders, names in os.walk(source.folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         found += [Path(parent) / name for name in names if _is_motion(Path(parent) / name, source.folder)]
-        unread.update(
-            suffix for name in names if (suffix := Path(name).suffix.lower()) in CONVERT and not name.startswith(".")
-        )
+        unread.update(Path(name).suffix.lower() for name in names if _is_unread(Path(parent) / name, source.folder))
         if len(found) > MAX_FILES:
             raise FileError(source.folder, f"it holds more than {MAX_FILES} motion files.", "Split it into sources.")
     motions = tuple(sorted(found, key=lambda path: path.relative_to(source.folder).as_posix()))
@@ -94,12 +94,30 @@ def _is_motion(path: Path, folder: Path) -> bool:
         return False
     if suffix not in (".txt", ".csv"):
         return True
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(_SNIFFED_BYTES).decode("utf-8-sig", errors="replace").lstrip()
-    except OSError:
+    start = _start(path)
+    if start is None:
         return True  # the reader says what is wrong with it
     if suffix == ".txt":
-        return start.startswith(("{", "["))
+        pointer = start.startswith(POINTER.decode()) and path.stem.lower() not in _NO_MOTIONS
+        return pointer or start.startswith(("{", "["))
     first = start.split("\n")[0].split(",")[0].strip().strip('"').lower()
     return first not in _TABLE_COLUMNS
+
+
+def _is_unread(path: Path, folder: Path) -> bool:
+    """A file that may hold motion in a format that is not read; of `.txt` one that begins with a number."""
+    suffix, stem = path.suffix.lower(), path.stem.lower()
+    if path.name.startswith(".") or stem in _NO_MOTIONS or suffix in NO_MOTION or not can_be_followed(path, folder):
+        return False
+    if suffix == ".txt":
+        return path.is_file() and re.match(r"[-+]?\.?\d", _start(path) or "") is not None
+    return suffix not in SUFFIXES and path.is_file()
+
+
+def _start(path: Path) -> str | None:
+    """The beginning of a text; None where it can't be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_SNIFFED_BYTES).decode("utf-8-sig", errors="replace").lstrip()
+    except OSError:
+        return None

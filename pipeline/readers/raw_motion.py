@@ -14,6 +14,7 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.readers.poses import Poses, TipPoses
+from pipeline.readers.velocity_rate import VelocityRate
 
 MIN_FRAMES = 2
 """A file with fewer frames holds a pose, not a motion."""
@@ -47,8 +48,8 @@ class RawMotion:
     """Frames per second as the file declares [Hz]; None where it does not."""
     assumed_fps: float | None = None
     """Known rate of recordings of this kind [Hz], used when neither the file nor a statement gives one."""
-    fps_by_velocity: float | None = None
-    """Rate inferred from the file's own velocities [Hz]."""
+    rate_by_velocity: VelocityRate | None = None
+    """Rate inferred from the file's own velocities."""
     rate_fault: FileError | None = None
     """What is wrong with the rate that the file declares; raised where nobody states another."""
     files: tuple[Path, ...]

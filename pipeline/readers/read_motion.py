@@ -72,7 +72,7 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
 
 
 def _human(motion: RawMotion, name: str, statement: Statement) -> ReadMotion:
-    fps, rate_notes = checked_rate(motion.files[0], motion.fps, motion.fps_by_velocity, statement)
+    fps, rate_notes = checked_rate(motion.files[0], motion.fps, motion.rate_by_velocity, statement)
     canonical = to_human(dataclasses.replace(motion, fps=fps), name, statement, consume=True)
     return ReadMotion(
         clip=canonical.clip,
@@ -96,7 +96,7 @@ def _assumed(motion: RawMotion, statement: Statement) -> tuple[Reason, ...]:
 
 
 def _robot(motion: RobotMotion, name: str, statement: Statement) -> ReadMotion:
-    fps, rate_notes = checked_rate(motion.path, motion.fps, motion.fps_by_velocity, statement)
+    fps, rate_notes = checked_rate(motion.path, motion.fps, motion.rate_by_velocity, statement)
     clip, order_notes = to_robot_clip(motion, name, fps, statement)
     return ReadMotion(
         clip=clip,

@@ -10,7 +10,7 @@ from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile
 from pipeline.readers.isaac_amp import PARENTS as HUMANOID
 from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
-from pipeline.readers.velocity_rate import rate_of_velocities
+from pipeline.readers.velocity_rate import rate_of_velocities, surest
 
 
 def is_robot_amp(arrays: ArrayFile) -> bool:
@@ -30,13 +30,13 @@ def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
     frames = len(body_pos)
     body_quat = arrays.numbers("body_rotations", frames, len(bodies), 4)
     joint_pos = arrays.numbers("dof_positions", frames, len(joints))
-    by_velocity = None
+    rates = []
     for name in ("body_linear_velocities", "dof_velocities"):
         arrays.refuse_other_length(name, "body_positions", frames)
     if arrays.shapes.get("body_linear_velocities") == body_pos.shape:
-        by_velocity = rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape))
-    if by_velocity is None and arrays.shapes.get("dof_velocities") == joint_pos.shape:
-        by_velocity = rate_of_velocities(joint_pos, arrays.stored_numbers("dof_velocities", *joint_pos.shape))
+        rates.append(rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape)))
+    if arrays.shapes.get("dof_velocities") == joint_pos.shape:
+        rates.append(rate_of_velocities(joint_pos, arrays.stored_numbers("dof_velocities", *joint_pos.shape)))
     return RobotMotion(
         format="robot_amp",
         path=arrays.path,
@@ -45,6 +45,6 @@ def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
         joint_pos=joint_pos,
         joint_names=joints,
         fps=arrays.number("fps") if arrays.has("fps") else None,
-        fps_by_velocity=by_velocity,
+        rate_by_velocity=surest(*rates),
         body_pos_w=body_pos,
     )

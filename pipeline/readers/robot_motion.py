@@ -27,6 +27,7 @@ from pipeline.readers.joint_order import (
 from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
 from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.velocity_rate import VelocityRate
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import ROBOTS
 
@@ -56,8 +57,8 @@ class RobotMotion:
     """As the file declares [Hz]."""
     body_pos_w: Float[np.ndarray, "t b 3"] | None = None
     """World positions of bodies in any order [m], to check the joints' order with."""
-    fps_by_velocity: float | None = None
-    """Rate inferred from the file's own velocities [Hz]."""
+    rate_by_velocity: VelocityRate | None = None
+    """Rate inferred from the file's own velocities."""
     notes: tuple[Reason, ...] = ()
 
 

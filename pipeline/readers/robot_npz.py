@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files.array_file import ArrayFile
 from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
-from pipeline.readers.velocity_rate import rate_of_velocities
+from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities, surest
 
 
 def is_robot(header: ArrayFile) -> bool:
@@ -39,7 +39,7 @@ def _read_qpos(header: ArrayFile) -> RobotMotion:
         joint_pos=qpos[:, 7:],
         joint_names=names,
         fps=_declared_fps(header),
-        fps_by_velocity=_velocity_of_qpos(header, qpos),
+        rate_by_velocity=_velocity_of_qpos(header, qpos),
         body_pos_w=_bodies(header, "xpos", len(qpos)),
     )
 
@@ -72,7 +72,7 @@ def _read_joint_pos(header: ArrayFile) -> RobotMotion:
         joint_pos=joint_pos,
         joint_names=names,
         fps=_declared_fps(header),
-        fps_by_velocity=_velocity_of_joints(header, joint_pos, bodies),
+        rate_by_velocity=_velocity_of_joints(header, joint_pos, bodies),
         body_pos_w=bodies,
     )
 
@@ -106,25 +106,24 @@ def _declared_fps(header: ArrayFile) -> float | None:
     return None
 
 
-def _velocity_of_qpos(header: ArrayFile, qpos: Float[np.ndarray, "t q"]) -> float | None:
-    """The rate that `qvel` shows [Hz]: by the root's path, or by the joints where it does not move."""
+def _velocity_of_qpos(header: ArrayFile, qpos: Float[np.ndarray, "t q"]) -> VelocityRate | None:
+    """The rate that `qvel` shows: by the root's path or by the joints, whichever fits better."""
     header.refuse_other_length("qvel", "qpos", len(qpos))
     if header.shapes.get("qvel") != (len(qpos), qpos.shape[1] - 1):
         return None
     qvel = header.stored_numbers("qvel", len(qpos), qpos.shape[1] - 1)
-    return rate_of_velocities(qpos[:, :3], qvel[:, :3]) or rate_of_velocities(qpos[:, 7:], qvel[:, 6:])
+    return surest(rate_of_velocities(qpos[:, :3], qvel[:, :3]), rate_of_velocities(qpos[:, 7:], qvel[:, 6:]))
 
 
 def _velocity_of_joints(
     header: ArrayFile, joint_pos: Float[np.ndarray, "t j"], bodies: np.ndarray | None
-) -> float | None:
-    """The rate that `body_lin_vel_w` or `joint_vel` shows [Hz]."""
+) -> VelocityRate | None:
+    """The rate that `body_lin_vel_w` or `joint_vel` shows, whichever fits better."""
     for name in ("joint_vel", "body_lin_vel_w"):
         header.refuse_other_length(name, "joint_pos", len(joint_pos))
+    rates = []
     if bodies is not None and header.shapes.get("body_lin_vel_w") == bodies.shape:
-        found = rate_of_velocities(bodies, header.stored_numbers("body_lin_vel_w", *bodies.shape))
-        if found is not None:
-            return found
+        rates.append(rate_of_velocities(bodies, header.stored_numbers("body_lin_vel_w", *bodies.shape)))
     if header.shapes.get("joint_vel") == joint_pos.shape:
-        return rate_of_velocities(joint_pos, header.stored_numbers("joint_vel", *joint_pos.shape))
-    return None
+        rates.append(rate_of_velocities(joint_pos, header.stored_numbers("joint_vel", *joint_pos.shape)))
+    return surest(*rates)

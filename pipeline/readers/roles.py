@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.clips.human_clip import BODIES, FEET
-from pipeline.readers.joint_names import HEAD, HIP, KNEE, LIMBS, side_and_part
+from pipeline.readers.joint_names import HEADS, HIP, KNEE, LIMBS, side_and_part
 
 LEGS = ("hip", "knee", "ankle")
 ARMS = ("shoulder", "elbow", "wrist")
@@ -78,7 +78,19 @@ def _limbs(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
             usable = [alias for alias in aliases if alias in here and _means(alias, role, here)]
             if usable:
                 joints[f"{side}_{role}"] = found[side, usable[0]]
+        _upper_end(joints, found, side, parents)
     return joints
+
+
+def _upper_end(joints: dict[str, int], found: Mapping[tuple[str, str], int], side: str, parents: Sequence[int]) -> None:
+    """A foot below an ankle is the toe, and a hand below a wrist is neither: SMPL's names (`L_Ankle`, `L_Foot`)."""
+    for role in ("ankle", "wrist"):
+        own, taken = found.get((side, role)), joints.get(f"{side}_{role}")
+        if own is None or taken is None or own not in _ancestors(parents, taken):
+            continue
+        joints[f"{side}_{role}"] = own
+        if role == "ankle":
+            joints.setdefault(f"{side}_toe", taken)
 
 
 def _means(alias: str, role: str, here: set[str]) -> bool:
@@ -90,7 +102,7 @@ def _means(alias: str, role: str, here: set[str]) -> bool:
 
 
 def _head(names: Sequence[str], parents: Sequence[int]) -> int | None:
-    heads = [index for index, name in enumerate(names) if side_and_part(name) in (("", HEAD), ("", f"c{HEAD}"))]
+    heads = [index for index, name in enumerate(names) if side_and_part(name) in {("", head) for head in HEADS}]
     return min(heads, key=lambda index: len(_ancestors(parents, index))) if heads else None
 
 

@@ -33,8 +33,36 @@ CONVERT: dict[str, str] = {
     ".mot": "OpenSim coordinates: convert them to BVH.",
     ".v": "Export the trial from Vicon Nexus or Shogun as C3D or BVH.",
     ".x3d": "Convert it to glTF in Blender.",
+    ".dae": "Collada: import it into Blender (before 5.0) or Maya and export it as BVH or glTF.",
+    ".bip": "Export the Biped from 3ds Max as BVH, or as FBX and convert that.",
+    ".zip": "Unpack it; what is inside is read then.",
+    ".7z": "Unpack it; what is inside is read then.",
+    ".rar": "Unpack it; what is inside is read then.",
+    ".tar": "Unpack it; what is inside is read then.",
+    ".gz": "Unpack it; what is inside is read then.",
+    ".bz2": "Unpack it; what is inside is read then.",
+    ".xz": "Unpack it; what is inside is read then.",
+    ".json": "A DeepMimic motion is read when it is named .txt; otherwise write the arrays into an archive with "
+    "numpy.savez (docs/sources.md lists the names).",
+    ".txt": "Numbers without names: write them into a CSV with a header, or into an archive with numpy.savez "
+    "(docs/sources.md lists the names).",
+    ".bag": "A ROS 1 bag: convert it to MCAP.",
+    ".db3": "A ROS 2 bag: convert it to MCAP (ros2 bag convert).",
 }
 """Suffix -> how to make a file of it that is read."""
+
+NO_MOTION = frozenset(
+    (
+        *("", ".asf", ".yaml", ".yml", ".toml", ".ini", ".cfg", ".log", ".lock", ".md5", ".sha256"),
+        *(".md", ".rst", ".pdf", ".doc", ".docx", ".odt", ".rtf", ".tex", ".bib", ".html", ".htm", ".css", ".ipynb"),
+        *(".png", ".jpg", ".jpeg", ".gif", ".svg", ".webp", ".bmp", ".tif", ".tiff", ".ico"),
+        *(".mp4", ".mov", ".avi", ".mkv", ".webm", ".wav", ".mp3", ".ogg", ".flac"),
+        *(".py", ".pyc", ".sh", ".bat", ".js", ".m", ".c", ".h", ".cpp", ".hpp", ".cs"),
+        *(".urdf", ".mjcf", ".xml", ".xacro", ".stl", ".obj", ".mtl", ".ply"),
+        *(".bak", ".tmp", ".part", ".swp", ".blend1", ".url", ".lnk"),
+    )
+)
+"""Suffixes of files that lie beside motions and hold none: they are not counted. Any other suffix is."""
 
 POINTER = b"version https://git-lfs"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.statement import Statement
 
 RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 125, 200, 240, 250, 300, 400, 500, 600, 1000, 2000)
-"""Rates that an inferred one is rounded to when it is within 2 %."""
+"""Usual rates; an inferred one is rounded to one of them when it is within 2 %."""
 
 MIN_CORRELATION = 0.98
 """Of differences of position with the stored velocity; below it no rate is inferred."""
@@ -21,14 +22,38 @@ FEWEST_FRAMES, MOST_FRAMES = 10, 20_000
 """Frames that are needed, and that are compared, from the first."""
 
 CONTRADICTED = 0.05
-"""A declared rate that is off by more than this share of the one inferred from the velocities is wrong."""
+"""A declared rate that is off by more than this share of the one inferred from the velocities is wrong, ..."""
+
+TIMES_MISFIT = 2.5
+"""... if it is also off by more than this many times the misfit of the inferred one: velocities that were smoothed or
+differ by noise give a rate that is off by up to 2.3 times its misfit."""
 
 
-def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> float | None:
-    """Rate [Hz] at which central differences of positions are the stored velocities; None where they do not agree.
+@dataclass(frozen=True, kw_only=True)
+class VelocityRate:
+    """The rate of a motion according to its own velocities."""
 
-    Least squares over all columns of at most `MOST_FRAMES` frames, taken for the usual rate within 2 %. Frames with
-    missing numbers are left out.
+    fps: float
+    """[Hz]"""
+    misfit: float
+    """RMS of what remains between differences at this rate and velocities, as a share of the velocities' RMS."""
+
+    @property
+    def usual_fps(self) -> float | None:
+        """The usual rate within 2 % [Hz]; None where there is none."""
+        usual = min(RATES_HZ, key=lambda rate: abs(rate - self.fps))
+        return float(usual) if abs(usual - self.fps) < 0.02 * usual else None
+
+    def contradicts(self, declared: float) -> bool:
+        """Whether a declared rate [Hz] can't be that of these velocities."""
+        off = abs(declared / self.fps - 1.0)
+        return off > max(CONTRADICTED, TIMES_MISFIT * self.misfit)
+
+
+def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRate | None:
+    """The rate at which central differences of positions are the stored velocities; None where they do not agree.
+
+    Least squares over all columns of at most `MOST_FRAMES` frames. Frames with missing numbers are left out.
 
     Args:
         position: (t, ...) of any number type
@@ -44,11 +69,15 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> float | No
     if len(step) < FEWEST_FRAMES - 2 or not power > 0.0 or not other > 0.0:
         return None
     product = float(np.sum(step * stored))
-    if product / np.sqrt(power * other) <= MIN_CORRELATION:
+    correlation = product / float(np.sqrt(power * other))
+    if correlation <= MIN_CORRELATION:
         return None
-    fps = product / power
-    usual = min(RATES_HZ, key=lambda rate: abs(rate - fps))
-    return float(usual) if abs(usual - fps) < 0.02 * usual else None
+    return VelocityRate(fps=product / power, misfit=float(np.sqrt(max(0.0, 1.0 - correlation**2))))
+
+
+def surest(*rates: VelocityRate | None) -> VelocityRate | None:
+    """The rate with the smallest misfit; None where there is none."""
+    return min((rate for rate in rates if rate is not None), key=lambda rate: rate.misfit, default=None)
 
 
 def _width(array: np.ndarray) -> int:
@@ -56,9 +85,12 @@ def _width(array: np.ndarray) -> int:
 
 
 def checked_rate(
-    path: Path, declared: float | None, by_velocity: float | None, statement: Statement
+    path: Path, declared: float | None, by_velocity: VelocityRate | None, statement: Statement
 ) -> tuple[float | None, tuple[Reason, ...]]:
     """The rate [Hz] to take for a file's own, and a reason where its velocities contradict what it declares.
+
+    A rate that is not declared is taken from the velocities only where it is a usual one. So is a rate that is
+    declared wrong; where the velocities show an unusual rate the clip is rejected until a rate is stated.
 
     Args:
         declared: as the file states it, None where it does not
@@ -66,20 +98,28 @@ def checked_rate(
     """
     if by_velocity is None:
         return declared, ()
+    usual = by_velocity.usual_fps
     if declared is None:
-        text = f"{path.name} does not say its frame rate; its positions and velocities are {by_velocity:g} Hz apart"
-        return by_velocity, (Reason(code="derived_rate", text=text, effect="noted", value=by_velocity, unit="Hz"),)
+        if usual is None:
+            return None, ()
+        text = f"{path.name} does not say its frame rate; its positions and velocities are {usual:g} Hz apart"
+        return usual, (Reason(code="derived_rate", text=text, effect="noted", value=usual, unit="Hz"),)
     stated = declared_rate(declared) or declared
-    if abs(stated - by_velocity) <= CONTRADICTED * by_velocity:
+    if not by_velocity.contradicts(stated):
         return declared, ()
-    stays = statement.fps is not None
-    then = f"{statement.fps:g} Hz is stated and stays" if stays else f"{by_velocity:g} Hz is taken"
-    text = f"the file says {stated:g} Hz, but its own velocities are those of {by_velocity:g} Hz: {then}"
+    fps = usual or by_velocity.fps
+    if statement.fps is not None:
+        then, effect = f"{statement.fps:g} Hz is stated and stays", "noted"
+    elif usual is not None:
+        then, effect = f"{usual:g} Hz is taken", "repaired"
+    else:
+        then, effect = "which is no usual rate. State the right one as `fps:` in data/sources.yaml", "rejected"
+    text = f"the file says {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
     reason = Reason(
         code="time_base",
         text=text,
-        effect="noted" if stays else "repaired",
-        value=round(by_velocity / stated, 3),
+        effect=effect,
+        value=round(fps / stated, 3),
         limit=1.0 + CONTRADICTED,
     )
-    return by_velocity, (reason,)
+    return declared if effect == "rejected" else fps, (reason,)

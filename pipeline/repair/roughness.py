@@ -13,13 +13,16 @@ from jaxtyping import Bool, Float
 from pipeline.repair.bridge_miss import REACH, interpolation_miss, size_of
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import TOES
-from pipeline.repair.unsteadiness import Seen, limits, turn_limits
+from pipeline.repair.tree import HIPS, KNEES, TOES
+from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
 
 LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
 """Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
 TOE_SHARE = 1.5
 """Toes bend so fast when they land that the limit of a clip's own toes is this many times as large."""
+LANDING_SHARE = {**dict.fromkeys(HIPS, 1.2), **dict.fromkeys(KNEES, 1.8)}
+"""Legs turn so fast when they land that below 60 Hz their limits are up to this many times as large: in sound walks,
+starts and steps back at 30 Hz hips reach 1.1 and knees 1.8 times the limit that holds at 60 Hz."""
 MOST_TIMES = 3.0
 """What a clip misses by makes its limits no more than so many times as large: sound files reach 2.2 times the least,
 and in a short clip spikes themselves are among what it misses by."""
@@ -30,13 +33,13 @@ CLEAR = 3
 def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
     """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
     longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
-    found: list[tuple[float, int, int, int, float, bool]] = []
+    found: list[tuple[float, int, int, int, float, float, bool]] = []
     for gap in range(1, longest + 1):
         if len(seen.pos_w) < gap + 2 * REACH + 2:
             break
-        found += _candidates(seen, lost, gap, settings)
+        found += _candidates(seen, lost, gap, fps, settings)
     defects, taken = [], np.zeros(lost.shape, dtype=bool)
-    for _, index, start, stop, angle, moved in sorted(found, reverse=True):
+    for _, index, start, stop, angle, limit, moved in sorted(found, reverse=True):
         if taken[start:stop, index].any():
             continue
         taken[max(start - REACH, 0) : stop + REACH, index] = True
@@ -49,7 +52,7 @@ def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings
                 bodies=(index,),
                 pos=moved,
                 value=angle,
-                limit=settings.spike_turn,
+                limit=limit if angle > limit else None,
                 unit="rad",
             )
         )
@@ -57,9 +60,10 @@ def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings
 
 
 def _candidates(
-    seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, settings: DetectionSettings
-) -> list[tuple[float, int, int, int, float, bool]]:
-    """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle, whether it moved."""
+    seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, fps: float, settings: DetectionSettings
+) -> list[tuple[float, int, int, int, float, float, bool]]:
+    """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle and its limit [rad],
+    whether it moved."""
     turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
     least = _turn_limits(settings.spike_turn, settings)
     usual = np.asarray(~lost.any(axis=1))
@@ -69,6 +73,8 @@ def _candidates(
     toes = list(TOES)
     turn_limit[toes] = np.where(turn_limit[toes] > least[toes], TOE_SHARE * turn_limit[toes], turn_limit[toes])
     turn_limit = np.minimum(turn_limit, MOST_TIMES * least)
+    for index, share in LANDING_SHARE.items():
+        turn_limit[index] *= min(share, slow_rate(fps))
     size = np.maximum(turn / turn_limit, place / place_limit)
     if not (size > 1.0).any():
         return []
@@ -83,7 +89,8 @@ def _candidates(
         if lost[max(start - CLEAR, 0) : stop + CLEAR, index].any():
             continue
         moved = bool(place[frame, index] > place_limit[index])
-        result.append((float(size[frame, index]), int(index), start, stop, float(turn[frame, index]), moved))
+        off = float(turn[frame, index]), float(turn_limit[index])
+        result.append((float(size[frame, index]), int(index), start, stop, *off, moved))
     return result
 
 

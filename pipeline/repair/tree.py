@@ -31,6 +31,10 @@ FEET_BODIES: tuple[int, ...] = tuple(body(f"{side}_{name}") for side in ("left",
 
 TOES: tuple[int, ...] = tuple(body(f"{side}_toe") for side in ("left", "right"))
 
+HIPS: tuple[int, ...] = tuple(body(f"{side}_hip") for side in ("left", "right"))
+
+KNEES: tuple[int, ...] = tuple(body(f"{side}_knee") for side in ("left", "right"))
+
 LEVERS: dict[str, float] = {
     "pelvis": 1.0,
     "spine": 0.8,

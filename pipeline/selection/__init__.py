@@ -9,6 +9,7 @@ more seconds of a skill bring.
 
 from pipeline.selection.choose import choose, idle_patterns
 from pipeline.selection.curation import Curation, WindowSettings
+from pipeline.selection.decisions import Decision, without_excluded
 from pipeline.selection.process import process
 from pipeline.selection.raised_bounds import RaisedBound, raised_bounds
 from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
@@ -19,6 +20,7 @@ __all__ = [
     "SKILLS",
     "TRANSITION",
     "Curation",
+    "Decision",
     "RaisedBound",
     "SkillBounds",
     "Window",
@@ -28,4 +30,5 @@ __all__ = [
     "idle_patterns",
     "process",
     "raised_bounds",
+    "without_excluded",
 ]

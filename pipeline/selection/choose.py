@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.selection.curation import Curation
+from pipeline.selection.decisions import exclusions
 
 COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
 """Required columns. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are
@@ -57,6 +58,11 @@ def _objections(row: dict[str, Any], curation: Curation) -> Iterator[str]:
     licence = row["licence"] if isinstance(row["licence"], str) else ""
     if not any(fnmatchcase(licence.lower(), pattern.lower()) for pattern in curation.licences):
         yield f"licence '{licence}' is not among those allowed ({', '.join(curation.licences) or 'none'})"
+    excluded = exclusions(curation.decisions)
+    for name in (row["clip"], _recording(row["clip"])):
+        if name in excluded:
+            yield excluded[name].text()
+            break
     for pattern in curation.excluded_clips:
         if _fits(row["clip"], pattern):
             yield f"the clip is excluded by '{pattern}'"
@@ -74,7 +80,12 @@ def idle_patterns(rows: pd.DataFrame, curation: Curation) -> tuple[str, ...]:
 
 def _fits(window: str, pattern: str) -> bool:
     """A pattern fits a window's name, or that of the clip that it is of."""
-    return fnmatchcase(window, pattern) or fnmatchcase(window.rpartition("@")[0] or window, pattern)
+    return fnmatchcase(window, pattern) or fnmatchcase(_recording(window), pattern)
+
+
+def _recording(window: str) -> str:
+    """Name of the clip that a window is of."""
+    return window.rpartition("@")[0] or window
 
 
 def _in_turns(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

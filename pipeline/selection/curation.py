@@ -15,6 +15,7 @@ from pipeline.files.ranges import (
     Pattern,
     Range,
 )
+from pipeline.selection.decisions import Decision
 from pipeline.selection.skills import SkillBounds
 
 EXPERT_MOTIONS = ("rollouts", "references", "both")
@@ -66,3 +67,5 @@ class Curation:
     """What the expert database is made of: `rollouts`, `references` or `both`."""
     windows: WindowSettings
     """Segmentation of a clip into windows."""
+    decisions: tuple[Decision, ...] = ()
+    """A person's decisions on single clips, the latest of a clip last."""

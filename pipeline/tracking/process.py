@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.clips.outcome import Number, Numbers, Outcome, Piece, Reason
+from pipeline.clips.outcome import Clip, Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import Robot
@@ -26,7 +28,7 @@ from pipeline.tracking.tracker import load_tracker
 NOT_TRACKED = "not_tracked"
 """Reason against a reference that the nominal rollout does not follow to its end."""
 
-UNDISTURBED_VARIANTS = ("original", "mirror")
+AS_RETARGETED = ("original", "mirror")
 """Variants that show the motion as it was retargeted."""
 
 
@@ -48,35 +50,107 @@ def process(
     Raises ClipError for a clip of another rate or of less than three frames, FileError for a tracker that does not
     fit.
     """
-    if clip.fps != CONTROL_HZ or clip.frame_count < 3:
-        got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
-        raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
-    settings = scaled(settings, robot)
-    plant, policy = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
-    plain = numbers.get("variant") in UNDISTURBED_VARIANTS
-    count = settings.disturbed if plain else settings.disturbed_variants
-    pieces: list[Piece] = []
-    found: dict[str, Number] = {}
-    disturbed = 0
-    reasons: list[Reason] = []
-    for number in range(count + 1):
-        rng = np.random.default_rng(_seed(clip, settings.seed, number))
-        disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
-        stretches = rollout(clip, plant, policy, settings.failure, disturbance, rng if number else None)
-        kept = [
-            dataclasses.replace(piece, numbers={**numbers, **piece.numbers, **_place(piece.numbers, numbers)})
-            for piece in _pieces(clip, stretches, number, disturbance, robot, settings)
-        ]
-        disturbed += len(kept) if number else 0
-        pieces += kept
-        if number == 0:
-            reasons = [_reason(stretch) for stretch in stretches if stretch.failed]
-            found = _figures(clip, stretches, robot)
+    rollouts = _Rollouts(clip, settings, robot, envelope, tracker)
+    count = disturbed_count(clip, numbers, settings)
+    nominal = rollouts.of(0)
+    pieces = rollouts.pieces(nominal, numbers)
+    for number in range(1, count + 1):
+        pieces += rollouts.pieces(rollouts.of(number), numbers)
+    reasons = [_reason(stretch) for stretch in nominal.stretches if stretch.failed]
     if not pieces and not reasons:
         text = f"its rollouts are shorter than {settings.shortest_s:g} s"
         reasons = [Reason(code="too_short", text=text, effect="rejected", value=clip.duration_s, unit="s")]
-    found |= {"rollouts": count + 1, "disturbed_pieces": disturbed}
+    disturbed = sum(piece.numbers["rollout"] != 0 for piece in pieces)
+    found = _figures(clip, nominal.stretches, robot) | {"rollouts": count + 1, "disturbed_pieces": disturbed}
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers=found)
+
+
+def disturbed_count(clip: RobotClip, numbers: Numbers, settings: TrackingSettings) -> int:
+    """Disturbed rollouts of a reference: more of a short original or mirror image than of a long one."""
+    if numbers.get("variant") not in AS_RETARGETED:
+        return settings.disturbed_variants
+    if not settings.disturbed:
+        return 0
+    return max(settings.disturbed, math.ceil(settings.disturbed_s / clip.duration_s))
+
+
+def disturbed_motion(
+    clip: RobotClip,
+    numbers: Numbers,
+    *,
+    settings: TrackingSettings,
+    robot: Robot,
+    envelope: TorqueEnvelope,
+    tracker: Path,
+    longest_s: float,
+) -> Outcome:
+    """The first disturbed rollout of the first `longest_s` seconds of a reference, without forces.
+
+    Raises as `process` does.
+    """
+    part = clip.cut(0, min(clip.frame_count, round(longest_s * clip.fps)), clip.name)
+    rollouts = _Rollouts(part, settings, robot, envelope, tracker)
+    pieces = rollouts.pieces(rollouts.of(1), numbers)
+    return Outcome(pieces=tuple(dataclasses.replace(piece, clip=_motion(piece.clip)) for piece in pieces))
+
+
+def motion_to_failure(
+    clip: RobotClip,
+    numbers: Numbers,
+    *,
+    settings: TrackingSettings,
+    robot: Robot,
+    envelope: TorqueEnvelope,
+    tracker: Path,
+) -> Outcome:
+    """The nominal rollout from the first frame of a reference to the frame at which it fails, without forces.
+
+    Raises as `process` does.
+    """
+    first = _Rollouts(clip, settings, robot, envelope, tracker).of(0).stretches[0]
+    return Outcome(pieces=(Piece(clip=_motion(first.clip), numbers={"seconds": first.clip.duration_s}),))
+
+
+def _motion(clip: Clip) -> RobotClip:
+    assert isinstance(clip, RobotClip)
+    return dataclasses.replace(clip, forces=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rollout:
+    """One rollout of a reference; number 0 is the nominal one."""
+
+    number: int
+    disturbance: Disturbance
+    stretches: tuple[TrackedStretch, ...]
+
+
+class _Rollouts:
+    """A reference and all that its rollouts need."""
+
+    def __init__(
+        self, clip: RobotClip, settings: TrackingSettings, robot: Robot, envelope: TorqueEnvelope, tracker: Path
+    ):
+        if clip.fps != CONTROL_HZ or clip.frame_count < 3:
+            got = f"has {clip.frame_count} frames at {clip.fps:g} Hz"
+            raise ClipError(clip.name, "rate", f"{got}; at least 3 at {CONTROL_HZ:g} Hz are needed")
+        self._clip, self._robot, self._settings = clip, robot, scaled(settings, robot)
+        self._plant, self._tracker = Plant(robot=robot, envelope=envelope), load_tracker(tracker, robot)
+
+    def of(self, number: int) -> _Rollout:
+        """The rollout of a number, under the disturbance that belongs to it."""
+        clip, settings = self._clip, self._settings
+        rng = np.random.default_rng(_seed(clip, settings.seed, number))
+        disturbance = draw(settings.disturbance, clip.duration_s, rng) if number else NONE
+        stretches = rollout(clip, self._plant, self._tracker, settings.failure, disturbance, rng if number else None)
+        return _Rollout(number=number, disturbance=disturbance, stretches=stretches)
+
+    def pieces(self, made: _Rollout, numbers: Numbers) -> list[Piece]:
+        """What is kept of a rollout, with the reference's numbers."""
+        return [
+            dataclasses.replace(piece, numbers={**numbers, **piece.numbers, **_place(piece.numbers, numbers)})
+            for piece in _pieces(self._clip, made, self._robot, self._settings)
+        ]
 
 
 def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
@@ -87,15 +161,8 @@ def _seed(clip: RobotClip, seed: int, number: int) -> list[int]:
     return [seed, number, int.from_bytes(content.digest()[:8], "little")]
 
 
-def _pieces(
-    clip: RobotClip,
-    stretches: Sequence[TrackedStretch],
-    number: int,
-    disturbance: Disturbance,
-    robot: Robot,
-    settings: TrackingSettings,
-) -> list[Piece]:
-    name = f"{clip.name}~rollout{number or ''}"
+def _pieces(clip: RobotClip, made: _Rollout, robot: Robot, settings: TrackingSettings) -> list[Piece]:
+    name, stretches = f"{clip.name}~rollout{made.number or ''}", made.stretches
     complete = len(stretches) == 1 and not stretches[0].failed
     followed = sum(stretch.stop - stretch.start for stretch in stretches) / clip.frame_count
     pieces: list[Piece] = []
@@ -109,7 +176,7 @@ def _pieces(
         numbers = {
             "reference": clip.name,
             "reference_frame": stretch.start,
-            "rollout": number,
+            "rollout": made.number,
             "seed": settings.seed,
             "seconds": motion.duration_s,
             "survived": complete,
@@ -117,7 +184,7 @@ def _pieces(
             "body_error_m": float(error.body.mean()),
             "joint_error_rad": float(error.joint.mean()),
             "path_error_m": float(error.path.mean()),
-            **disturbance.numbers(),
+            **made.disturbance.numbers(),
         }
         pieces.append(Piece(clip=motion, numbers=numbers))
     return pieces

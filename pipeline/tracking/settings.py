@@ -63,7 +63,9 @@ class TrackingSettings:
     seed: Annotated[int, Range(0, 2**31)]
     """Of all disturbances, with the reference's content."""
     disturbed: Annotated[int, Range(0, 1000)]
-    """Disturbed rollouts of each original motion and of each mirror image."""
+    """Disturbed rollouts of each original motion and of each mirror image, at least."""
+    disturbed_s: Annotated[float, Range(0.0, 600.0)]
+    """Disturbed rollouts of each of them last at least this long together, so a short motion has more [s]."""
     disturbed_variants: Annotated[int, Range(0, 1000)]
     """Disturbed rollouts of each other variant."""
     shortest_s: Annotated[float, Range(0.1, 10.0)]

@@ -14,6 +14,14 @@ from pipeline.viewing.robot_figure import robot_figure
 
 
 @dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A moment that one can jump to."""
+
+    time_s: float
+    label: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Shown:
     """The human and robot motion of one clip, with a common start time.
 
@@ -23,19 +31,24 @@ class Shown:
     name: str
     human: HumanClip | None = None
     reference: RobotClip | None = None
-    """What a rollout tracked, frame for frame."""
+    """What a rollout tracked, frame for frame; of a log, its simulation."""
+    reference_name: str = "reference"
     robot_clip: RobotClip | None = None
     robot: Robot | None = None
     """The robot that `robot_clip` is for."""
     text: str = ""
     """Its facts, in Markdown."""
+    marks: tuple[Mark, ...] = ()
+    """Failures of a log, in order of their times."""
+    line_at: Callable[[float], str] | None = None
+    """What is shown at a time [s], such as the command of a log."""
 
     def figures(self) -> list[Figure]:
         """Figures from left to right: human, reference, robot."""
         figures = [human_figure(self.human)] if self.human is not None else []
         if self.robot is not None:
             if self.reference is not None:
-                figures.append(robot_figure(self.reference, self.robot, name="reference"))
+                figures.append(robot_figure(self.reference, self.robot, name=self.reference_name))
             if self.robot_clip is not None:
                 figures.append(robot_figure(self.robot_clip, self.robot))
         return figures

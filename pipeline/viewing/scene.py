@@ -48,7 +48,7 @@ class SceneFigure:
         for part in figure.parts:
             name = f"/{figure.name}/{part.name}"
             self.parts.append(scene.add_frame(name, show_axes=False))
-            self.meshes.append([_mesh(scene, name, index, shape) for index, shape in enumerate(part.shapes)])
+            self.meshes.append([add_shape(scene, name, index, shape) for index, shape in enumerate(part.shapes)])
 
     def show(self, time_s: float, follow: bool) -> None:
         """Move everything to the frame at a time. With `follow` the figure stays in its place and the floor moves."""
@@ -79,7 +79,8 @@ class SceneFigure:
                 mesh.color = _rgb(CONTACT if on_ground else shape.color)
 
 
-def _mesh(scene: viser.SceneApi, name: str, index: int, shape: Shape) -> viser.MeshHandle:
+def add_shape(scene: viser.SceneApi, name: str, index: int, shape: Shape) -> viser.MeshHandle:
+    """Add a primitive below a part's node; its mesh."""
     vertices, faces = shape_mesh(shape.kind, shape.size, SEGMENTS)
     return scene.add_mesh_simple(
         f"{name}/{index}",

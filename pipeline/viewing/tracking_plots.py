@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.batch import Judged, Manifest, Store
+from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
@@ -15,7 +17,7 @@ from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.plots import png
 
 SHOWN_S = 1.0
-"""A failing reference is shown from this long before the failure to this long after [s]."""
+"""A rollout is shown from this long before its failure, or its largest error, to at most this long after [s]."""
 
 PAIRS = (
     ("slip_before_m_s", "slip_after_m_s", 100.0, "foot slip, 95th percentile [cm/s]"),
@@ -69,28 +71,66 @@ def before_and_after(references: pd.DataFrame) -> bytes:
     return png(figure)
 
 
-def worst_tracked(rollouts: Manifest, references: Manifest, store: Store, robot: Robot, most: int = 5) -> bytes:
-    """PNG of the references that are tracked worst, around the moment they fail or are furthest off.
+def worst_tracked(
+    rollouts: Manifest,
+    references: Manifest,
+    motions_to_failure: Callable[[Sequence[Entry]], Manifest],
+    store: Store,
+    robot: Robot,
+    most: int = 5,
+) -> bytes:
+    """PNG of the worst-tracked references: what the robot does up to the moment it fails, below its reference.
 
-    References that fail come first. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown.
+    References that fail come first; the last pose of each is that of the failure. Then come those that are furthest
+    off, around the moment they are. One clip of each family (`walk@0-99`, `walk@0-99~mirror`, ...) is shown.
+
+    Args:
+        rollouts: manifest of `augmented_motions`
+        references: what was tracked
+        motions_to_failure: gives the motion of references up to the frame at which their nominal rollout fails
+            (`pipeline.tracking.process.motion_to_failure`), under the references' names
+        store: with all motions
+        robot: that moves
+        most: references in the picture
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
     for row in sorted(rollouts.judged, key=_badness):
         if row.clip in entries and "worst_body_error_m" in row.numbers:
             families.setdefault(row.clip.split("~")[0], row)
-    strips = []
-    for row in list(families.values())[:most]:
-        clip = entry_clip(store, entries[row.clip])
-        assert isinstance(clip, RobotClip)
-        failing = next((reason for reason in row.reasons if reason["code"] == NOT_TRACKED), None)
-        at_s = float(failing["stop_s"]) if failing else float(row.numbers.get("worst_at_s") or 0.0)
-        start = max(int((at_s - SHOWN_S) * clip.fps), 0)
-        stop = min(int((at_s + SHOWN_S) * clip.fps) + 1, clip.frame_count)
-        furthest = f"furthest off at {at_s:.2f} s: {_cm(row):.1f} cm, followed to its end"
-        note = str(failing["text"]) if failing else furthest
-        strips.append(Strip(title=row.clip, note=note, human=None, robot_clip=clip.cut(start, stop, clip.name)))
+    rows = list(families.values())[:most]
+    failing = [entries[row.clip] for row in rows if not row.numbers.get("survived")]
+    motions = {entry.clip: entry for entry in motions_to_failure(failing).entries} if failing else {}
+    for entry in rollouts.entries:
+        if entry.numbers["rollout"] == 0 and entry.numbers["survived"]:
+            motions[str(entry.numbers["reference"])] = entry
+    strips = [
+        _strip(row, _robot_clip(store, entries[row.clip]), _robot_clip(store, motions[row.clip]))
+        for row in rows
+        if row.clip in motions
+    ]
     return worst_clips_sheet(strips, robot)
+
+
+def _strip(row: Judged, reference: RobotClip, rollout: RobotClip) -> Strip:
+    """A reference and its rollout up to the last frame of it, or around the moment of the largest error."""
+    failing = next((str(reason["text"]) for reason in row.reasons if reason["code"] == NOT_TRACKED), None)
+    at_s = (rollout.frame_count - 1) / rollout.fps if failing else float(row.numbers.get("worst_at_s") or 0.0)
+    start = max(round((at_s - SHOWN_S) * rollout.fps), 0)
+    stop = min(round((at_s + SHOWN_S) * rollout.fps) + 1, rollout.frame_count)
+    start_s, stop_s = start / rollout.fps, (stop - 1) / rollout.fps
+    return Strip(
+        title=f"{row.clip} from {start_s:.2f} to {stop_s:.2f} s",
+        note=failing or f"furthest off at {at_s:.2f} s: {_cm(row):.1f} cm, followed to its end",
+        reference=reference.cut(start, stop, reference.name),
+        robot_clip=rollout.cut(start, stop, rollout.name),
+    )
+
+
+def _robot_clip(store: Store, entry: Entry) -> RobotClip:
+    clip = entry_clip(store, entry)
+    assert isinstance(clip, RobotClip)
+    return clip
 
 
 def _badness(row: Judged) -> tuple[bool, float, str]:

@@ -20,6 +20,9 @@ from pipeline.viewing.scene import SceneFigure
 TICK_S = 1.0 / 30.0
 """Time between two pictures [s]."""
 
+NO_MARK = "–"
+"""Entry of the list of marks that leaves the time as it is."""
+
 APART = 1.3
 """Distance of the two figures [m]."""
 
@@ -44,9 +47,12 @@ class Viewer:
         self.slider = gui.add_slider("time [s]", min=0.0, max=1.0, step=0.01, initial_value=0.0)
         self.speed = gui.add_dropdown("speed", options=tuple(f"{speed:g}" for speed in SPEEDS), initial_value="1")
         self.follow = gui.add_checkbox("stay in place", initial_value=True)
+        self.marks = gui.add_dropdown("go to", options=(NO_MARK,), initial_value=NO_MARK, visible=False)
+        self.line = gui.add_markdown("", visible=False)
         self.text = gui.add_markdown("")
         self.play.on_click(lambda _: self.toggle())
         self._chosen = ""
+        self._mark, self._times = NO_MARK, {}
         self._slider_set_to = 0.0
         self._choose(names[0])
 
@@ -65,6 +71,10 @@ class Viewer:
         if self.clip.value != self._chosen:
             self._try_to_choose(self.clip.value)
         self.playback.speed = float(self.speed.value)
+        if self.marks.value != self._mark:
+            self._mark = self.marks.value
+            self.playback.seek(self._times.get(self._mark, self.playback.time_s))
+            self._slider_set_to = self.slider.value = min(round(self.playback.time_s, 2), self.slider.max)
         if abs(self.slider.value - self._slider_set_to) > 1e-6:
             self.playback.seek(self.slider.value)
         else:
@@ -107,6 +117,10 @@ class Viewer:
         self.playback = Playback(duration_s=duration_s, playing=self.playback.playing)
         self.slider.max = max(round(duration_s, 2), 0.01)
         self.text.content = f"**{escaped(name)}**\n\n{shown.text}"
+        self._times = {mark.label: mark.time_s for mark in shown.marks}
+        self.marks.options, self.marks.value = (NO_MARK, *self._times), NO_MARK
+        self.marks.visible, self.line.visible = bool(self._times), shown.line_at is not None
+        self._mark, self._line_at = NO_MARK, shown.line_at
         self.server.initial_camera.position = (2.1, -2.5, 1.2)
         self.server.initial_camera.look_at = (0.0, 0.0, 0.7)
         self._chosen = name
@@ -118,3 +132,5 @@ class Viewer:
                 figure.show(self.playback.time_s, self.follow.value)
         self._slider_set_to = min(round(self.playback.time_s, 2), self.slider.max)
         self.slider.value = self._slider_set_to
+        if self._line_at is not None:
+            self.line.content = escaped(self._line_at(self.playback.time_s))

@@ -83,6 +83,10 @@ class VirtualTrial:
     outages: tuple[Outage, ...] = ()
     """Times at which motors give no torque."""
 
+    def words(self) -> tuple[str, ...]:
+        """Descriptions of what differs from the model, for the log."""
+        return (*self.deviations.words(), *(outage.word() for outage in self.outages))
+
 
 def simulate(
     robot: Robot,
@@ -131,11 +135,10 @@ def simulate(
     quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
-    words = (*deviations.words(), *(outage.word() for outage in trial.outages))
     facts = dataclasses.replace(
         facts,
         events=(*facts.events, *_events(trial)),
-        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(words) or "no"},
+        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"},
     )
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)

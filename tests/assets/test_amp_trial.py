@@ -9,7 +9,7 @@ import dagster as dg
 import pytest
 
 from assets import amp_policy, policy, resources, training_process
-from assets.plan import policy_plans, robot_plans
+from assets.plan import SHARED, policy_plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.actuators import adapt, write_adapted_robot
@@ -74,3 +74,17 @@ def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
     network = load_policy(run / facts["policy"])
     assert (network.observation_size, network.action_size) == (720, 21)
     assert trained_task(robot, network).kp.tolist() == robot.kp.tolist()
+
+
+def test_a_run_that_materializes_everything_trains_nothing(project):
+    @dg.asset(key=SHARED[0].key)
+    def everything_else():
+        return 1
+
+    result = dg.materialize(
+        [everything_else, amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
+        resources={"io_manager": dg.mem_io_manager, "clip_pool": ClipPoolResource(workers=1)},
+    )
+    assert result.success
+    assert result.asset_materializations_for_node("amp_policy") == []
+    assert not project.policy_runs("t1").exists()

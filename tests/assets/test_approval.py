@@ -4,10 +4,11 @@ import dataclasses
 
 import pytest
 
-from assets.approval import ApprovalError, approve_proposal, take_back_sections
 from assets.approved import PARTS, approvals_of, approved_part
+from assets.feedback_page import FeedbackPage
 from assets.project import Project
 from pipeline.errors import PipelineError
+from pipeline.feedback.approve import ApprovalError, approve_proposal, decline_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls
 from tests.factories.trial_reports import failure, proposal, report
@@ -27,7 +28,7 @@ def sections(project: Project) -> set[str]:
 
 def test_what_was_looked_at_is_what_is_approved(project):
     digest = propose_into(project, *two_falls())
-    count = approve_proposal(project, digest, "a person")
+    count = approve_proposal(project.feedback, digest, "a person")
     approvals = approvals_of(project)
     assert len(approvals.changes) == count == 5
     assert sections(project) == set(PARTS)
@@ -37,34 +38,34 @@ def test_what_was_looked_at_is_what_is_approved(project):
 def test_another_digest_approves_nothing(project):
     digest = propose_into(project, *two_falls())
     with pytest.raises(ApprovalError, match="proposal 'beef' is not pending"):
-        approve_proposal(project, "beef", "a person")
+        approve_proposal(project.feedback, "beef", "a person")
     with pytest.raises(ApprovalError, match="an approval needs a name"):
-        approve_proposal(project, digest, " ")
+        approve_proposal(project.feedback, digest, " ")
     with pytest.raises(ApprovalError, match="nothing was approved"):
-        approve_proposal(project, digest, "a person", policies=(OTHER,))
+        approve_proposal(project.feedback, digest, "a person", policies=(OTHER,))
     assert not project.approved_feedback.exists()
 
 
 def test_approvals_of_sections_add_up_each_from_its_own_proposal(project):
     first = propose_into(project, report(1, failure()))
-    approve_proposal(project, first, "one", sections=("weights",))
+    approve_proposal(project.feedback, first, "one", sections=("weights",))
     weights = approved_part(project, "weights", "t1")
     second = propose_into(project, *two_falls())
-    approve_proposal(project, second, "another", sections=("motors",))
+    approve_proposal(project.feedback, second, "another", sections=("motors",))
     assert approved_part(project, "weights", "t1") == weights, "as it was approved, though more is proposed now"
-    approve_proposal(project, second, "another", sections=("selection", "augmentation"))
+    approve_proposal(project.feedback, second, "another", sections=("selection", "augmentation"))
     by = {entry.section: (entry.proposal, entry.by) for entry in approvals_of(project).entries}
     assert by == {"weights": (first, "one")} | dict.fromkeys(
         ("selection", "augmentation", "motors"), (second, "another")
     )
-    approve_proposal(project, second, "another", sections=("weights",))
+    approve_proposal(project.feedback, second, "another", sections=("weights",))
     (change,) = approved_part(project, "weights", "t1")
     assert change.value == 1.5625, "the section's last approval counts"
 
 
 def test_a_proposal_that_has_nothing_of_a_section_leaves_what_was_approved_of_it(project):
-    approve_proposal(project, propose_into(project, *two_falls()), "a person")
-    approve_proposal(project, propose_into(project, report(7, failure())), "a person")
+    approve_proposal(project.feedback, propose_into(project, *two_falls()), "a person")
+    approve_proposal(project.feedback, propose_into(project, report(7, failure())), "a person")
     assert sections(project) == set(PARTS), "motors and ranges are not proposed any more, but nobody took them back"
     (change,) = approved_part(project, "weights", "t1")
     assert change.value == 1.25
@@ -75,9 +76,9 @@ def test_approvals_of_policies_add_up_within_a_section(project):
     digest = propose_into(
         project, report(1, failure()), report(2, forward, policy=OTHER, commands=((0.8, 0.0, 0.0, 5.0),))
     )
-    approve_proposal(project, digest, "a person", policies=("a" * 64,), sections=("weights",))
+    approve_proposal(project.feedback, digest, "a person", policies=("a" * 64,), sections=("weights",))
     (left,) = approved_part(project, "weights", "t1")
-    approve_proposal(project, digest, "a person", policies=(OTHER,), sections=("weights",))
+    approve_proposal(project.feedback, digest, "a person", policies=(OTHER,), sections=("weights",))
     part = approved_part(project, "weights", "t1")
     assert len(part) == 2 and left in part
 
@@ -89,37 +90,37 @@ def test_playing_speeds_approved_by_the_skill_alone_give_way_to_the_same_under_t
     write_entries(project.approved_feedback, entries_of([old], "x", "one"))
     assert approved_part(project, "augmentation", "t1") == (old,)
     digest = propose_into(project, report(1, failure()))
-    approve_proposal(project, digest, "another", policies=("a" * 64,), sections=("augmentation",))
+    approve_proposal(project.feedback, digest, "another", policies=("a" * 64,), sections=("augmentation",))
     assert speeds in approved_part(project, "augmentation", "t1") and not approvals_of(project).faults
 
 
 def test_nothing_is_written_that_could_not_be_read_again(project, monkeypatch):
     digest = propose_into(project, report(1, failure()))
-    approve_proposal(project, digest, "a person")
+    approve_proposal(project.feedback, digest, "a person")
     before = project.approved_feedback.read_text()
-    monkeypatch.setattr("pipeline.feedback.approved.added", lambda earlier, new, whole: (*earlier, *new))
+    monkeypatch.setattr("pipeline.feedback.approve.added", lambda earlier, new, whole: (*earlier, *new))
     with pytest.raises(PipelineError, match="is there twice"):
-        approve_proposal(project, digest, "another")
+        approve_proposal(project.feedback, digest, "another")
     assert project.approved_feedback.read_text() == before
 
 
 def test_sections_are_taken_back_by_name_alone(project):
-    approve_proposal(project, propose_into(project, *two_falls()), "a person")
-    assert take_back_sections(project, ("motors", "weights"), "a person") == 2
+    approve_proposal(project.feedback, propose_into(project, *two_falls()), "a person")
+    assert take_back_sections(project.feedback, ("motors", "weights"), "a person") == 2
     assert sections(project) == set(PARTS) - {"motors", "weights"}
     with pytest.raises(ApprovalError, match="nothing of 'motors' is approved; approved are: augmentation, rand"):
-        take_back_sections(project, ("motors",), "a person")
+        take_back_sections(project.feedback, ("motors",), "a person")
     with pytest.raises(ApprovalError, match="no section is named"):
-        take_back_sections(project, (), "a person")
+        take_back_sections(project.feedback, (), "a person")
     with pytest.raises(ApprovalError, match="needs a name"):
-        take_back_sections(project, ("selection",), "")
-    take_back_sections(project, tuple(sections(project)), "a person")
+        take_back_sections(project.feedback, ("selection",), "")
+    take_back_sections(project.feedback, tuple(sections(project)), "a person")
     assert not project.approved_feedback.exists()
 
 
 def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(project):
     digest = propose_into(project, *two_falls())
-    approve_proposal(project, digest, "a person")
+    approve_proposal(project.feedback, digest, "a person")
     path = project.approved_feedback
     edited = path.read_text().replace("value: 1.5625", "value: 1.5")
     path.write_text(edited)
@@ -129,13 +130,13 @@ def test_a_section_edited_by_hand_is_mended_by_approving_or_taking_it_back(proje
     with pytest.raises(
         ApprovalError, match="nothing was approved, since the approved changes of 'weights' can't be read"
     ):
-        approve_proposal(project, digest, "a person", policies=("a" * 64,))
-    take_back_sections(project, ("weights",), "a person")
+        approve_proposal(project.feedback, digest, "a person", policies=("a" * 64,))
+    take_back_sections(project.feedback, ("weights",), "a person")
     assert not approvals_of(project).faults
     path.write_text(edited)
-    approve_proposal(project, digest, "a person", sections=("motors",))
+    approve_proposal(project.feedback, digest, "a person", sections=("motors",))
     assert set(approvals_of(project).faults) == {"weights"}, "approving another section hides nothing"
-    approve_proposal(project, digest, "a person", sections=("weights",))
+    approve_proposal(project.feedback, digest, "a person", sections=("weights",))
     assert not approvals_of(project).faults
 
 
@@ -145,9 +146,31 @@ def test_nothing_is_written_over_a_file_that_cannot_be_read(project):
     path.parent.mkdir(exist_ok=True)
     path.write_text("approvals: [\n")
     for act in (
-        lambda: approve_proposal(project, digest, "a person"),
-        lambda: take_back_sections(project, ("weights",), "a person"),
+        lambda: approve_proposal(project.feedback, digest, "a person"),
+        lambda: take_back_sections(project.feedback, ("weights",), "a person"),
     ):
         with pytest.raises(ApprovalError, match=r"approved.yaml, line 2: .*Mend it, or delete it and approve again"):
             act()
     assert path.read_text() == "approvals: [\n"
+
+
+def test_what_was_declined_is_not_asked_again_until_its_evidence_changes(project):
+    digest = propose_into(project, report(1, failure()))
+    with pytest.raises(ApprovalError, match="needs a name"):
+        decline_proposal(project.feedback, digest, " ")
+    decline_proposal(project.feedback, digest, "a person", sections=("weights",))
+    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    assert {change.section for change in page.declined} == {"weights"}
+    assert "weights" not in {change.section for change in page.pending}
+    assert approvals_of(project).changes == ()
+    again = proposal(report(1, failure()), report(2, failure()))
+    page = FeedbackPage.of(again, approvals_of(project), project.feedback.declined_changes())
+    assert "weights" in {change.section for change in page.pending}, "another log is other evidence"
+
+
+def test_approving_what_was_declined_lets_it_take_effect(project):
+    digest = propose_into(project, report(1, failure()))
+    decline_proposal(project.feedback, digest, "a person")
+    approve_proposal(project.feedback, digest, "another", sections=("weights",))
+    page = FeedbackPage.of(proposal(report(1, failure())), approvals_of(project), project.feedback.declined_changes())
+    assert "weights" not in {change.section for change in page.declined}

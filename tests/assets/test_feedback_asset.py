@@ -6,13 +6,13 @@ import dagster as dg
 import pytest
 
 from assets import feedback
-from assets.approval import approve_proposal, take_back_sections
 from assets.approved import approvals_of
 from assets.page_renewal import page_request, renew_feedback_page
 from assets.project import Project
 from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
+from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.approved import entries_of, write_entries
 from tests.factories.trial_reports import failure, proposal, report, saturated
 
@@ -75,10 +75,10 @@ def test_what_is_proposed_waits_until_it_is_approved(project):
     assert not check.passed and check.severity == dg.AssetCheckSeverity.WARN
     assert said["changes pending"] == 3 and found(check) == "3 changes wait for approval"
     assert said["proposal"] in said["how to approve"]
-    approve_proposal(project, said["proposal"], "a person", sections=("weights",))
+    approve_proposal(project.feedback, said["proposal"], "a person", sections=("weights",))
     said, check = page(project, fall(1))
     assert (said["changes pending"], said["changes approved"], check.passed) == (2, 1, False)
-    approve_proposal(project, said["proposal"], "a person")
+    approve_proposal(project.feedback, said["proposal"], "a person")
     said, check = page(project, fall(1))
     assert check.passed and said["how to approve"] == "nothing waits"
 
@@ -89,9 +89,9 @@ def test_the_page_is_made_anew_after_every_approval_and_taking_back(project):
         assert page_request(instance, project) is None, "there is no page yet, as no log was dropped"
         note_page(instance, fall(1))
         for act, pending in (
-            (lambda: approve_proposal(project, digest, "a person", sections=("weights",)), 2),
+            (lambda: approve_proposal(project.feedback, digest, "a person", sections=("weights",)), 2),
             (lambda: shutil.copy(project.proposed_feedback, project.approved_feedback), 0),
-            (lambda: take_back_sections(project, ("weights", "selection"), "a person"), 2),
+            (lambda: take_back_sections(project.feedback, ("weights", "selection"), "a person"), 2),
             (lambda: project.approved_feedback.write_text("approvals: 3\n"), 3),
             (lambda: project.approved_feedback.unlink(), 3),
         ):
@@ -109,7 +109,7 @@ def test_a_page_that_cannot_be_made_is_tried_a_few_times_and_no_more(project):
     digest = page(project, fall(1))[0]["proposal"]
     with dg.instance_for_test() as instance:
         note_page(instance, fall(1))
-        approve_proposal(project, digest, "a person")
+        approve_proposal(project.feedback, digest, "a person")
         for _ in range(MAX_TRIES):
             request = page_request(instance, project)
             assert request is not None
@@ -127,7 +127,7 @@ def test_copying_the_proposal_approves_it(project):
 
 def test_what_is_approved_and_proposed_no_longer_is_told_and_stays(project):
     said, _ = page(project, fall(1))
-    approve_proposal(project, said["proposal"], "a person")
+    approve_proposal(project.feedback, said["proposal"], "a person")
     said, check = page(project)
     assert said["proposal"] == "none" and check.passed
     assert said["approved, proposed no longer"].count("t1, ") == 3
@@ -178,7 +178,7 @@ def test_without_a_person_what_is_proposed_is_what_is_approved_no_more_and_no_le
 
 def test_without_a_person_what_one_approved_before_goes_with_its_proposal(project):
     said, _ = page(project, fall(1))
-    approve_proposal(project, said["proposal"], "a person")
+    approve_proposal(project.feedback, said["proposal"], "a person")
     without_a_person(project)
     page(project)
     assert not project.approved_feedback.exists()
@@ -189,7 +189,7 @@ def test_without_a_person_the_demonstration_takes_no_effect_unless_one_approves_
     shown = fall(1, simulated=True, file="demo/side_left_fall")
     said, _ = page(project, shown)
     assert not project.approved_feedback.exists()
-    approve_proposal(project, said["proposal"], "a person")
+    approve_proposal(project.feedback, said["proposal"], "a person")
     page(project, shown)
     assert len(approvals_of(project).changes) == 3
     page(project, shown, fall(2))

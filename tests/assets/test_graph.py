@@ -7,6 +7,7 @@ import pytest
 
 from assets.definitions import defs
 from assets.freshness import topological
+from assets.groups import group_of
 from assets.plan import EXPORTS, plans
 from assets.project import PROJECT
 from assets.robot_motions import robot_assets
@@ -116,7 +117,20 @@ def test_every_asset_has_a_plan_a_description_and_a_group():
     for key in graph.materializable_asset_keys:
         assert key in known
         assert graph.get(key).description
-        assert graph.get(key).group_name in {"motions", "t1_motions", "k1_motions", "field"}
+        name, robot = key.path[-1], known[key].robot
+        assert graph.get(key).group_name == group_of(name, robot)
+
+
+def test_the_groups_show_the_stages_and_keep_training_apart():
+    graph = defs.resolve_asset_graph()
+    groups: dict[str, set[str]] = {}
+    for key in graph.get_all_asset_keys():
+        groups.setdefault(str(graph.get(key).group_name), set()).add(key.path[-1])
+    shared = {"sources", "KP1_selection", "KP2_repair", "hardware_feedback"}
+    of_robot = {"robot", "KP3_retargeting", "KP4_augmentation", "KP5_feasibility", "database", "training", "validation"}
+    assert set(groups) == shared | {f"{robot}_{name}" for robot in ("t1", "k1") for name in of_robot}
+    assert groups["t1_training"] == {"amp_policy", "augmentation_ablation", "approved_randomization"}
+    assert groups["KP1_selection"] == {"selected_motions", "approved_windows"}
 
 
 def test_what_would_make_wrong_data_blocks():

@@ -7,7 +7,6 @@ import dagster as dg
 import pytest
 
 from assets import recuration, run_tries
-from assets.approval import approve_proposal, take_back_sections
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
 from assets.recuration import (
@@ -21,6 +20,7 @@ from assets.recuration import (
 from assets.run_locks import alive
 from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
+from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.change import proposal_digest
 from tests.factories.feedback_project import feedback_project, note_materialized, propose_into, two_falls
 from tests.factories.trial_reports import proposal
@@ -39,7 +39,7 @@ def project(root, tmp_path, monkeypatch) -> Project:
 
 
 def approve(project: Project, *sections: str) -> None:
-    approve_proposal(project, PENDING, "a person", sections=sections)
+    approve_proposal(project.feedback, PENDING, "a person", sections=sections)
 
 
 def write_database(project: Project) -> None:
@@ -106,7 +106,7 @@ def test_a_database_is_behind_while_it_does_not_say_that_it_heard(project, secti
         assert why.endswith("did not reach the database"), "the stages ran, and then the run died"
         write_database(project)
         assert behind(instance, project) == {}
-        take_back_sections(project, (section,), "a person")
+        take_back_sections(project.feedback, (section,), "a person")
         note_materialized(instance, project)
         assert list(behind(instance, project)) == [DATABASE], "what is taken back is in it still"
 
@@ -204,7 +204,7 @@ def test_what_is_approved_again_after_it_was_taken_back_is_run_again(project):
             run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
             write_database(project)
             note_materialized(instance, project)
-            take_back_sections(project, ("weights",), "a person")
+            take_back_sections(project.feedback, ("weights",), "a person")
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
             run_of(instance, request, dg.DagsterRunStatus.SUCCESS)

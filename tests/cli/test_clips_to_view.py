@@ -127,6 +127,24 @@ def test_a_clip_of_the_database_is_shown_as_it_was_written(project, robot, tmp_p
     assert "walk" in shown.text and "1.5" in shown.text
 
 
+@pytest.mark.parametrize(("frame", "shown"), [(3, True), (10_000, False)])
+def test_a_rollout_of_the_database_is_shown_beside_its_reference(project, robot, tmp_path, frame, shown):
+    """A store that was made again since may have another, shorter reference of that name."""
+    reference = standing_robot(robot)
+    moving = reference.root_pos_w + np.arange(reference.frame_count)[:, None] * [0.01, 0.0, 0.0]
+    reference = dataclasses.replace(reference, root_pos_w=moving)
+    rollout = reference.cut(3, 13, "made/glide@10-39~rollout")
+    _save(project, "reference_motions", {"made/glide@10-39": (reference, {})})
+    place = {"reference": "made/glide@10-39", "reference_frame": frame}
+    _save(project, "feasible_motions", {rollout.name: (rollout, place)})
+    path = tmp_path / "clip.json"
+    path.write_bytes(encode_clip(ExpertEntry(clip=rollout, weight=1.0, skill="walk", licence="CC0-1.0"), robot))
+    beside = clips_to_view(project, str(path), robot, NOTHING_STATED).load(rollout.name).reference
+    assert (beside is not None) == shown
+    if beside is not None:
+        np.testing.assert_allclose(beside.root_pos_w, reference.root_pos_w[3:13])
+
+
 def test_a_clip_for_another_robot_is_refused(project, robot, tmp_path):
     data = encode_clip(ExpertEntry(clip=standing_robot(robot), weight=1.0, skill="walk", licence="CC0-1.0"), robot)
     content = json.loads(data)

@@ -116,7 +116,7 @@ def test_what_is_exported_is_read_back_as_the_same_motion(database, robot, tmp_p
 
 
 def test_the_data_set_has_the_layout_of_lerobot_3(database, robot, tmp_path):
-    """As lerobot 0.4.4 reads it (docs: lerobot-dataset-v3). The package itself needs older pandas than the project."""
+    """As the format's documentation has it; its own loader opens one in tests/dataset_export."""
     out = tmp_path / "out"
     assert main(["export", str(database), "--format", "lerobot", "--out", str(out)]) == 0
     info = json.loads((out / "meta/info.json").read_text())
@@ -197,17 +197,28 @@ def test_clips_of_one_skill_alone_are_exported(database, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["README.md", archive(tmp_path, NAMES[2]).name]
 
 
-def test_the_card_names_sources_licences_skills_and_stages(database, tmp_path):
-    assert main(["export", str(database), "--format", "card", "--out", str(tmp_path)]) == 0
-    text = (tmp_path / "README.md").read_text()
+def test_the_card_beside_the_database_names_sources_licences_skills_and_stages(database):
+    text = (database / "README.md").read_text()
     head = yaml.safe_load(text.split("---")[1])
     assert head["license"] == "other" and "t1" in head["tags"]
+    assert "3 clips, 0.1 minutes at 50 Hz" in text
     assert "| CC0-1.0 | public-domain | 1 | 1.4 |" in text
+    assert "| source | CC-BY-4.0 | Jane" in text and "| other | CC0-1.0 | Jane" in text
     assert "| walk | 2.5 | 2 |" in text
     assert "| repaired_motions | 12ab |" in text
     assert "| mirror | 1.3 | 1 |" in text
     assert "<b>" not in text and "Jane &lt;b&gt;Doe&lt;/b&gt; \\| \\[x](y)" in text
-    assert read_database(database).manifest["clips"] == 3
+    assert read_database(database).manifest["files"].keys() >= {"README.md"}
+
+
+@pytest.mark.parametrize("kind", ["gmr", "lerobot"])
+def test_the_card_of_an_export_is_that_of_the_exported_clips(database, tmp_path, kind):
+    for name, skills in (("all", []), ("run", ["--skill", "run"])):
+        assert main(["export", str(database), "--format", kind, "--out", str(tmp_path / name), *skills]) == 0
+    assert (tmp_path / "all/README.md").read_bytes() == (database / "README.md").read_bytes()
+    text = (tmp_path / "run/README.md").read_text()
+    assert "1 clip, " in text and "Strictest: **public-domain**" in text
+    assert "CC-BY-4.0" not in text and "| walk |" not in text
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from assets.approval import approve_proposal
 from assets.project import Project
 from pipeline.actuators import read_actuators
+from pipeline.batch import Store
 from pipeline.feasibility import CommandSettings
+from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.cell_weights import cell_parts
 from pipeline.files import digest, settings
 from pipeline.hardware_logs.log_folder import QUIET_S
@@ -106,17 +107,20 @@ def test_what_failed_in_a_dropped_log_weighs_more_in_the_next_database(checkout,
 
 
 def test_seconds_and_speeds_that_are_approved_too_work_on_the_clips_of_that_skill_alone(checkout):
-    before, names = checkout.counts(), set(_index(checkout)["clip"])
+    before, names, fates = checkout.counts(), set(_index(checkout)["clip"]), _fates_of_references(checkout)
     project = Project(checkout.root)
     proposal = _metadata(checkout, "curation_feedback")["proposal"]
-    approve_proposal(project, proposal, "a person", sections=("selection", "augmentation"))
+    approve_proposal(project.feedback, proposal, "a person", sections=("selection", "augmentation"))
     checkout.materialize()
     made = {name for name, count in checkout.counts().items() if count > before[name]}
     assert made >= {"selected_motions", *ROLLED_OUT, "feasible_motions", "expert_db"}
     assert made.isdisjoint({"motion_catalog", "robot_model", "actuator_calibration", "adapted_robot"})
-    new = set(_index(checkout)["clip"]) - names
-    marks = {name.partition("~rollout")[0].rpartition("~")[2] for name in new}
-    assert marks == {"x0.85", "x1.15", "step_width0.02"} and all("side_left" in name for name in new)
+    now = _fates_of_references(checkout)
+    assert {name: now[name] for name in fates} == fates, "further variants change no verdict on earlier references"
+    further = now.keys() - fates.keys()
+    assert _marks(further) == {"x0.85", "x1.15", "step_width0.02"} and all("side_left" in name for name in further)
+    new = {name.partition("~rollout")[0] for name in set(_index(checkout)["clip"]) - names}
+    assert new == {name for name in further if now[name] != "rejected"}, "all that the tracker follows"
     assert names <= set(_index(checkout)["clip"])
     touched = {name: count for name, count in checkout.recomputed().items() if name in made and count}
     assert set(touched) == {*ROLLED_OUT, "feasible_motions"}, "no window was cut, repaired or retargeted anew"
@@ -130,7 +134,7 @@ def test_seconds_and_speeds_that_are_approved_too_work_on_the_clips_of_that_skil
 def test_a_motor_that_two_logs_show_weaker_is_weaker_in_the_model_that_judges_clips(checkout):
     before, project = checkout.counts(), Project(checkout.root)
     proposal = propose_into(project, *(report(number, saturated(36.0)) for number in range(2)))
-    approve_proposal(project, proposal, "a person", sections=("motors",))
+    approve_proposal(project.feedback, proposal, "a person", sections=("motors",))
     checkout.materialize()
     made = {name for name, count in checkout.counts().items() if count > before[name]}
     assert made - {"tracking_policy"} == {"adapted_robot", *ROLLED_OUT[1:], "feasible_motions", "expert_db"}
@@ -179,6 +183,17 @@ def _told_of_approval(checkout: Checkout) -> dict[str, Any] | None:
 
 def _index(checkout: Checkout) -> pd.DataFrame:
     return pd.read_parquet(checkout.root / "data/expert_db/t1/index.parquet")
+
+
+def _fates_of_references(checkout: Checkout) -> dict[str, str]:
+    """Name of each reference -> what became of its rollouts in KP4."""
+    judged = Store(root=checkout.root / "data/store").load("augmented_motions").judged
+    return {row.clip: row.fate for row in judged}
+
+
+def _marks(names: Iterable[str]) -> set[str]:
+    """What variants of these names change: `x0.85` of `side_left@0-89~x0.85`."""
+    return {name.rpartition("~")[2] for name in names}
 
 
 def _share(checkout: Checkout, index: pd.DataFrame) -> float:

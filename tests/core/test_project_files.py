@@ -79,9 +79,26 @@ def test_the_lock_file_has_the_tested_versions_with_hashes(root: Path):
     assert "--require-hashes --requirement requirements.lock" in (root / "Makefile").read_text()
 
 
+def test_lerobots_loader_is_locked_with_hashes(root: Path):
+    folder = root / "tests/dataset_export"
+    locked = pinned(folder / "lerobot.lock")
+    assert locked == pinned(folder / "lerobot.txt"), "run `make lock`"
+    assert (folder / "lerobot.lock").read_text().count("--hash=sha256:") >= len(locked)
+
+
 def test_what_the_project_depends_on_is_locked(root: Path):
     project = tomllib.loads((root / "pyproject.toml").read_text())
     wanted = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["dev"]]
     wanted += project["build-system"]["requires"]
     names = {re.match(r"[A-Za-z0-9._-]+", each).group().lower().replace("_", "-") for each in wanted}
     assert names - {"torch"} <= set(pinned(root / "requirements.lock"))
+
+
+def test_the_dockerfile_copies_what_is_there_and_leaves_results_out(root: Path):
+    copied = re.findall(r"^COPY (.+) \S+$", (root / "Dockerfile").read_text(), re.MULTILINE)
+    names = [name for line in copied for name in line.split()]
+    assert "requirements.lock" in names and "." in names
+    assert [name for name in names if not (root / name).exists()] == []
+    ignored = set((root / ".gitignore").read_text().split())
+    left_out = set((root / ".dockerignore").read_text().split())
+    assert {f"/{name}/" for name in left_out if name.startswith("data/")} - ignored == {"/data/feedback/"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -82,3 +83,19 @@ def test_a_robot_log_is_read_with_its_fall(example, log: str, fell: str):
     printed = example("read_robot_log", f"data/hardware_logs/demo/{log}.mcap")
     assert f"fall reported: {fell}" in printed
     assert number(r"largest tilt ([\d.]+) deg", printed) > (60.0 if fell == "yes" else 0.0)
+
+
+def test_the_notebook_runs_from_top_to_bottom(root: Path, tmp_path: Path):
+    notebook = json.loads((root / "examples/quickstart.ipynb").read_text())
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells), "stored without outputs"
+    for name in ("data", "robots", "examples"):
+        (tmp_path / name).symlink_to(root / name)
+    program = "\n\n".join("".join(cell["source"]) for cell in cells)
+    command, environment = [sys.executable, "-c", program], {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert number(r"limb error ([\d.]+) deg", done.stdout) < 2.0
+    assert number(r"fell: None, speed ([\d.]+) m/s", done.stdout) == pytest.approx(0.8, abs=0.12)
+    assert number(r"(\d+) of \d+ criteria hold", done.stdout) > 20
+    assert {path.name for path in (tmp_path / "quickstart").iterdir()} == {"poses.png", "walk.gif"}

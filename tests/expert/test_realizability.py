@@ -1,13 +1,14 @@
 """Accuracy of a classifier between clips and rollouts: rollouts are made of the clips' references, family by family."""
 
 import dataclasses
+import logging
 
 import numpy as np
 import pytest
 
-from pipeline.batch import ClipPool, Entry, Manifest, Store
+from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store
 from pipeline.clips.outcome import Outcome, Piece
-from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
+from pipeline.expert.realizability import REFERENCES, TooFewMotionsError, _chosen, accuracy_against_rollouts
 from tests.factories.robot_clips import standing
 
 NAMES = [f"walk{index}" for index in range(6)]
@@ -25,30 +26,56 @@ def _manifest(store: Store, robot, names: list[str]) -> Manifest:
     return Manifest(stage="made", entries=tuple(entries), judged=())
 
 
-@pytest.mark.parametrize(("shift", "least", "most"), [(0.0, 0.3, 0.7), (0.5, 0.99, 1.0)])
-def test_only_motions_that_differ_from_the_rollouts_are_told_apart(robot, tmp_path, shift, least, most):
-    store, lengths = Store(root=tmp_path), []
+def _accuracy(store: Store, robot, clips: Manifest, references: Manifest, shift: float, asked: list) -> float:
+    """With rollouts that are the references, shifted in all joints [rad]; `asked` gets the motions rolled out."""
 
     def rollout(clip, numbers) -> Outcome:
-        lengths.append(clip.duration_s)
-        moved = dataclasses.replace(clip, joint_pos=clip.joint_pos + shift)
-        untouched = dataclasses.replace(clip, joint_pos=clip.joint_pos + 9.0)
-        return Outcome(
-            pieces=(Piece(clip=untouched, numbers={"rollout": 0}), Piece(clip=moved, numbers={"rollout": 1}))
-        )
+        asked.append(clip.name)
+        moved = dataclasses.replace(clip, joint_pos=clip.joint_pos + shift, name=f"{clip.name}~rollout1")
+        return Outcome(pieces=(Piece(clip=moved, numbers={"rollout": 1, "seconds": clip.duration_s}),))
 
+    stage = Stage(name="other seed", version=str(shift), function=rollout)
+    pool, log = ClipPool(backend="sequential"), logging.getLogger()
+    return accuracy_against_rollouts(clips, references, stage, robot, store, pool, log)
+
+
+@pytest.mark.parametrize(("shift", "least", "most"), [(0.0, 0.3, 0.7), (0.5, 0.99, 1.0)])
+def test_only_motions_that_differ_from_the_rollouts_are_told_apart(robot, tmp_path, shift, least, most):
+    store, asked = Store(root=tmp_path), []
     references = _manifest(store, robot, [*NAMES, "unused"])
     clips = _manifest(store, robot, [f"{name}~x1" for name in NAMES])
-    pool = ClipPool(backend="sequential")
-    accuracy = accuracy_against_rollouts(clips, references, rollout, robot, store, pool)
-    assert least <= accuracy <= most
-    assert len(lengths) == len(NAMES), "no rollout of a reference that no clip tracked"
-    assert max(lengths) <= SECONDS
+    assert least <= _accuracy(store, robot, clips, references, shift, asked) <= most
+    assert sorted(asked) == NAMES, "no rollout of a reference that no clip tracked"
 
 
-def test_a_few_motions_are_not_enough(robot, tmp_path):
+def test_only_a_changed_reference_is_rolled_out_again(robot, tmp_path):
+    store, asked = Store(root=tmp_path), []
+    references = _manifest(store, robot, NAMES)
+    clips = _manifest(store, robot, [f"{name}~x1" for name in NAMES])
+    first = _accuracy(store, robot, clips, references, 0.0, asked)
+    asked.clear()
+    assert _accuracy(store, robot, clips, references, 0.0, asked) == first
+    assert asked == []
+    changed = dataclasses.replace(references.entries[2], blob=store.put_clip(standing(robot, 7.0)))
+    entries = (*references.entries[:2], changed, *references.entries[3:])
+    _accuracy(store, robot, clips, dataclasses.replace(references, entries=entries), 0.0, asked)
+    assert asked == [changed.clip]
+
+
+def test_another_reference_takes_the_place_of_at_most_one():
+    names = [f"walk{index}~x{index}" for index in range(2 * REFERENCES)]
+    entries = [Entry(clip=name, blob="", numbers={}) for name in names]
+    chosen = {entry.clip for entry in _chosen(entries, seed=0)}
+    assert len(chosen) == REFERENCES
+    assert chosen != {entry.clip for entry in _chosen(entries, seed=1)}
+    for name in ("a", "b", "c", "d"):
+        with_another = {entry.clip for entry in _chosen([*entries, Entry(clip=name, blob="", numbers={})], seed=0)}
+        assert len(chosen - with_another) <= 1
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_a_few_motions_are_not_enough(robot, tmp_path, count):
     store = Store(root=tmp_path)
-    few = _manifest(store, robot, NAMES[:2])
-    pool = ClipPool(backend="sequential")
-    with pytest.raises(TooFewMotionsError, match="at least 4 are needed"):
-        accuracy_against_rollouts(few, few, lambda clip, numbers: Outcome(), robot, store, pool)
+    few = _manifest(store, robot, NAMES[:count])
+    with pytest.raises(TooFewMotionsError, match=r"at least 4 are needed|No motion was rolled out"):
+        _accuracy(store, robot, few, few, 0.0, [])

@@ -14,16 +14,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from assets.approval import approve_proposal
 from assets.approved import approvals_of
 from assets.log_ingest import ingest_folder
 from assets.plan import TRIALS
 from assets.project import Project
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.actuators.settings import ActuatorSettings
+from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.expert import DatabaseSettings, ExpertEntry, history, read_database, write_database
 from pipeline.expert.training_bundle import write_training_bundle
+from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.change import proposal_digest
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes
@@ -89,7 +90,16 @@ def _prepare_ingest(folder: Path) -> None:
 def _ingest(folder: Path) -> None:
     project = Project(folder)
     values = settings.read(project.settings("hardware_logs.yaml"), LogSettings)
-    project.store.save("hardware_trials", ingest_folder(project, TRIALS, values, LOG).manifest)
+    ingested = ingest_folder(project, TRIALS, values, LOG)
+    project.store.save("hardware_trials", ingested.manifest)
+    if ingested.faults:  # the asset states them and is stale until there are none
+        raise PipelineError(" ".join(_fault_texts(ingested.manifest)))
+
+
+def _fault_texts(manifest: Manifest) -> list[str]:
+    """Reasons of the logs that the machine kept us from reading."""
+    texts = [reason["text"] for row in manifest.judged for reason in row.reasons]
+    return [text for text in texts if "No space left" in text]
 
 
 def _check_ingest(folder: Path) -> str:
@@ -98,8 +108,10 @@ def _check_ingest(folder: Path) -> str:
     if not store.manifest_path("hardware_trials").is_file():
         return "before"
     manifest = store.load("hardware_trials")
-    assert [row.fate for row in manifest.judged] == ["accepted", "rejected", "accepted"]
     assert store.holds_blobs_of("hardware_trials")
+    if _fault_texts(manifest):
+        return "between"
+    assert [row.fate for row in manifest.judged] == ["accepted", "rejected", "accepted"]
     return "after"
 
 
@@ -108,7 +120,7 @@ def _prepare_approval(folder: Path) -> None:
 
 
 def _approve(folder: Path) -> None:
-    approve_proposal(Project(folder), proposal_digest(proposal(*two_falls()).changes), "a person")
+    approve_proposal(Project(folder).feedback, proposal_digest(proposal(*two_falls()).changes), "a person")
 
 
 def _check_approval(folder: Path) -> str:

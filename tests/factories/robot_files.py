@@ -76,3 +76,17 @@ def amp_robot(path, **change):
     }
     np.savez(path, **{**arrays, **change})
     return path
+
+
+def gmr_npz(path, **change):
+    """GMR's arrays in an archive, root xyzw."""
+    root, quat, joints = truth()
+    arrays = {
+        "fps": np.array(50.0),
+        "root_pos": root,
+        "root_rot": np.roll(quat, -1, axis=1),
+        "dof_pos": joints,
+        "dof_names": np.array(ROBOT.joint_names),
+    }
+    np.savez(path, **{**arrays, **change})
+    return path

@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.deployment import deployment_task, load_policy, save_policy
 from pipeline.errors import FileError
-from pipeline.export.card import FILE, SCHEMA, ModelCard, read_card
+from pipeline.export.card import FILE, SCHEMA, ModelCard, page, read_card
 from pipeline.export.golden import GoldenVectors, read_golden, write_golden
 from pipeline.files import digest
+from pipeline.learning.checkpoint import load_checkpoint
+from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
 from tests.factories.policies import random_policy
 
@@ -31,6 +34,9 @@ CARD = ModelCard(
     task={},
     files={"policy.npz": "cd" * 32},
 )
+
+
+PARITY = {"onnx": 0.0, "torch_script": 0.0, "runtime": "none", "observations": 1}
 
 
 @pytest.fixture
@@ -78,14 +84,24 @@ def test_a_faulty_policy_is_refused_in_one_sentence(tmp_path, arrays, fault):
     assert "\n" not in str(raised.value)
 
 
-def bomb(path: Path, inflated: int, name: str = "L0_w") -> None:
-    """An archive whose array of zeros is of so many bytes."""
+def bomb(path: Path, inflated: int, member: str) -> None:
+    """An archive with an array of zeros of so many bytes."""
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "<f8", "fortran_order": False, "shape": (inflated // 8,)})
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(f"{name}.npy", "w") as member:
-        member.write(stream.getvalue())
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(member, "w") as written:
+        written.write(stream.getvalue())
         for _ in range(inflated // 1_000_000):
-            member.write(bytes(1_000_000))
+            written.write(bytes(1_000_000))
+
+
+def members(path: Path, inflated: int, names: list[str]) -> None:
+    """An archive with members of so many bytes, each of which alone is allowed."""
+    data = bytes(1_000_000)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in names:
+            with archive.open(name, "w") as written:
+                for _ in range(inflated // len(data)):
+                    written.write(np.random.default_rng(0).bytes(3_000) + data[3_000:])
 
 
 MEASURE = """
@@ -109,16 +125,35 @@ def measured(imports: str, call: str, root: Path, error: str = "Exception") -> t
     return " ".join(sentence), int(peak)
 
 
-@pytest.mark.parametrize("kind", ["policy", "golden"])
-def test_a_bomb_is_refused_before_it_inflates(tmp_path, root, kind):
-    path = tmp_path / f"{kind}.npz"
-    bomb(path, 800_000_000, "L0_w" if kind == "policy" else "command")
-    module, name = (
-        ("pipeline.deployment", "load_policy") if kind == "policy" else ("pipeline.export.golden", "read_golden")
-    )
-    sentence, peak_mb = measured(f"from {module} import {name}", f"{name}(Path({str(path)!r}))", root)
-    assert "inflates" in sentence
+READERS = {
+    "policy.npz": ("pipeline.deployment", "load_policy({path})", "L0_w.npy"),
+    "golden.npz": ("pipeline.export.golden", "read_golden({path})", "command.npy"),
+    "checkpoint.pt": ("pipeline.learning.checkpoint", "load_checkpoint({path}, 'cpu')", "model/data/0"),
+    "script.pt": ("pipeline.export.torch_script", "read_torch_script({path})", "script/code/0"),
+}
+"""File -> the module of its reader, the call, and a member that the archive has."""
+
+
+@pytest.mark.parametrize("file", READERS)
+@pytest.mark.parametrize("inflated", ["in one member", "in many members"])
+def test_a_bomb_is_refused_before_it_inflates(tmp_path, root, file, inflated):
+    path, (module, call, member) = tmp_path / file, READERS[file]
+    if inflated == "in one member":
+        bomb(path, 800_000_000, member)
+    else:
+        members(path, 60_000_000, [f"{member}{number}" for number in range(7)])
+    name = call.split("(")[0]
+    sentence, peak_mb = measured(f"from {module} import {name}", call.format(path=f"Path({str(path)!r})"), root)
+    assert "inflates" in sentence and file in sentence
     assert peak_mb < 600
+
+
+def test_a_file_of_early_torch_is_refused_unread(tmp_path):
+    """torch before 1.6 wrote no archive: its reader takes the memory that the pickle claims before it reads."""
+    path = tmp_path / "model_000001.pt"
+    torch.save({"a": torch.zeros(2)}, path, _use_new_zipfile_serialization=False)
+    with pytest.raises(TrainingError, match=r"model_000001\.pt: .*no archive of torch"):
+        load_checkpoint(path, "cpu")
 
 
 def golden(path: Path, **changes: np.ndarray) -> Path:
@@ -195,6 +230,15 @@ def test_a_card_of_other_kinds_of_values_is_refused(tmp_path, change):
     (tmp_path / FILE).write_text(json.dumps({**value, "sha256": digest.of_json(value)}))
     with pytest.raises(FileError, match=r"card\.json: "):
         read_card(tmp_path)
+
+
+def test_the_page_of_a_card_has_no_markup_of_its_values():
+    hostile = "<script>x</script> ![a](http://b) `c` | d\ne"
+    run = {"command": hostile + " --seed 1" * 100}
+    lines = page(ModelCard(**{**vars(CARD), "name": hostile, "run": run, "parity": PARITY})).splitlines()
+    assert lines[0] == "# &lt;script&gt;x&lt;/script&gt; !\\[a](http://b) 'c' \\| d e"
+    (command,) = [line for line in lines if line.startswith("| command ")]
+    assert command.endswith("--seed 1 |") and "<" not in command
 
 
 @pytest.mark.parametrize("text", ["null", "[]", "3", "{", "[" * 5_000 + "]" * 5_000, '{"schema": null}'])

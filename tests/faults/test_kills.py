@@ -15,14 +15,15 @@ import numpy as np
 import pytest
 
 from tests.factories.interrupted import WORKS, refused, run
+from tests.factories.small_disk import PAGE, ROOMY, SmallDisk, why_unavailable
 
 KILLS = {"database swap": 9, "ingest": 9, "approval": 6, "training start": 6}
 """30 kills in all."""
 FULL_DISKS = {"database swap": 3, "ingest": 3, "approval": 1, "training start": 3}
-"""10 moments from which nothing can be written."""
+"""10 moments at which the disk is full."""
 SEED = 37
 SERVER = multiprocessing.get_context("forkserver")
-SERVER.set_forkserver_preload(["tests.factories.interrupted"])
+SERVER.set_forkserver_preload(["tests.factories.interrupted", "tests.factories.small_disk"])
 
 
 def started(name: str, folder: Path):
@@ -109,7 +110,7 @@ sys.addaudithook(DISK.hook)
 
 
 @pytest.mark.parametrize("name", WORKS)
-def test_on_a_full_disk_work_is_a_sentence_and_what_was_there_stays(prepared, tmp_path, name):
+def test_where_no_file_can_be_made_work_is_a_sentence_and_what_was_there_stays(prepared, tmp_path, name):
     folder = shutil.copytree(prepared[name], tmp_path / "counted", symlinks=True)
     with DISK(folder, -1):
         assert refused(name, folder) == ""
@@ -123,3 +124,49 @@ def test_on_a_full_disk_work_is_a_sentence_and_what_was_there_stays(prepared, tm
         WORKS[name].check(folder)
         assert refused(name, folder) == ""
         assert WORKS[name].check(folder) == "after"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    """Where a small disk is mounted."""
+    folder = tmp_path_factory.mktemp("disk")
+    reason = why_unavailable(SERVER, folder)
+    if reason:
+        pytest.skip(reason)
+    return folder
+
+
+def on_small_disk(name: str, source: str, place: str, share: float, answers) -> None:
+    """The work on a disk with room for a share of what it writes, then again with room for all of it.
+
+    Answers the bytes that it writes, the sentence on the full disk, the state that it leaves, and the sentence and
+    the state of the repetition.
+    """
+    disk = SmallDisk(Path(place))
+    whole = shutil.copytree(source, Path(place) / "whole", symlinks=True)
+    before = disk.used
+    refused(name, whole)
+    written = disk.used - before
+    folder = shutil.copytree(source, Path(place) / "project", symlinks=True)
+    disk.leave(int(share * written) // PAGE * PAGE)
+    sentence = refused(name, folder)
+    state = WORKS[name].check(folder)
+    disk.leave(ROOMY)
+    again = refused(name, folder)
+    answers.put((written, sentence, state, again, WORKS[name].check(folder)))
+
+
+@pytest.mark.parametrize("name", WORKS)
+def test_on_a_full_disk_work_names_it_and_is_done_once_there_is_room(prepared, place, name):
+    rng = np.random.default_rng([SEED, *name.encode()])
+    for share in rng.uniform(0.0, 1.0, FULL_DISKS[name]):
+        answers = SERVER.SimpleQueue()
+        arguments = (name, str(prepared[name]), str(place), float(share), answers)
+        process = SERVER.Process(target=on_small_disk, args=arguments)
+        process.start()
+        process.join(120.0)
+        assert process.exitcode == 0
+        written, sentence, state, again, state_again = answers.get()
+        assert written >= PAGE
+        assert "No space left" in sentence, (share, sentence, state)
+        assert (again, state_again) == ("", "after")

@@ -48,6 +48,59 @@ def test_a_bent_knee_swings_the_ankle_back(tmp_path, columns):
     np.testing.assert_allclose(clip.quat("left_knee")[0], [np.cos(angle / 2), 0, np.sin(angle / 2), 0], atol=1e-9)
 
 
+def swinging(frames=12):
+    """Poses (t, 66) in which every joint of the body turns in its own way."""
+    poses, time = smpl_pose({}, frames, 66), np.linspace(0.0, 1.0, frames)[:, None]
+    poses[:, 3:] = 0.3 * np.sin(4.0 * time + np.arange(63))
+    return poses
+
+
+def laid_out(layout, poses):
+    """The arrays of a program for poses (t, 66); what it adds (hands, face) is noise that is not read."""
+    noise = np.random.default_rng(3).normal(size=(len(poses), 99))
+    root, body = poses[:, :3], poses[:, 3:]
+    if layout.startswith("poses "):
+        return {"poses": np.hstack([poses, noise])[:, : int(layout.removeprefix("poses "))]}
+    if layout == "joints":
+        return {"poses": np.hstack([poses, noise])[:, :72].reshape(-1, 24, 3)}
+    if layout == "pose_aa joints":
+        return {"pose_aa": poses.reshape(-1, 22, 3).astype("f4")}
+    names = {"split": ("root_orient", "pose_body"), "long": ("global_orient", "body_pose")}[layout.split()[0]]
+    arrays = {names[0]: root, names[1]: np.hstack([body, noise])[:, : int(layout.split()[1])]}
+    hands = {"pose_hand": noise[:, :90], "pose_jaw": noise[:, :3], "pose_eye": noise[:, :6]}
+    return {**arrays, **hands} if layout == "split 63" else arrays
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        *("poses 66", "poses 72", "poses 156", "poses 165", "joints", "pose_aa joints"),
+        *("split 63", "split 69", "split 153", "split 162", "long 63", "long 69"),
+    ],
+)
+@pytest.mark.parametrize("rate", ["mocap_framerate", "mocap_frame_rate", "fps"])
+def test_one_motion_is_the_same_under_every_layout_of_its_columns(tmp_path, layout, rate):
+    poses, trans = swinging(), np.stack([0.02 * np.arange(12), np.zeros(12), np.full(12, 0.9)], axis=1)
+    np.savez(tmp_path / "truth.npz", poses=poses, trans=trans, mocap_framerate=120.0)
+    move = "transl" if layout.startswith("long") else "trans"
+    np.savez(tmp_path / "clip.npz", **laid_out(layout, poses), **{move: trans, rate: 120, "gender": "neutral"})
+    truth, read = (read_motion(tmp_path / f"{name}.npz", "clip") for name in ("truth", "clip"))
+    assert (read.format, read.clip.fps) == ("smpl", 120.0)
+    np.testing.assert_allclose(read.clip.body_pos_w, truth.clip.body_pos_w, atol=1e-6)
+    np.testing.assert_allclose(read.clip.body_quat_w, truth.clip.body_quat_w, atol=1e-6)
+
+
+@pytest.mark.parametrize("lost", ["root_orient", "pose_body"])
+def test_a_split_pose_of_which_a_part_is_missing_or_of_another_length_is_refused(tmp_path, lost):
+    arrays = {**laid_out("split 63", swinging()), "trans": np.zeros((12, 3)), "fps": 30.0}
+    np.savez(tmp_path / "clip.npz", **{name: value for name, value in arrays.items() if name != lost})
+    with pytest.raises(FileError, match="no known motion"):
+        read_motion(tmp_path / "clip.npz", "clip")
+    np.savez(tmp_path / "clip.npz", **{**arrays, lost: arrays[lost][:-1]})
+    with pytest.raises(FileError, match="wanted the same frames"):
+        read_motion(tmp_path / "clip.npz", "clip")
+
+
 def test_the_root_is_where_trans_says(tmp_path):
     clip = read_motion(files.smpl_npz(tmp_path / "clip.npz"), "clip").clip
     np.testing.assert_allclose(clip.pos("pelvis")[:, 1], -0.02 * np.arange(20), atol=1e-9)

@@ -83,6 +83,30 @@ def test_a_rate_that_the_files_own_velocities_contradict_is_corrected_and_named(
     assert (stated.clip.fps, stated.notes[0].effect) == (declared, "noted")
 
 
+@pytest.mark.parametrize("declared", [50.0, 64.0, 100.0])
+@pytest.mark.parametrize("kind", ["amp", "qpos", "whole body"])
+def test_a_rate_contradicted_by_velocities_of_no_usual_rate_is_rejected_with_both(tmp_path, kind, declared):
+    velocity = np.gradient(truth()[2], 1.0 / 80.0, axis=0)
+    if kind == "amp":
+        bodies = np.gradient(Kinematics(ROBOT).forward(*truth()).pos_w, 1.0 / 80.0, axis=0)
+        path = amp_robot(
+            tmp_path / "clip.npz",
+            fps=np.array(declared),
+            dof_velocities=velocity[:, ::-1],
+            body_linear_velocities=bodies,
+        )
+    elif kind == "qpos":
+        path = qpos_npz(tmp_path / "clip.npz", 80.0, frequency=np.array(declared))
+    else:
+        path = npz(tmp_path / "clip.npz", fps=np.array([declared]), joint_vel=velocity)
+    read = read_motion(path, "clip")
+    (note,) = read.notes
+    assert (note.code, note.effect, read.clip.fps) == ("time_base", "rejected", declared)
+    assert f"says {declared:g} Hz" in note.text and "those of 80 Hz" in note.text and "State the right one" in note.text
+    stated = read_motion(path, "clip", Statement(fps=80.0))
+    assert (stated.clip.fps, [note.effect for note in stated.notes]) == (80.0, ["noted"])
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_a_rate_that_the_velocities_agree_with_is_kept_silently(tmp_path, noise):
     velocity = np.gradient(truth()[2], 0.02, axis=0)

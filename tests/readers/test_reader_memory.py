@@ -21,7 +21,7 @@ def start_mb(tmp_path_factory):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="peak memory is read from /proc")
-@pytest.mark.parametrize("name", [name for name in WRITERS if name != "amc"])  # amc is slow; the benchmark has it
+@pytest.mark.parametrize("name", WRITERS)
 def test_reading_takes_no_more_than_four_times_the_files_size(tmp_path, start_mb, name):
     peak = bars_of(name, SIZE_MB, tmp_path)[0].value
     assert peak <= FIXED_MB + TIMES * SIZE_MB

@@ -45,7 +45,31 @@ def test_a_folder_of_other_formats_alone_is_an_error_that_says_how_to_convert(fo
     assert "no motion file in it. 4 files of other formats" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("suffix", sorted(CONVERT))
+def test_every_other_kind_that_may_hold_motion_is_counted(tmp_path):
+    counted = {"a.dae": ".dae", "takes.ZIP": ".zip", "b.json": ".json", "c.json": ".json", "d.xyz": ".xyz"}
+    counted |= {"numbers.txt": ".txt", "e.tar.gz": ".gz"}
+    (tmp_path / "folder.dae").mkdir()
+    (tmp_path / "numbers.txt").write_text("0.1 0.2 0.3\n")
+    for name in ("LICENSE", "README.txt", "index.json", "notes.txt", "clip.yaml", "video.mp4", "old.bak", "s.asf"):
+        (tmp_path / name).write_text("1" if name == "README.txt" else "text")
+    for name in counted:
+        if name != "numbers.txt":
+            (tmp_path / name).write_bytes(b"rubble")
+    listing = list_files(Source(name="mine", folder=tmp_path))
+    assert dict(listing.unread) == {".dae": 1, ".gz": 1, ".json": 2, ".txt": 1, ".xyz": 1, ".zip": 1}
+    text = listing.unread_text()
+    assert text.startswith("7 files of other formats were not read: .dae 1, .gz 1, .json 2, .txt 1, .xyz 1, .zip 1. ")
+    assert ".zip: Unpack it" in text and ".xyz:" not in text
+
+
+def test_a_pointer_in_the_place_of_a_text_file_is_listed_and_its_readme_is_not(tmp_path):
+    for name in ("walk.txt", "README.txt"):
+        (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    listing = list_files(Source(name="mine", folder=tmp_path))
+    assert [path.name for path in listing.motions] == ["walk.txt"] and not listing.unread
+
+
+@pytest.mark.parametrize("suffix", sorted(set(CONVERT) - {".txt"}))
 def test_each_of_these_files_is_refused_with_how_to_convert_it(tmp_path, suffix):
     (tmp_path / f"take{suffix}").write_bytes(b"rubble")
     with pytest.raises(FileError, match=f"'{suffix}' is not a motion file") as caught:
@@ -75,7 +99,7 @@ def test_a_source_warns_of_what_is_not_read_of_nothing_and_of_patterns_that_fit_
     assert source_warnings(empty, list_files(empty)) == [f"source 'empty': there is no motion file in {empty.folder}"]
 
 
-@pytest.mark.parametrize("suffix", [".bvh", ".npz", ".pkl", ".pt", ".csv", ".amc"])
+@pytest.mark.parametrize("suffix", [".bvh", ".npz", ".pkl", ".pt", ".csv", ".amc", ".txt", ".c3d", ".glb", ".mcap"])
 def test_a_pointer_in_the_place_of_a_file_is_called_one(tmp_path, suffix):
     text = "version https://git-lfs.github.com/spec/v1\noid sha256:" + "0" * 64 + "\nsize 149000000\n"
     (tmp_path / f"clip{suffix}").write_text(text)

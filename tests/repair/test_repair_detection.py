@@ -10,8 +10,11 @@ import pytest
 from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
 from pipeline.files import settings as settings_files
+from pipeline.readers import read_motion
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
+from pipeline.repair.roughness import find_spikes
+from pipeline.repair.unsteadiness import Seen
 from tests.factories.human_clips import Gait, standing, walker
 from tests.factories.planted_defects import KINDS, plant
 
@@ -66,6 +69,30 @@ def test_planted_defect_is_found_within_two_frames_of_where_it_is(kind, sound_cl
 @pytest.mark.parametrize("noise", [0.0, 0.0005])
 def test_sound_walk_has_no_defects(fps, noise, settings):
     assert not marked_frames(walker(fps=fps, seconds=5.0, noise=noise), settings)
+
+
+@pytest.mark.parametrize("name", ["walk", "walk_fast", "back", "side_left", "start_stop"])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_legs_that_land_at_30_hz_are_no_spikes(root, name, phase, settings):
+    """Every second frame of motions of 60 Hz, in pieces of five seconds: a knee straightens within a frame or two."""
+    whole = read_motion(root / f"data/motions/{name}.bvh", "clip").clip
+    half = dataclasses.replace(
+        whole, fps=30.0, body_pos_w=whole.body_pos_w[phase::2], body_quat_w=whole.body_quat_w[phase::2]
+    )
+    for start in range(0, half.frame_count - 60, 70):
+        piece = half.cut(start, min(start + 150, half.frame_count), "piece")
+        assert not marked_frames(piece, settings), f"from frame {start} on"
+
+
+def test_a_spike_names_the_limit_that_it_passes(settings):
+    clip, knee = walker(fps=60.0), body("left_knee")
+    quat = clip.body_quat_w.copy()
+    quat[100, knee] = rotation.multiply(quat[100, knee], rotation.from_rotvec(np.array([0.07, 0.0, 0.0])))
+    nothing_lost = np.zeros((clip.frame_count, 19), dtype=bool)
+    found = find_spikes(Seen(pos_w=clip.body_pos_w, quat_w=quat), nothing_lost, clip.fps, settings.detection)
+    (spike,) = [one for one in found if one.bodies == (knee,)]
+    assert spike.limit is not None and spike.value == pytest.approx(0.07, abs=0.01)
+    assert 0.045 <= spike.limit < 0.06
 
 
 def test_standing_still_is_not_frozen(settings):

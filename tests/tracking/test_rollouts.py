@@ -1,12 +1,14 @@
 """Rollouts on a CPU: reproducible, cut where tracking fails, with forces that obey Newton's second law."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.clips import codec
+from pipeline.clips.outcome import Outcome
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.feasibility.torque_criteria import centre_of_mass
@@ -15,7 +17,7 @@ from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.disturbance import draw
-from pipeline.tracking.process import NOT_TRACKED, process
+from pipeline.tracking.process import NOT_TRACKED, disturbed_count, disturbed_motion, motion_to_failure, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
 from tests.factories.robot_clips import standing
@@ -32,9 +34,25 @@ def shipped(root: Path) -> Path:
     return root / "robots" / "t1" / "policies" / "tracker" / "tracker.npz"
 
 
-def rolled(clip: RobotClip, robot: Robot, values: TrackingSettings, tracker: Path, variant: str = "original"):
-    envelope = TorqueEnvelope(limit=robot.torque_limit)
-    return process(clip, {"variant": variant}, settings=values, robot=robot, envelope=envelope, tracker=tracker)
+def rolled(
+    clip: RobotClip,
+    robot: Robot,
+    values: TrackingSettings,
+    tracker: Path,
+    variant: str = "original",
+    function: Callable[..., Outcome] = process,
+    **further: float,
+) -> Outcome:
+    given = {"settings": values, "robot": robot, "envelope": TorqueEnvelope(limit=robot.torque_limit)}
+    return function(clip, {"variant": variant}, **given, tracker=tracker, **further)
+
+
+def hovering(robot: Robot) -> RobotClip:
+    """A robot that rises into the air after a second, which no tracker follows."""
+    clip = standing(robot, seconds=3.0)
+    root = clip.root_pos_w.copy()
+    root[50:, 2] += np.linspace(0.0, 0.8, 100)
+    return dataclasses.replace(clip, root_pos_w=root)
 
 
 def test_the_shipped_tracker_stands(robot: Robot, values: TrackingSettings, shipped: Path):
@@ -81,12 +99,7 @@ def test_forces_survive_the_codec(robot: Robot, values: TrackingSettings, shippe
 
 
 def test_a_reference_that_cannot_be_followed_has_a_reason(robot: Robot, values: TrackingSettings, shipped: Path):
-    """A robot that hovers at twice its height cannot be followed."""
-    clip = standing(robot, seconds=3.0)
-    hovering = clip.root_pos_w.copy()
-    hovering[50:, 2] += np.linspace(0.0, 0.8, 100)
-
-    outcome = rolled(dataclasses.replace(clip, root_pos_w=hovering), robot, values, shipped)
+    outcome = rolled(hovering(robot), robot, values, shipped)
     assert not outcome.numbers["survived"]
     assert [reason.code for reason in outcome.reasons][:1] == [NOT_TRACKED]
     assert "off in height" in outcome.reasons[0].text
@@ -107,6 +120,34 @@ def test_disturbances_stay_in_their_ranges(values: TrackingSettings):
 def test_variants_have_fewer_disturbed_rollouts(robot: Robot, values: TrackingSettings, shipped: Path):
     outcome = rolled(standing(robot, seconds=1.0), robot, values, shipped, variant="x0.9")
     assert outcome.numbers["rollouts"] == 1 + values.disturbed_variants
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(0.5, 16), (1.0, 8), (2.0, 4), (3.0, 4)])
+def test_short_motions_have_more_disturbed_rollouts(robot: Robot, values: TrackingSettings, seconds, count):
+    values = dataclasses.replace(values, disturbed=4, disturbed_s=8.0)
+    assert disturbed_count(standing(robot, seconds=seconds), {"variant": "mirror"}, values) == count
+    assert disturbed_count(standing(robot, seconds=seconds), {"variant": "x0.9"}, values) == values.disturbed_variants
+    assert disturbed_count(standing(robot, seconds=seconds), {"variant": "mirror"}, values.nominal()) == 0
+
+
+def test_the_first_disturbed_rollout_alone_is_the_same_motion(robot: Robot, values: TrackingSettings, shipped: Path):
+    clip = standing(robot, seconds=2.0)
+    (alone,) = rolled(clip, robot, values, shipped, function=disturbed_motion, longest_s=6.0).pieces
+    piece = next(piece for piece in rolled(clip, robot, values, shipped).pieces if piece.numbers["rollout"] == 1)
+    assert alone.numbers == piece.numbers
+    assert isinstance(piece.clip, RobotClip)
+    assert codec.encode(alone.clip) == codec.encode(dataclasses.replace(piece.clip, forces=None))
+    (cut,) = rolled(clip, robot, values, shipped, function=disturbed_motion, longest_s=1.0).pieces
+    assert cut.clip.frame_count == 50
+
+
+def test_the_motion_to_a_failure_ends_with_it(robot: Robot, values: TrackingSettings, shipped: Path):
+    (piece,) = rolled(hovering(robot), robot, values, shipped, function=motion_to_failure).pieces
+    (reason, *_) = rolled(hovering(robot), robot, values.nominal(), shipped).reasons
+    assert (piece.clip.frame_count - 1) / piece.clip.fps == pytest.approx(reason.stop_s)
+    assert isinstance(piece.clip, RobotClip)
+    off = hovering(robot).root_pos_w[: piece.clip.frame_count, 2] - piece.clip.root_pos_w[:, 2]
+    assert off[-1] > values.failure.root_height > off[-2], "the last frame is the first beyond the limit"
 
 
 @pytest.mark.parametrize(

@@ -67,9 +67,10 @@ def test_a_shortage_of_memory_is_not_called_damage(tmp_path, monkeypatch, error)
     def full(*_, **__):
         raise error
 
+    path = save_checkpoint(tmp_path, 1, STATE, 24)
     monkeypatch.setattr(torch, "load", full)
-    with pytest.raises(TrainingError, match=r"good\.pt: there is no memory left on cpu to load it") as error_info:
-        load_checkpoint(tmp_path / "good.pt", "cpu")
+    with pytest.raises(TrainingError, match=r"model_000001\.pt: there is no memory left on cpu to load") as error_info:
+        load_checkpoint(path, "cpu")
     assert "no checkpoint of ours" not in str(error_info.value)
 
 

@@ -1,0 +1,183 @@
+"""The routes: pages and data by GET, which change nothing, and changes by POST, which `guard` lets through."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from pipeline.curation_page.clip_table import NoClipError
+from pipeline.curation_page.guard import Guard
+from pipeline.curation_page.materialization import Materialization
+from pipeline.curation_page.proposals import proposals
+from pipeline.curation_page.thumbnail_process import ThumbnailProcess
+from pipeline.curation_page.workplace import Workplace
+from pipeline.errors import PipelineError, UnknownNameError
+from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
+
+STATIC = Path(__file__).parent / "static"
+KEY = re.compile(r"[0-9a-f]{32}")
+FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
+"""Of what is named by its content."""
+NOT_KEPT = {"Cache-Control": "no-store"}
+
+
+class RequestError(PipelineError):
+    """A request without what it must have."""
+
+
+def make_app(workplace: Workplace, token: str) -> Guard:
+    """The application.
+
+    Args:
+        workplace: the project that is shown
+        token: what a change must state
+    """
+    runs = Materialization(workplace.root)
+    making: list[ThumbnailProcess] = []
+
+    @asynccontextmanager
+    async def life(_: Starlette) -> AsyncIterator[None]:
+        making.append(ThumbnailProcess(workplace.root, workplace.robot_name))
+        yield
+        making.pop().stop()
+        runs.stop()
+
+    def state(_: Mapping[str, Any]) -> dict[str, Any]:
+        counts = {"made": making[0].made, "wanted": making[0].wanted} if making else {"made": 0, "wanted": 0}
+        return {"version": workplace.version(), "thumbnails": counts, **runs.state()}
+
+    reads = {
+        "clip": lambda query: workplace.clip(_text(query, "name")),
+        "databases": lambda _: workplace.versions(),
+        "compare": lambda query: workplace.compare(_text(query, "before"), _text(query, "after")),
+        "proposals": lambda _: proposals(workplace.feedback),
+        "decisions": lambda _: [vars(each) for each in workplace.decisions()],
+        "state": state,
+    }
+    changes = {
+        "decide": lambda value: workplace.decide(
+            _texts(value, "clips"), _text(value, "verdict"), _text(value, "by"), _text(value, "why")
+        ),
+        "take_back": lambda value: workplace.take_back(_texts(value, "clips")),
+        "run": lambda _: _started(runs, workplace),
+        "stop": lambda _: runs.stop(),
+        "approve": lambda value: approve_proposal(
+            workplace.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
+        ),
+        "decline": lambda value: decline_proposal(
+            workplace.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
+        ),
+        "take_back_sections": lambda value: take_back_sections(
+            workplace.feedback, _texts(value, "sections"), _text(value, "by")
+        ),
+    }
+    routes = [
+        Route("/", _index),
+        Route("/api/clips", _binary(lambda _: workplace.clips(), "application/json")),
+        Route("/api/motion", _binary(lambda query: workplace.motion(_text(query, "name")), "application/octet-stream")),
+        Route("/thumbnails/{key}", _thumbnail(workplace)),
+        *(Route(f"/api/{name}", _read(function)) for name, function in reads.items()),
+        *(Route(f"/api/{name}", _change(function), methods=["POST"]) for name, function in changes.items()),
+        Mount("/static", StaticFiles(directory=STATIC)),
+    ]
+    return Guard(Starlette(routes=routes, lifespan=life), token)
+
+
+def _started(runs: Materialization, workplace: Workplace) -> int:
+    runs.start(workplace.database_asset)
+    return 1
+
+
+async def _index(_: Request) -> Response:
+    return FileResponse(STATIC / "index.html", headers=NOT_KEPT)
+
+
+def _read(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        return await _answered(lambda: JSONResponse(_finite(function(request.query_params)), headers=NOT_KEPT))
+
+    return answer
+
+
+def _binary(function: Callable[[Mapping[str, Any]], bytes], media: str) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        return await _answered(lambda: Response(function(request.query_params), media_type=media, headers=NOT_KEPT))
+
+    return answer
+
+
+def _thumbnail(workplace: Workplace) -> Callable[[Request], Any]:
+    def found(key: str) -> Response:
+        data = workplace.thumbnail(key) if KEY.fullmatch(key) else None
+        if data is None:
+            return JSONResponse({"error": "there is no such thumbnail"}, status_code=404)
+        return Response(data, media_type="application/octet-stream", headers=FOR_EVER)
+
+    async def answer(request: Request) -> Response:
+        return await _answered(lambda: found(request.path_params["key"]))
+
+    return answer
+
+
+def _change(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:
+    async def answer(request: Request) -> Response:
+        body = await request.body()
+
+        def done() -> Response:
+            try:
+                value = json.loads(body)
+            except (ValueError, RecursionError) as error:
+                raise RequestError("the request is no JSON") from error
+            if not isinstance(value, dict):
+                raise RequestError("the request is no JSON object")
+            return JSONResponse({"done": function(value)}, headers=NOT_KEPT)
+
+        return await _answered(done)
+
+    return answer
+
+
+async def _answered(work: Callable[[], Response]) -> Response:
+    """The answer that `work` makes in a thread; an error of the project becomes one sentence."""
+    try:
+        return await run_in_threadpool(work)
+    except (UnknownNameError, NoClipError) as error:
+        return JSONResponse({"error": str(error)}, status_code=404)
+    except PipelineError as error:
+        return JSONResponse({"error": str(error)}, status_code=400)
+    except OSError as error:
+        return JSONResponse({"error": f"the disk refused: {error}"}, status_code=500)
+
+
+def _text(value: Mapping[str, Any], name: str) -> str:
+    found = value.get(name)
+    if not isinstance(found, str) or not found.strip():
+        raise RequestError(f"'{name}' is missing")
+    return found.strip()
+
+
+def _texts(value: Mapping[str, Any], name: str) -> list[str]:
+    found = value.get(name, [])
+    if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
+        raise RequestError(f"'{name}' is not a list of texts")
+    return found
+
+
+def _finite(value: Any) -> Any:
+    """JSON types without NaN and infinities, which are no JSON: None stands for them."""
+    if isinstance(value, float):
+        return value if value == value and abs(value) != float("inf") else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(each) for key, each in value.items()}
+    return [_finite(each) for each in value] if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,120 @@
+"""Everything the page of one clip shows besides its motion: verdict, reasons, criteria, lineage, weights."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from pipeline.batch import Manifest
+from pipeline.curation_page.clip_table import LAST, STAGES, ClipRow, ClipTable, NoClipError, asset_of
+from pipeline.selection.decisions import Decision
+
+CRITERIA = (
+    *("group", "criterion", "number", "threshold", "sense", "unit"),
+    *("verdict", "margin", "message", "source", "why"),
+)
+"""Columns of the table of criteria that the page shows."""
+
+
+def clip_details(
+    table: ClipTable, criteria: pd.DataFrame | None, decisions: tuple[Decision, ...], robot: str, clip: str
+) -> dict[str, Any]:
+    """The details of a clip as JSON types. Raises NoClipError for a clip that is not in the table."""
+    row = table.row(clip)
+    if row is None:
+        raise NoClipError(clip)
+    return {
+        "clip": row.clip,
+        "stage": row.stage,
+        "verdict": row.verdict,
+        "numbers": {name: value for name, value in sorted(row.numbers.items()) if _is_shown(value)},
+        "reasons": [dict(reason) for reason in row.reasons],
+        "pieces": _pieces(table.manifests.get(row.stage), row),
+        "criteria": _criteria(criteria, row),
+        "lineage": _lineage(table, row),
+        "names": _names(row),
+        "assets": {stage: asset_of(stage, robot) for stage in STAGES},
+        "starts_s": _starts_s(row),
+        "decisions": [vars(each) for each in decisions if each.clip in {*_names(row), *row.pieces}],
+    }
+
+
+def _is_shown(value: Any) -> bool:
+    return not (isinstance(value, str) and value.startswith("[["))
+
+
+def _names(row: ClipRow) -> list[str]:
+    """What a decision on this clip may name: itself, the window and the recording that it was made from."""
+    window = row.clip.split("~")[0]
+    recording = window.rpartition("@")[0] or window
+    return list(dict.fromkeys((row.clip, window, recording)))
+
+
+def _starts_s(row: ClipRow) -> float:
+    """Time of the clip's first frame in the times of its reasons [s]: KP2 states times of the whole recording."""
+    fps = float(row.numbers.get("fps") or 0.0)
+    start = row.numbers.get("start_frame")
+    return float(start) / fps if row.stage == "repaired_motions" and start and fps else 0.0
+
+
+def _pieces(manifest: Manifest | None, row: ClipRow) -> list[dict[str, Any]]:
+    """Each clip of the database that was made from this one: its stretch [s] and weight."""
+    if manifest is None or row.stage != LAST:
+        return []
+    wanted = set(row.pieces)
+    before_s = float(row.numbers.get("stretch_start_s") or 0.0) if len(row.pieces) > 1 else 0.0
+    found = []
+    for entry in manifest.entries:
+        if entry.clip in wanted:
+            numbers = entry.numbers
+            start_s = float(numbers.get("stretch_start_s") or 0.0) - before_s if len(row.pieces) > 1 else 0.0
+            found.append(
+                {
+                    "clip": entry.clip,
+                    "start_s": round(start_s, 3),
+                    "stop_s": round(start_s + float(numbers["seconds"]), 3),
+                    "weight": numbers.get("weight"),
+                    "family": numbers.get("family"),
+                }
+            )
+    return found
+
+
+def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any]]:
+    """Rows of the table of criteria, stretch by stretch; what is no number is None."""
+    if criteria is None or row.stage != LAST:
+        return []
+    wanted = ["start_s", "stop_s", "piece", *CRITERIA]
+    own = pd.DataFrame(criteria.loc[criteria["clip"] == row.clip, wanted]).astype(object)
+    return [
+        {name: None if value != value else value for name, value in zip(wanted, values, strict=True)}
+        for values in own.itertuples(index=False, name=None)
+    ]
+
+
+def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
+    """What each stage did with the clip and those that it was made from, in the order of the graph."""
+    ancestors = _ancestors(row)
+    steps = []
+    for stage in STAGES:
+        manifest = table.manifests.get(stage)
+        judged = manifest and max(
+            (each for each in manifest.judged if each.clip in ancestors), key=lambda each: len(each.clip), default=None
+        )
+        if not judged:
+            continue
+        reasons = [dict(reason) for reason in judged.reasons]
+        if stage == "selected_motions":
+            reasons = [
+                each for each in reasons if each["code"] != "not_taken" or str(each["text"]).startswith(row.clip)
+            ]
+        steps.append({"stage": stage, "clip": judged.clip, "fate": judged.fate, "reasons": reasons})
+    return steps
+
+
+def _ancestors(row: ClipRow) -> set[str]:
+    """Names of the clip and of all that it was made from: every beginning of its name that ends before a mark."""
+    names = {row.clip, *(row.clip[:place] for place, letter in enumerate(row.clip) if letter in "@+~")}
+    parents = {str(row.numbers[name]) for name in ("parent", "reference", "family") if row.numbers.get(name)}
+    return names | parents

@@ -1,0 +1,100 @@
+"""What a database has that another one lacks, what it lost, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+
+from pipeline.curation_page.clip_table import ClipTable
+from pipeline.errors import FileError, UnknownNameError
+from pipeline.expert import history, index
+from pipeline.selection.decisions import Decision, exclusions
+
+CURRENT = "current"
+COLUMNS = ("clip", "sha256", "seconds", "weight", "skill", "source")
+WEIGHT_TOLERANCE = 1e-9
+
+
+def versions(folder: Path) -> list[history.Version]:
+    """The database in place first, then the earlier ones, the newest first."""
+    found = history.read_versions(folder)
+    try:
+        return [history.describe(folder, CURRENT), *found]
+    except FileError:
+        return found
+
+
+def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: tuple[Decision, ...]) -> dict[str, Any]:
+    """Clips that came, left, changed or were weighted differently from one version to another.
+
+    Why a clip left is read from the current manifests, so it is known where the later version is the current one.
+    Raises UnknownNameError, FileError.
+    """
+    known = {each.name: each for each in versions(folder)}
+    for name in (before, after):
+        if name not in known:
+            raise UnknownNameError("version", name, list(known))
+    old, new = (_read(known[name].folder) for name in (before, after))
+    reasons = WhyAbsent(table, decisions)
+    left = [{**old[clip], "why": reasons.of(clip)} for clip in sorted(old.keys() - new.keys())]
+    both = sorted(old.keys() & new.keys())
+    changed = [clip for clip in both if old[clip]["sha256"] != new[clip]["sha256"]]
+    moved = [clip for clip in both if abs(old[clip]["weight"] - new[clip]["weight"]) > WEIGHT_TOLERANCE]
+    return {
+        "before": _summary(known[before], old),
+        "after": _summary(known[after], new),
+        "came": [new[clip] for clip in sorted(new.keys() - old.keys())],
+        "left": left,
+        "changed": len(changed),
+        "weighted": [
+            {"clip": clip, "before": old[clip]["weight"], "after": new[clip]["weight"]}
+            for clip in sorted(moved, key=lambda clip: -abs(new[clip]["weight"] - old[clip]["weight"]))[:200]
+        ],
+        "weights_changed": len(moved),
+    }
+
+
+class WhyAbsent:
+    """Why a clip is not in the current database."""
+
+    def __init__(self, table: ClipTable, decisions: tuple[Decision, ...]) -> None:
+        self._table = table
+        self._excluded = exclusions(decisions)
+
+    def of(self, clip: str) -> str:
+        """The reasons as one sentence."""
+        names = [clip, *sorted({clip[:place] for place, letter in enumerate(clip) if letter in "@+~"}, key=len)[::-1]]
+        for name in names:
+            if name in self._excluded:
+                return self._excluded[name].text()
+        for name in names:
+            row = self._table.row(name)
+            texts = [str(each["text"]) for each in row.reasons if each.get("effect") == "rejected"] if row else []
+            if texts:
+                return "; ".join(texts)
+        return "no stage makes a clip of this name any more: its recording left the sources, or its window changed"
+
+
+def _read(folder: Path) -> dict[str, dict[str, Any]]:
+    """Clip -> its facts. Raises FileError."""
+    path = folder / index.FILE
+    try:
+        table = pd.read_parquet(path)
+        rows = table.reindex(columns=list(COLUMNS)).astype(object).to_dict("records")
+    except (pa.ArrowException, ValueError, KeyError) as error:
+        raise FileError(path, f"not a readable index ({error}).", "Materialize expert_db again.") from error
+    return {
+        str(row["clip"]): {str(name): None if value != value else value for name, value in row.items()} for row in rows
+    }
+
+
+def _summary(version: history.Version, rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    seconds: dict[str, float] = {}
+    for row in rows.values():
+        seconds[str(row["skill"])] = seconds.get(str(row["skill"]), 0.0) + float(row["seconds"] or 0.0)
+    by_skill = {skill: round(value, 2) for skill, value in sorted(seconds.items())}
+    return {"name": version.name, "clips": version.clips, "seconds": version.seconds, "seconds_by_skill": by_skill}

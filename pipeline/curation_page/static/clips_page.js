@@ -1,0 +1,139 @@
+// The page of all clips: filters and histograms on the left, the gallery, and what is done with chosen clips.
+
+import { decide, runAgain } from "./decide.js";
+import { el } from "./dom.js";
+import { Gallery } from "./gallery.js";
+import { Histogram } from "./histogram.js";
+import { Thumbnails } from "./thumbnails.js";
+
+const FACETS = ["source", "skill", "licence", "stage", "verdict", "reason", "decision"];
+
+export class ClipsPage {
+  constructor(table, query) {
+    this.table = table;
+    this.state = { query: query.get("q") ?? "", texts: {}, ranges: {}, sort: query.get("sort") ?? "clip", descending: query.get("descending") === "1" };
+    for (const facet of FACETS) if (query.has(facet)) this.state.texts[facet] = query.get(facet);
+    this.thumbnails = new Thumbnails();
+    this.gallery = new Gallery(table, this.thumbnails, {
+      onChosen: () => this.showCounts(),
+      onOpen: (index) => { location.hash = `#/clip/${encodeURIComponent(table.clip[index])}`; },
+    });
+    this.element = this.built();
+    this.update();
+  }
+
+  leave() {
+    clearTimeout(this.filling);
+    this.thumbnails.stop();
+    this.gallery.remove();
+    this.seen.disconnect();
+  }
+
+  built() {
+    const { table } = this;
+    this.search = el("input", { type: "search", placeholder: "search names", value: this.state.query, "aria-label": "search names",
+      oninput: () => { this.state.query = this.search.value; this.update(); } });
+    this.selects = FACETS.filter((facet) => table.texts[facet].names.some((name) => name)).map((facet) => {
+      const select = el("select", { name: facet, onchange: () => {
+        if (select.value) this.state.texts[facet] = table.texts[facet].names[Number(select.value) - 1];
+        else delete this.state.texts[facet];
+        this.update();
+      } });
+      return { facet, select };
+    });
+    this.sort = el("select", { name: "sort", onchange: () => { this.sortBy(this.sort.value); } },
+      el("option", { value: "clip" }, "name"), table.figures.map((figure) => el("option", { value: figure.name }, figure.name.replaceAll("_", " "))));
+    this.turn = el("button", { title: "turn the order round", onclick: () => { this.state.descending = !this.state.descending; this.update(); } });
+    this.histograms = table.figures.map((figure) => new Histogram(figure, {
+      onRange: (each, range) => { if (range) this.state.ranges[each.name] = range; else delete this.state.ranges[each.name]; this.update(); },
+      onSort: (each) => this.sortBy(each.name),
+    }));
+    this.seen = new IntersectionObserver((entries) => {
+      for (const entry of entries) {
+        const found = this.histograms.find((each) => each.element === entry.target);
+        found.seen = entry.isIntersecting;
+        if (found.seen) found.draw();
+      }
+    });
+    this.histograms.forEach((each) => this.seen.observe(each.element));
+    const groups = Map.groupBy ? Map.groupBy(this.histograms, (each) => each.figure.group) : grouped(this.histograms);
+    this.count = el("span", { class: "count" });
+    this.all = el("button", { onclick: () => this.gallery.chooseAll(this.gallery.chosen.size === 0) }, "select all shown");
+    this.acts = [
+      el("button", { class: "accept", onclick: () => this.decide("accept") }, "✓ accept"),
+      el("button", { class: "exclude", onclick: () => this.decide("exclude") }, "✕ exclude"),
+      el("button", { onclick: () => this.decide("take back") }, "undo decision"),
+    ];
+    return [
+      el("aside", { class: "sidebar" }, this.search,
+        this.selects.map(({ facet, select }) => el("label", {}, facet, select)),
+        el("label", {}, "sort by", el("span", {}, this.sort, this.turn)),
+        el("button", { onclick: () => this.clear() }, "clear filters"),
+        [...groups].map(([group, histograms]) => el("section", {}, el("h2", {}, group), histograms.map((each) => each.element)))),
+      el("section", { class: "gallery" }, el("div", { class: "bar" }, this.count, this.all, this.acts,
+        el("button", { onclick: runAgain, title: "dagster asset materialize: whatever a decision or a setting made stale" }, "↻ materialize")), this.gallery.element),
+    ];
+  }
+
+  sortBy(name) {
+    const figure = this.table.byName.get(name);
+    this.state.descending = this.state.sort === name ? !this.state.descending : Boolean(figure) && !figure.lower;
+    this.state.sort = name;
+    this.update();
+  }
+
+  clear() {
+    Object.assign(this.state, { query: "", texts: {}, ranges: {} });
+    this.search.value = "";
+    this.update();
+  }
+
+  update() {
+    const { state, table } = this;
+    const indices = table.chosen(state);
+    const figure = table.byName.get(state.sort);
+    this.gallery.chosen = new Set([...this.gallery.chosen].filter((index) => indices.includes(index)));
+    this.gallery.element.scrollTop = 0;
+    this.gallery.show(indices, figure);
+    this.histograms.forEach((each) => each.show(indices.length === table.count ? null : indices, state.ranges[each.figure.name], each.figure === figure));
+    clearTimeout(this.filling);  // counts come after the frame that shows the clips
+    this.filling = setTimeout(() => { for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices); }, 40);
+    this.sort.value = state.sort;
+    this.turn.textContent = state.descending ? "↓" : "↑";
+    this.remember();
+    this.showCounts();
+  }
+
+  fillSelect(facet, select, indices) {
+    const counts = this.table.countsOf(facet, indices);
+    const wanted = this.state.texts[facet];
+    select.replaceChildren(el("option", { value: "" }, "all"), ...counts
+      .map(([name, count], place) => [name, count, place])
+      .filter(([name, count]) => count || name === wanted)
+      .map(([name, count, place]) => el("option", { value: String(place + 1), selected: name === wanted }, `${name || "none"} (${count})`)));
+  }
+
+  // The address shows the filters, so that a view can be kept as a bookmark and linked.
+  remember() {
+    const { query, texts, sort, descending } = this.state;
+    const shown = new URLSearchParams({ ...(query && { q: query }), ...texts, ...(sort !== "clip" && { sort }), ...(descending && { descending: "1" }) });
+    history.replaceState(null, "", `#/${shown.size ? `?${shown}` : ""}`);
+  }
+
+  showCounts() {
+    const { chosen, indices } = this.gallery;
+    this.count.textContent = `${indices.length} of ${this.table.count} clips${chosen.size ? `, ${chosen.size} selected` : ""}`;
+    this.all.textContent = chosen.size ? "select none" : "select all shown";
+    for (const act of this.acts) act.disabled = chosen.size === 0;
+  }
+
+  decide(verdict) {
+    decide([...this.gallery.chosen].map((index) => this.table.clip[index]), verdict);
+  }
+}
+
+function grouped(histograms) {
+  const groups = new Map();
+  for (const each of histograms) groups.set(each.figure.group, [...(groups.get(each.figure.group) ?? []), each]);
+  return groups;
+}

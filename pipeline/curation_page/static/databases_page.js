@@ -1,0 +1,41 @@
+// Two versions of the database side by side: what came, what left and why, what is weighted differently.
+
+import { attempt, getJson } from "./api.js";
+import { clipLink, el, number, seconds, table } from "./dom.js";
+
+export class DatabasesPage {
+  constructor() {
+    this.element = el("div", { class: "page" });
+  }
+
+  leave() {}
+
+  async load() {
+    const versions = await getJson("/api/databases");
+    if (!versions.length) {
+      this.element.replaceChildren(el("h1", {}, "Databases"), el("p", { class: "empty" }, "There is no database yet; materialize expert_db."));
+      return;
+    }
+    const options = (wanted) => versions.map((each) => el("option", { value: each.name, selected: each.name === wanted }, `${each.name}: ${each.clips} clips, ${seconds(each.seconds)}`));
+    const show = () => attempt(() => this.compare());
+    this.before = el("select", { name: "before", onchange: show }, options(versions[1]?.name ?? versions[0].name));
+    this.after = el("select", { name: "after", onchange: show }, options(versions[0].name));
+    this.found = el("div");
+    this.element.replaceChildren(el("h1", {}, "Databases"), el("div", { class: "controls" }, el("label", {}, "from ", this.before), el("label", {}, "to ", this.after)), this.found);
+    await this.compare();
+  }
+
+  async compare() {
+    const query = new URLSearchParams({ before: this.before.value, after: this.after.value });
+    const found = await getJson(`/api/compare?${query}`);
+    const skills = [...new Set([...Object.keys(found.before.seconds_by_skill), ...Object.keys(found.after.seconds_by_skill)])].sort();
+    const bySkill = skills.map((skill) => [skill, number(found.before.seconds_by_skill[skill] ?? 0, 5), number(found.after.seconds_by_skill[skill] ?? 0, 5)]);
+    this.found.replaceChildren(
+      el("p", { class: "summary" }, `${found.came.length} clips came, ${found.left.length} left, ${found.changed} have other content, ${found.weights_changed} another weight`),
+      el("h2", {}, "Left"), found.left.length ? table(["clip", "skill", "seconds", "why"], found.left.map((row) => [clipLink(row.clip), row.skill, number(row.seconds), row.why]), [2]) : "none",
+      el("h2", {}, "Came"), found.came.length ? table(["clip", "skill", "seconds", "weight"], found.came.map((row) => [clipLink(row.clip), row.skill, number(row.seconds), number(row.weight)]), [2, 3]) : "none",
+      el("h2", {}, "Seconds by skill"), table(["skill", "before", "after"], bySkill, [1, 2]),
+      el("h2", {}, "Weights that changed most"), found.weighted.length ? table(["clip", "before", "after"], found.weighted.slice(0, 50).map((row) => [clipLink(row.clip), number(row.before), number(row.after)]), [1, 2]) : "none",
+    );
+  }
+}

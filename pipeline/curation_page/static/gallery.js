@@ -1,0 +1,130 @@
+// The grid of clips. Only the cards in view exist; they are used again while one scrolls.
+
+import { el, number, seconds } from "./dom.js";
+
+const SHARP = Math.min(devicePixelRatio || 1, 2);
+const [CARD_WIDTH, CARD_HEIGHT, GAP] = [222, 196, 10];
+
+export class Gallery {
+  constructor(table, thumbnails, { onChosen, onOpen }) {
+    Object.assign(this, { table, thumbnails, onChosen, onOpen });
+    this.indices = new Uint32Array(0);
+    this.chosen = new Set();
+    this.cards = new Map();
+    this.free = [];
+    this.spacer = el("div");
+    this.element = el("div", { class: "grid", tabIndex: 0, role: "list", "aria-label": "clips" }, this.spacer);
+    this.element.addEventListener("scroll", () => {
+      thumbnails.quietUntil = performance.now() + 150;
+      this.schedule();
+    });
+    this.observer = new ResizeObserver(() => this.render());
+    this.observer.observe(this.element);
+  }
+
+  remove() { this.observer.disconnect(); }
+
+  show(indices, figure) {
+    this.indices = indices;
+    this.figure = figure;
+    for (const card of this.cards.values()) card.index = -1;
+    this.render();
+  }
+
+  schedule() {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => { this.scheduled = false; this.render(); });
+  }
+
+  render() {
+    const columns = Math.max(Math.floor((this.element.clientWidth - GAP) / (CARD_WIDTH + GAP)), 1);
+    const pitch = CARD_HEIGHT + GAP;
+    this.spacer.style.height = `${Math.ceil(this.indices.length / columns) * pitch + GAP}px`;
+    const top = this.element.scrollTop;
+    const first = Math.max(Math.floor((top - GAP) / pitch), 0) * columns;
+    const last = Math.min(Math.ceil((top + this.element.clientHeight) / pitch) * columns, this.indices.length);
+    for (const [place, card] of this.cards) {
+      if (place >= first && place < last) continue;
+      this.cards.delete(place);
+      card.element.hidden = true;
+      this.free.push(card);
+    }
+    for (let place = first; place < last; place += 1) {
+      const card = this.cards.get(place) ?? this.taken(place);
+      card.element.style.transform = `translate(${GAP + (place % columns) * (CARD_WIDTH + GAP)}px, ${GAP + Math.floor(place / columns) * pitch}px)`;
+      if (card.index !== this.indices[place]) this.fill(card, this.indices[place]);
+      card.element.classList.toggle("chosen", this.chosen.has(card.index));
+      card.box.checked = this.chosen.has(card.index);
+    }
+    const key = [...this.cards.values()].map((card) => card.key).join();
+    if (key !== this.shown) {
+      this.shown = key;
+      this.thumbnails.show([...this.cards.values()]);
+    }
+  }
+
+  taken(place) {
+    const card = this.free.pop() ?? this.made();
+    card.element.hidden = false;
+    this.cards.set(place, card);
+    return card;
+  }
+
+  made() {
+    const card = { index: -1 };
+    card.canvas = el("canvas", { width: Math.round(220 * SHARP), height: Math.round(124 * SHARP), onclick: () => this.onOpen(card.index) });
+    card.box = el("input", { type: "checkbox", onclick: (event) => this.choose(card.index, event.shiftKey) });
+    card.name = el("a", { class: "name" });
+    card.verdict = el("span");
+    card.skill = el("span");
+    card.value = el("span", { class: "value" });
+    card.decision = el("span", { class: "decision" });
+    card.element = el("div", { class: "card", role: "listitem" }, card.canvas, card.box, card.decision, card.name,
+      el("div", { class: "facts" }, card.verdict, card.skill, card.value));
+    this.element.append(card.element);
+    return card;
+  }
+
+  fill(card, index) {
+    const { table } = this;
+    card.index = index;
+    card.key = table.thumbnail[index];
+    card.name.textContent = table.clip[index];
+    card.name.title = table.clip[index];
+    card.name.href = `#/clip/${encodeURIComponent(table.clip[index])}`;
+    const verdict = table.text("verdict", index);
+    card.verdict.textContent = verdict;
+    card.verdict.className = verdict;
+    card.skill.textContent = table.text("skill", index);
+    const value = this.figure?.values[index];
+    card.value.textContent = this.figure
+      ? `${number(value)} ${this.figure.unit}`
+      : seconds(table.byName.get("seconds")?.values[index] ?? 0);
+    const decision = table.text("decision", index);
+    card.decision.textContent = { accept: "✓ accepted", exclude: "✕ excluded" }[decision] ?? "";
+    card.decision.className = `decision ${decision}`;
+    card.decision.hidden = !decision;
+    card.box.setAttribute("aria-label", `select ${table.clip[index]}`);
+  }
+
+  // With the shift key everything from the last one that was chosen.
+  choose(index, range) {
+    const place = this.indices.indexOf(index);
+    const from = range && this.last !== undefined ? this.last : place;
+    const take = !this.chosen.has(index);
+    for (let each = Math.min(from, place); each <= Math.max(from, place); each += 1) {
+      if (take) this.chosen.add(this.indices[each]);
+      else this.chosen.delete(this.indices[each]);
+    }
+    this.last = place;
+    this.render();
+    this.onChosen();
+  }
+
+  chooseAll(take) {
+    this.chosen = new Set(take ? this.indices : []);
+    this.render();
+    this.onChosen();
+  }
+}

@@ -1,0 +1,57 @@
+// Which page is shown, by the address's fragment; the table of clips is read once and again when it changed.
+
+import { attempt, getJson } from "./api.js";
+import { ClipPage } from "./clip_page.js";
+import { ClipsPage } from "./clips_page.js";
+import { DatabasesPage } from "./databases_page.js";
+import { DecisionsPage } from "./decisions_page.js";
+import { el } from "./dom.js";
+import { ProposalsPage } from "./proposals_page.js";
+import { RunState } from "./run_state.js";
+import { ClipTable } from "./table.js";
+
+const main = document.getElementById("main");
+let page = null;
+let table = null;
+let shown = 0;
+
+async function clips() {
+  table ??= new ClipTable(await getJson("/api/clips"));
+  return table;
+}
+
+async function show() {
+  const mine = (shown += 1);
+  const [path, query = ""] = location.hash.replace(/^#/, "").split("?");
+  const [, name = "", ...rest] = path.split("/");
+  const next = await attempt(() => made(name, rest.join("/"), new URLSearchParams(query)));
+  if (mine !== shown || !next) return;
+  page?.leave();
+  page = next;
+  main.replaceChildren(...[next.element].flat());
+  if (next.load) await attempt(() => next.load());
+  for (const link of document.querySelectorAll("nav a[data-page]")) link.classList.toggle("here", link.dataset.page === (name || "clips"));
+  document.body.dataset.shown = `${name || "clips"} ${mine}`;
+}
+
+async function made(name, rest, query) {
+  if (name === "clip") return new ClipPage(decodeURIComponent(rest));
+  if (name === "databases") return new DatabasesPage();
+  if (name === "proposals") return new ProposalsPage();
+  if (name === "decisions") return new DecisionsPage();
+  const found = await clips();
+  if (!found.count) return { element: el("p", { class: "empty" }, "The graph has made no clips yet. Run: dagster asset materialize --select expert_db"), leave() {} };
+  return new ClipsPage(found, query);
+}
+
+window.addEventListener("hashchange", show);
+document.addEventListener("decisions-changed", () => {
+  table = null;
+  if (page?.load) attempt(() => page.load());
+  else show();
+});
+new RunState(() => {
+  table = null;
+  show();
+});
+show();

@@ -1,0 +1,56 @@
+// The run that is at work: stage, clips done, time left, and its output; and how many thumbnails there are.
+
+import { attempt, change, getJson } from "./api.js";
+import { el, tell } from "./dom.js";
+
+const place = document.getElementById("run");
+const thumbnails = document.getElementById("thumbnails");
+const dialog = document.getElementById("dialog");
+
+export class RunState {
+  constructor(onManifests) {
+    this.onManifests = onManifests;
+    this.version = null;
+    document.addEventListener("run-started", () => this.poll());
+    this.poll();
+  }
+
+  async poll() {
+    clearTimeout(this.timer);
+    const state = await getJson("/api/state").catch(() => null);
+    if (state) this.show(state);
+    else place.textContent = "the server has ended";
+    this.timer = setTimeout(() => this.poll(), state?.at_work ? 700 : 3000);
+  }
+
+  show(state) {
+    const { made, wanted } = state.thumbnails;
+    thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
+    if (this.atWork && !state.at_work) tell(state.status === 0 ? "the run has ended: the database is up to date" : `the run failed; its output tells why`, state.status !== 0);
+    if (this.version !== null && state.version !== this.version && !state.at_work) this.onManifests();
+    if (!state.at_work) this.version = state.version;
+    this.atWork = state.at_work;
+    place.dataset.status = state.at_work ? "at work" : state.status === null ? "" : state.status === 0 ? "done" : "failed";
+    if (!state.run) { place.replaceChildren(); return; }
+    const log = el("button", { onclick: () => this.showLog() }, "output");
+    const stop = state.at_work ? el("button", { onclick: () => attempt(() => change("stop")) }, "stop") : "";
+    place.replaceChildren(el("span", { class: "quiet" }, sentence(state)), " ", log, stop);
+    if (this.log?.isConnected) this.log.textContent = state.lines.join("\n");
+  }
+
+  async showLog() {
+    const state = await getJson("/api/state");
+    this.log = el("pre", { class: "log" }, state.lines.join("\n"));
+    dialog.onclose = null;
+    dialog.replaceChildren(el("h2", {}, "dagster asset materialize"), this.log, el("div", { class: "buttons" }, el("button", { onclick: () => dialog.close() }, "close")));
+    dialog.showModal();
+    this.log.scrollTop = this.log.scrollHeight;
+  }
+}
+
+function sentence({ at_work: atWork, status, seconds, stage }) {
+  if (!atWork) return status === 0 ? "materialized" : "the run failed";
+  const clips = stage.of ? `, ${stage.done} of ${stage.of} clips` : "";
+  const left = stage.left_s !== undefined ? `, about ${stage.left_s} s left` : "";
+  return `${stage.name ?? "starting"}${clips}${left} (${Math.round(seconds)} s)`;
+}

@@ -1,0 +1,128 @@
+"""Thumbnails: two seconds of a clip's person and robot, made once, in parallel, and named by what they show.
+
+They lie in `data/store/thumbnails/`; deleting the folder loses nothing but the time to make them again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.batch import ClipPool, Store
+from pipeline.curation_page.line_figure import encode
+from pipeline.errors import ClipError, FileError
+from pipeline.files import digest
+from pipeline.robot import Robot, load_robot
+from pipeline.viewing.figure import Figure
+from pipeline.viewing.motion_source import MotionSource
+
+FORMAT = "booster-lab thumbnail 1"
+"""Part of every name: another form is another thumbnail."""
+
+LOOP_S = 2.0
+FPS = 10.0
+CLIPS_A_CALL = 16
+"""Thumbnails that a worker process makes before it reports."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThumbnailStore:
+    """The thumbnails of one robot's clips."""
+
+    store: Store
+    robot_folder: Path
+    robot_digest: str
+    pool: ClipPool = field(default_factory=ClipPool)
+
+    @property
+    def folder(self) -> Path:
+        return self.store.root / "thumbnails"
+
+    def key(self, source: MotionSource) -> str:
+        """Name of a source's thumbnail: a digest of everything that it shows."""
+        shown = {**dataclasses.asdict(source), "clip": None}
+        return digest.of_json([FORMAT, self.robot_digest, shown])[:32]
+
+    def path(self, key: str) -> Path:
+        return self.folder / key[:2] / f"{key}.bin"
+
+    def make(self, source: MotionSource) -> bytes:
+        """The thumbnail of a source, made if there is none yet. Empty where there is nothing to draw."""
+        path = self.path(self.key(source))
+        if path.is_file():
+            return path.read_bytes()
+        _make_all(self.store, self.robot_folder, [(source, path)])
+        return path.read_bytes()
+
+    def make_missing(self, sources: Mapping[str, MotionSource], stop: threading.Event) -> Iterator[int]:
+        """Make those that are missing, in parallel; after each step how many are there. Ends early once `stop` is set.
+
+        Args:
+            sources: key of a thumbnail -> what it shows
+        """
+        todo = [(source, self.path(key)) for key, source in sources.items() if not self.path(key).is_file()]
+        done = len(sources) - len(todo)
+        yield done
+        groups = [todo[start : start + CLIPS_A_CALL] for start in range(0, len(todo), CLIPS_A_CALL)]
+        calls = [(self.store, self.robot_folder, group) for group in groups]
+        for count in self.pool.map(_make_all, calls):
+            done += count
+            yield done
+            if stop.is_set():
+                return
+
+
+def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSource, Path]]) -> int:
+    """Make some thumbnails; how many. One whose clip can't be drawn is an empty file: there is nothing to see."""
+    robot = _robot(robot_folder)
+    for source, path in todo:
+        try:
+            data = thumbnail(store, robot, source)
+        except (FileError, ClipError):
+            data = b""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        aside = path.with_name(f".{path.name}.{threading.get_ident()}.part")
+        aside.write_bytes(data)
+        aside.replace(path)
+    return len(todo)
+
+
+@functools.lru_cache(maxsize=4)
+def _robot(folder: Path) -> Robot:
+    return load_robot(folder)
+
+
+def thumbnail(store: Store, robot: Robot, source: MotionSource) -> bytes:
+    """Bytes of `LOOP_S` from the middle of a clip, person and robot at the same times; empty without a motion."""
+    shown = dataclasses.replace(source.load(store, robot), reference=None)
+    clips = [clip for clip in (shown.human, shown.robot_clip) if clip is not None]
+    if not clips:
+        return b""
+    length_s = max(clip.duration_s for clip in clips)
+    start_s = max((length_s - LOOP_S) / 2.0, 0.0)
+    start_s, stop_s = start_s, min(start_s + LOOP_S, length_s)
+    cut = {
+        name: clip.cut(*_frames(clip, start_s, stop_s), clip.name)
+        for name, clip in (("human", shown.human), ("robot_clip", shown.robot_clip))
+        if clip is not None
+    }
+    figures = dataclasses.replace(shown, **cut).figures()
+    return encode(figures, [_times(figure) for figure in figures])
+
+
+def _frames(clip: object, start_s: float, stop_s: float) -> tuple[int, int]:
+    """First and last frame (exclusive) of a clip between two times; at least one."""
+    fps, count = clip.fps, clip.frame_count  # pyright: ignore[reportAttributeAccessIssue]
+    start = min(round(start_s * fps), count - 1)
+    return start, max(min(round(stop_s * fps), count), start + 1)
+
+
+def _times(figure: Figure) -> np.ndarray:
+    """Frames at about `FPS`."""
+    return np.arange(0, figure.frame_count, max(round(figure.fps / FPS), 1))

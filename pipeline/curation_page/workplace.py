@@ -1,0 +1,199 @@
+"""What the server knows of a project: its table, read again when a manifest changed, its thumbnails and decisions."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import dataclass
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pipeline.batch import ClipPool, Store
+from pipeline.curation_page.clip_details import clip_details
+from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
+from pipeline.curation_page.columns import columns
+from pipeline.curation_page.compare_databases import compare, versions
+from pipeline.curation_page.line_figure import encode
+from pipeline.curation_page.motion_sources import MotionSources
+from pipeline.curation_page.thumbnails import ThumbnailStore
+from pipeline.errors import FileError
+from pipeline.feasibility import criteria_table
+from pipeline.feedback.approve import FeedbackFiles
+from pipeline.files import digest, settings
+from pipeline.robot import Robot, load_robot
+from pipeline.selection.curation_file import decide, read_decisions, take_back
+from pipeline.selection.decisions import Decision
+from pipeline.viewing.motion_source import MotionSource
+
+FIRST_SCREEN = 24
+"""Clips that are seen at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Read:
+    """What was read of the manifests at one time."""
+
+    version: str
+    table: ClipTable
+    criteria: pd.DataFrame | None
+    sources: MotionSources
+
+
+class Workplace:
+    """A project and the robot whose clips are curated.
+
+    Args:
+        root: the project's folder
+        robot: name of a folder in `robots/`
+        pool: processes that make thumbnails
+    """
+
+    def __init__(self, root: Path, robot: str, pool: ClipPool | None = None) -> None:
+        self.root, self.robot_name = root, robot
+        self.store = Store(root=root / "data" / "store")
+        self.robot: Robot = load_robot(root / "robots" / robot)
+        self._pool = pool or ClipPool()
+        self._lock = threading.Lock()
+        self._read: _Read | None = None
+        self._clips: tuple[tuple[str, tuple[Decision, ...]], bytes] | None = None
+
+    @property
+    def curation(self) -> Path:
+        """The file that decisions are written into."""
+        return self.root / "data" / "curation.yaml"
+
+    @property
+    def database(self) -> Path:
+        return self.root / "data" / "expert_db" / self.robot_name
+
+    @property
+    def database_asset(self) -> str:
+        """The asset that a run makes."""
+        return "expert_db" if self.robot_name == BARE_ROBOT else f"{self.robot_name}/expert_db"
+
+    @cached_property
+    def feedback(self) -> FeedbackFiles:
+        return FeedbackFiles.of(self.root)
+
+    @cached_property
+    def thumbnails(self) -> ThumbnailStore:
+        folder = self.root / "robots" / self.robot_name
+        return ThumbnailStore(store=self.store, robot_folder=folder, robot_digest=self.robot.digest, pool=self._pool)
+
+    def version(self) -> str:
+        """Changes whenever a manifest is written."""
+        paths = [self.store.manifest_path(asset_of(stage, self.robot_name)) for stage in STAGES]
+        stats = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in paths if path.is_file()]
+        return digest.of_json(stats)[:16]
+
+    def read(self) -> _Read:
+        """The current table; read again if a manifest changed. Raises FileError."""
+        with self._lock:
+            version = self.version()
+            if self._read is None or self._read.version != version:
+                table = read_table(self.store, self.robot_name)
+                criteria = self._criteria(table)
+                self._read = _Read(version=version, table=table, criteria=criteria, sources=MotionSources(table))
+            return self._read
+
+    def _criteria(self, table: ClipTable) -> pd.DataFrame | None:
+        """KP5's table of criteria, where it belongs to the manifest."""
+        manifest = self.store.manifest_path(asset_of(LAST, self.robot_name))
+        if LAST not in table.manifests:
+            return None
+        try:
+            return criteria_table.read(criteria_table.path_beside(manifest), manifest)
+        except FileError:
+            return None
+
+    def decisions(self) -> tuple[Decision, ...]:
+        return read_decisions(self.curation)
+
+    def clips(self) -> bytes:
+        """The table as JSON, with the name of each thumbnail."""
+        now, decisions = self.read(), self.decisions()
+        state = (now.version, decisions)
+        with self._lock:
+            if self._clips is not None and self._clips[0] == state:
+                return self._clips[1]
+        keys = [self.thumbnails.key(now.sources.of(row)) for row in now.table.rows]
+        found = {
+            "version": now.version,
+            "robot": self.robot_name,
+            "thumbnail": keys,
+            **columns(now.table, now.criteria, decisions),
+        }
+        made = json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
+        with self._lock:
+            self._clips = (state, made)
+        return made
+
+    def clip(self, name: str) -> dict[str, Any]:
+        """Details of one clip. Raises NoClipError."""
+        now = self.read()
+        return clip_details(now.table, now.criteria, self.decisions(), self.robot_name, name)
+
+    def motion(self, name: str) -> bytes:
+        """The motions of one clip. Raises NoClipError, FileError, ClipError."""
+        now = self.read()
+        row = now.table.row(name)
+        if row is None:
+            raise NoClipError(name)
+        return encode(now.sources.of(row).load(self.store, self.robot).figures())
+
+    def thumbnail(self, key: str) -> bytes | None:
+        """A thumbnail of a current clip; None if none has this name."""
+        path = self.thumbnails.path(key)
+        if path.is_file():
+            return path.read_bytes()
+        source = self._sources_by_key().get(key)
+        return None if source is None else self.thumbnails.make(source)
+
+    def make_first_thumbnails(self) -> None:
+        """Make the missing thumbnails of the first screen, in this process."""
+        now = self.read()
+        for row in now.table.rows[:FIRST_SCREEN]:
+            self.thumbnails.make(now.sources.of(row))
+
+    def wanted_thumbnails(self) -> tuple[dict[str, MotionSource], ThumbnailStore]:
+        """Name of each thumbnail -> what it shows, and where they are."""
+        return self._sources_by_key(), self.thumbnails
+
+    def decide(self, clips: list[str], verdict: str, by: str, why: str) -> int:
+        """Write a person's decision on some clips; their number. Raises SettingsError, FileError."""
+        table = self.read().table
+        known = {part for row in table.rows for part in (row.clip, *row.pieces)}
+        windows = {name.split("~")[0] for name in known}
+        known |= windows | {name.rpartition("@")[0] for name in windows}
+        strange = [clip for clip in clips if clip not in known]
+        if strange or not clips:
+            raise NoClipError(strange[0] if strange else "")
+        day = date.today().isoformat()
+        made = [{"clip": clip, "verdict": verdict, "by": by, "why": why, "day": day} for clip in clips]
+        decide(self.curation, [settings.parse(Decision, each, self.curation) for each in made])
+        return len(clips)
+
+    def take_back(self, clips: list[str]) -> int:
+        """Remove the decisions on some clips; their number. Raises FileError."""
+        take_back(self.curation, clips)
+        return len(clips)
+
+    def versions(self) -> list[dict[str, Any]]:
+        """The databases that can be compared."""
+        return [{"name": each.name, "clips": each.clips, "seconds": each.seconds} for each in versions(self.database)]
+
+    def compare(self, before: str, after: str) -> dict[str, Any]:
+        """What came and left between two of them. Raises UnknownNameError, FileError."""
+        return compare(self.database, before, after, self.read().table, self.decisions())
+
+    def _sources_by_key(self) -> dict[str, MotionSource]:
+        now = self.read()
+        found = {}
+        for row in now.table.rows:
+            source = now.sources.of(row)
+            found[self.thumbnails.key(source)] = source
+        return found

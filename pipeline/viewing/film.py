@@ -1,0 +1,109 @@
+"""Figures as a film, without a display: MP4 or GIF, side by side, each followed along its path."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from PIL import Image  # comes with matplotlib
+
+from pipeline.errors import FileError
+from pipeline.viewing.figure import Figure
+from pipeline.viewing.projection import ground_triangles, one_above_the_other, pose_triangles
+from pipeline.viewing.triangle_artist import TriangleArtist
+
+SUFFIXES = (".mp4", ".gif")
+DOTS_PER_M = 190
+WIDTH_M, HEIGHT_M = 1.2, 2.0
+"""Room for a figure."""
+LETTERS = 30
+"""Of a line of text over a figure."""
+FPS = {".mp4": 25, ".gif": 10}
+PALETTE = 64
+
+
+def write_film(
+    path: Path, figures: Sequence[Figure], *, start_s: float = 0.0, seconds: float | None = None, text: str = ""
+) -> int:
+    """Write a film of figures that share a clock; the number of its pictures. The file is whole or not there.
+
+    Args:
+        path: `.mp4` or `.gif`
+        figures: from left to right
+        start_s: where it begins [s]
+        seconds: its length; None: to the end of the longest figure
+        text: a line at the lower edge
+
+    Raises FileError for another suffix, and when the disk refuses.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise FileError(path, f"a film is one of: {', '.join(SUFFIXES)}.", "Name a file with that suffix.")
+    fps = FPS[path.suffix.lower()]
+    end_s = max(figure.duration_s for figure in figures)
+    stop_s = end_s if seconds is None else min(start_s + seconds, end_s)
+    times_s = np.arange(start_s, max(stop_s, start_s + 1.0 / fps), 1.0 / fps)
+    pictures = (_picture(figures, float(time_s), text) for time_s in times_s)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, aside = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix.lower(), dir=path.parent)
+    os.close(handle)
+    try:
+        (_write_mp4 if path.suffix.lower() == ".mp4" else _write_gif)(Path(aside), pictures, fps)
+        Path(aside).chmod(0o644)
+        Path(aside).replace(path)
+    except OSError as error:
+        raise FileError(path, f"could not be written ({error}).") from error
+    finally:
+        Path(aside).unlink(missing_ok=True)
+    return len(times_s)
+
+
+def _picture(figures: Sequence[Figure], time_s: float, text: str) -> np.ndarray:
+    """RGB picture (h, w, 3), both sides even as H.264 wants them."""
+    layers = []
+    for place, figure in enumerate(figures):
+        frame = figure.frame_at(time_s)
+        known = figure.heading[np.isfinite(figure.heading)]
+        shift = np.array([(place + 0.5) * WIDTH_M, 0.0])
+        pose = pose_triangles(figure, frame, float(known[0]) if len(known) else 0.0)
+        layers += [ground_triangles(0.45).moved(shift), pose.moved(shift)]
+    width, height = (2 * round(size * DOTS_PER_M / 2) for size in (WIDTH_M * len(figures), HEIGHT_M))
+    canvas = Canvas(figsize=(width / 100, height / 100), dpi=100)
+    axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_axis_off()
+    axes.set(xlim=(0.0, WIDTH_M * len(figures)), ylim=(-0.25, HEIGHT_M - 0.25))
+    axes.add_artist(TriangleArtist(one_above_the_other(layers)))
+    style = {"fontsize": 8, "ha": "center", "color": "#555555", "parse_math": False}
+    for place, figure in enumerate(figures):
+        axes.text((place + 0.5) * WIDTH_M, -0.2, figure.name, **style)
+    lines = textwrap.fill(f"{time_s:.2f} s  {text}", LETTERS * len(figures))
+    axes.text(0.03, HEIGHT_M - 0.3, lines, **{**style, "ha": "left", "va": "top"})
+    agg = FigureCanvasAgg(canvas)
+    agg.draw()
+    return np.ascontiguousarray(np.asarray(agg.buffer_rgba())[..., :3])
+
+
+def _write_mp4(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
+    writer = None
+    for picture in pictures:
+        if writer is None:
+            size = (picture.shape[1], picture.shape[0])
+            writer = imageio_ffmpeg.write_frames(str(path), size, fps=fps, macro_block_size=2, quality=7)
+            writer.send(None)
+        writer.send(picture)
+    if writer is not None:
+        writer.close()
+
+
+def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
+    images = [
+        Image.fromarray(each).quantize(PALETTE, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+        for each in pictures
+    ]
+    images[0].save(path, "gif", save_all=True, append_images=images[1:], duration=round(1000 / fps), loop=0)

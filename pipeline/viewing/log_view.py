@@ -1,0 +1,165 @@
+"""A robot's log for display: its pose in space, its commands and failures, and the same command in simulation.
+
+A log has joints and the trunk's attitude; its path is from leg odometry, so it is right while a sole is on the ground.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pipeline import rotation
+from pipeline.actuators import ActuatorSettings, JointActuator, adapt, read_actuators
+from pipeline.actuators.adapted_robot import TABLE
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.deployment import Policy, load_policy
+from pipeline.deployment import digest as policy_digest
+from pipeline.errors import FileError
+from pipeline.failures.find import find_failures
+from pipeline.failures.settings import FailureSettings
+from pipeline.failures.trial_report import TrialReport
+from pipeline.feedback.sim_to_real import simulated
+from pipeline.files import digest, settings
+from pipeline.files.shown_text import escaped, markdown_list
+from pipeline.hardware_logs import LogSettings, Trial, ingest, layouts, read_trial
+from pipeline.readers.robot_log import leg_odometry
+from pipeline.readers.robot_motion import robots
+from pipeline.robot import Robot, load_robot
+from pipeline.viewing.playlist import Mark, Playlist, Shown
+
+RATE_HZ = 50.0
+SIMULATION = "simulation"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LogFiles:
+    """What a log is compared with."""
+
+    data: Path
+    """Folder of the settings, and of adapted robots."""
+    robots: Path
+    """Folder of the robots, with the policies that ship with them."""
+
+    def policies(self, robot: str) -> list[Path]:
+        """Networks that ship with a robot or were exported here."""
+        folders = (self.robots / robot / "policies", self.data / "policies" / robot / "exported")
+        return [path for folder in folders for path in sorted(folder.rglob("*.npz")) if path.name != "golden.npz"]
+
+
+def log_playlist(path: Path, files: LogFiles) -> Playlist:
+    """The trials of a log, each with its simulation where the policy is at hand.
+
+    Raises FileError for a log that is refused, or that is of no robot of this project.
+    """
+    values = settings.read(files.data / "hardware_logs.yaml", LogSettings)
+    with tempfile.TemporaryDirectory(prefix="booster-lab-log-") as folder:
+        made = ingest(path, path.stem, Path(folder), layouts=layouts(robots()), settings=values)
+        trials = {trial.name: trial for trial in (read_trial(each.path) for each in made.trials)}
+    if not trials:
+        raise FileError(path, "it holds no trial: nothing was recorded with joints and attitude.")
+    return Playlist(names=tuple(trials), load=lambda name: shown_trial(trials[name], files))
+
+
+def shown_trial(trial: Trial, files: LogFiles) -> Shown:
+    """A trial for display. Raises FileError for another robot's trial."""
+    if not (files.robots / trial.robot / "robot.toml").is_file():
+        problem = f"its robot '{trial.robot}' is none of this project's."
+        raise FileError(trial.name, problem, "Add its folder to robots/.")
+    robot = load_robot(files.robots / trial.robot)
+    actuators = _actuators(files, robot)
+    values = settings.read(files.data / "failures.yaml", FailureSettings)
+    report = find_failures(trial, robot, actuators, values)
+    policy = _policy(trial, files)
+    twin = None if policy is None else _simulation(trial, robot, actuators, policy)
+    marks = tuple(
+        Mark(
+            time_s=each.time_s,
+            label=f"{each.time_s:.2f} s {each.kind.replace('_', ' ')} {each.joint or each.direction}",
+        )
+        for each in report.failures
+    )
+    return Shown(
+        name=trial.name,
+        robot=robot,
+        robot_clip=pose_clip(trial, robot),
+        reference=twin,
+        reference_name=SIMULATION,
+        text=_text(trial, report, policy),
+        marks=marks,
+        line_at=lambda time_s: _command_line(trial, time_s),
+    )
+
+
+def pose_clip(trial: Trial, robot: Robot) -> RobotClip:
+    """The robot's pose at about `RATE_HZ`; frames that were not recorded are NaN and not drawn."""
+    step = max(round(trial.rate_hz / RATE_HZ), 1)
+    joint_pos = np.asarray(trial.joint_pos[::step], dtype=float)
+    rpy = np.asarray(trial.rpy[::step], dtype=float)
+    known = np.isfinite(joint_pos).all(axis=1) & np.isfinite(rpy).all(axis=1) & trial.measured[::step]
+    frames = np.flatnonzero(known)
+    if not len(frames):
+        raise FileError(trial.name, "joints and attitude were never recorded together.")
+    root_pos, root_quat = np.full((len(known), 3), np.nan), np.full((len(known), 4), np.nan)
+    roll, pitch, yaw = rpy[frames].T
+    quat = rotation.from_euler([(2, yaw), (1, pitch), (0, roll)])
+    root_pos[frames], root_quat[frames] = leg_odometry(robot, quat, joint_pos[frames]), quat
+    return RobotClip(
+        name=trial.name,
+        fps=trial.rate_hz / step,
+        robot=robot.name,
+        joint_names=robot.joint_names,
+        root_pos_w=root_pos,
+        root_quat_w=root_quat,
+        joint_pos=np.where(known[:, None], joint_pos, np.nan),
+    )
+
+
+def _actuators(files: LogFiles, robot: Robot) -> Sequence[JointActuator]:
+    """The measured motors of the adapted robot; those of its model where none were measured."""
+    adapted = files.data / "adapted_robot" / robot.name
+    if (adapted / TABLE).is_file():
+        return read_actuators(adapted)
+    return adapt(robot, (), settings.read(files.data / "actuators.yaml", ActuatorSettings))
+
+
+def _policy(trial: Trial, files: LogFiles) -> Policy | None:
+    """The policy that the log names, among those at hand."""
+    for path in files.policies(trial.robot) if trial.policy_digest else ():
+        try:
+            policy = load_policy(path)
+        except FileError:
+            continue  # an npz of something else
+        if trial.policy_digest in (digest.of_file(path), policy_digest(policy)):
+            return policy
+    return None
+
+
+def _simulation(trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy) -> RobotClip | None:
+    """The robot in MuJoCo under the trial's command, to its end or to its fall."""
+    if not np.isfinite(np.asarray(trial.command, dtype=float)).any():
+        return None
+    return simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
+
+
+def _command_line(trial: Trial, time_s: float) -> str:
+    row = min(max(round(time_s * trial.rate_hz), 0), len(trial.command) - 1)
+    forward, lateral, yaw = np.asarray(trial.command[row], dtype=float)
+    if not np.isfinite([forward, lateral, yaw]).all():
+        return "command not recorded"
+    return f"command {forward:.2f} m/s, {lateral:.2f} m/s, {yaw:.2f} rad/s"
+
+
+def _text(trial: Trial, report: TrialReport, policy: Policy | None) -> str:
+    facts = {
+        "robot": trial.robot,
+        "length": f"{trial.seconds:.1f} s at {trial.rate_hz:g} Hz",
+        "policy": (trial.policy_digest or "not named")[:12] + ("" if policy else ", not at hand: no simulation"),
+        "recorded": "in simulation" if trial.simulated else "on the robot",
+    }
+    rows = "\n".join(f"| {escaped(name)} | {escaped(value)} |" for name, value in facts.items())
+    failures = markdown_list((each.text() for each in report.failures), "no failure was found")
+    return f"| | |\n|---|---|\n{rows}\n\n{failures}"

@@ -1,0 +1,90 @@
+"""A headless Chromium, and the curator's page of a checkout in it."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.factories.checkout import Checkout
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+PICTURES_VARIABLE = "BOOSTER_LAB_PICTURES"
+"""Folder that the screenshots of the browser tests are written into."""
+
+
+@contextmanager
+def curation_server(checkout: Checkout) -> Iterator[str]:
+    """`booster-lab curate` in a checkout; the address that it prints."""
+    process = checkout.start("booster-lab", "curate", "--no-browser", "--port", "0")
+    try:
+        assert process.stdout is not None
+        printed = process.stdout.readline()
+        match = re.match(r"http://127\.0\.0\.1:\d+/#token=\S+", printed)
+        assert match, printed + process.stdout.read()
+        yield match[0]
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+@dataclass
+class Browser:
+    """A page in Chromium; everything the console complains about is kept."""
+
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+
+    def until(self, condition: str, seconds: float = 30.0) -> None:
+        """Wait until a JavaScript expression is true; the page's security policy refuses Playwright's own wait."""
+        script = (
+            f"async () => {{ const end = performance.now() + {1000 * seconds}; "
+            f"while (!({condition})) {{ if (performance.now() > end) throw new Error('never true'); "
+            "await new Promise(requestAnimationFrame); } }"
+        )
+        self.page.evaluate(script)
+
+    def picture(self, name: str) -> None:
+        """Write a screenshot into the folder of `BOOSTER_LAB_PICTURES`, if that is set."""
+        from PIL import Image
+
+        image = Image.open(io.BytesIO(self.page.screenshot())).convert("RGB")
+        assert image.getextrema() != ((255, 255),) * 3, "the page is empty"
+        folder = os.environ.get(PICTURES_VARIABLE)
+        if folder:
+            image.quantize(128, dither=Image.Dither.NONE).save(Path(folder) / f"{name}.png", optimize=True)
+
+
+@contextmanager
+def browser(url: str) -> Iterator[Browser]:
+    """A headless Chromium that has opened an address. Skips where it or Playwright is missing."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install playwright")
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        pytest.skip("needs a Chromium: apt-get install chromium")
+    with playwright.sync_playwright() as started:
+        running = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        try:
+            found = Browser(running.new_page(viewport={"width": 1360, "height": 820}))
+            found.page.on(
+                "console", lambda each: each.type in ("error", "warning") and found.complaints.append(each.text)
+            )
+            found.page.on("pageerror", lambda error: found.complaints.append(str(error)))
+            found.page.on("dialog", lambda each: found.complaints.append(f"dialog: {each.message}"))
+            found.page.goto(url)
+            yield found
+        finally:
+            running.close()
