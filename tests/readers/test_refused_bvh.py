@@ -36,8 +36,8 @@ def line_of(text, needle):
         ("Frames: 4", "Frames: 2.5", "Frames is 2.5"),
         ("Frames: 4", "Frames: -4", "Frames is -4"),
         ("Frames: 4", "Frames: many", "Frames is 'many', wanted a finite number"),
-        ("Frame Time: 0.0166667", "Frame Time: 0", "Frame Time is 0 s"),
-        ("Frame Time: 0.0166667", "Frame Time: -0.01", "Frame Time is -0.01 s"),
+        ("Frame Time: 0.0166667", "Frame Time: 0", "Frame Time is '0', wanted"),
+        ("Frame Time: 0.0166667", "Frame Time: -0.01", "Frame Time is '-0.01', wanted"),
         ("Frame Time: 0.0166667", "Frame Time: nan", "Frame Time is 'nan'"),
         ("Frame Time: 0.0166667", "Frame Time: 1e-300", "wanted 0.0001 to 1"),
         ("Frame Time: 0.0166667\n", "", "followed by"),
@@ -101,13 +101,13 @@ def test_more_rows_than_declared_are_read_and_noted(tmp_path, declared):
     assert (note.code, note.effect, note.value, note.limit) == ("frame_count", "noted", 4.0, float(declared))
 
 
-@pytest.mark.parametrize("line", ["Frame Time: 0\n", "Frame Time: nan\n", "Frame Time: \n", ""])
+@pytest.mark.parametrize("line", ["Frame Time: 0\n", "Frame Time: nan\n", "Frame Time: 1/60\n", "Frame Time: \n", ""])
 def test_a_file_without_a_frame_time_is_read_at_the_stated_rate(tmp_path, line):
     path = tmp_path / "clip.bvh"
     path.write_text(GOOD)
     truth = read_motion(path, "clip").clip
     path.write_text(GOOD.replace("Frame Time: 0.0166667\n", line))
-    with pytest.raises(FileError, match=r"Frame Time.*state `fps:`|Frame Time is 'nan'|Frame Time is ''"):
+    with pytest.raises(FileError, match=r"Frame Time.*state `fps:`"):
         read_motion(path, "clip")
     read = read_motion(path, "clip", Statement(fps=60.0))
     assert (read.clip.fps, read.declared_fps) == (60.0, None)
