@@ -8,10 +8,13 @@ import pytest
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers import Statement, read_motion
 from pipeline.readers.bvh import MAX_DEPTH, read_bvh
+from pipeline.readers.unit import METRES
 from tests.factories import motion_files as files
 
 GOOD = files.bvh(files.upright(4, seed=1))
 ROWS = GOOD.split("\n")[-5:-1]
+LEG = 0.85
+"""Thigh and shank of the figure [m]."""
 
 
 def refuse(tmp_path, text, match, line=None, error=FileError):
@@ -170,6 +173,21 @@ def test_an_unknown_skeleton_is_refused_with_what_is_missing_and_what_to_do(tmp_
     assert "LeftClaw" in str(error)
     assert "--write-map" in str(error)
     assert "docs/sources.md" in str(error)
+
+
+@pytest.mark.parametrize("leg", [0.58, 1.12, 1.145])
+def test_a_leg_of_a_giant_or_a_small_child_in_every_unit_is_ambiguous(tmp_path, leg):
+    """A child of 1 m recorded in inches has legs of 1.145 m in CMU's unit."""
+    style = files.BvhStyle(metres_per_unit=0.0254 / 0.45 * LEG / leg)
+    refuse(tmp_path, files.bvh(files.upright(4), style), rf"{leg:.3g} m in cmu", error=AmbiguousFileError)
+
+
+@pytest.mark.parametrize("leg", [0.61, 0.85, 1.09])
+@pytest.mark.parametrize(("unit", "metres"), METRES.items())
+def test_legs_of_people_between_1_24_and_2_22_m_give_the_unit(tmp_path, leg, unit, metres):
+    path = tmp_path / "clip.bvh"
+    path.write_text(files.bvh(files.upright(4), files.BvhStyle(metres_per_unit=metres * LEG / leg)))
+    assert read_motion(path, "clip").unit == unit
 
 
 def test_a_unit_that_makes_no_human_is_ambiguous(tmp_path):
