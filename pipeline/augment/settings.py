@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.augment.strengths import Strengths
 from pipeline.clips.skill import LABELS
-from pipeline.files.ranges import OneOf, Range, check
+from pipeline.files.ranges import OneOf, Range
 from pipeline.quality.sole_contact import ContactSettings
 
 
@@ -24,14 +25,11 @@ class AugmentSettings:
 
     mirror: bool
     """Add each clip reflected in the robot's left-right plane."""
-    time_scales: tuple[float, ...]
+    time_scales: Annotated[tuple[float, ...], _Scale(0.5, 2.0)]
     """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high."""
-    unscaled_skills: tuple[str, ...]
+    unscaled_skills: Annotated[tuple[str, ...], OneOf(LABELS)]
     """Skills that are played at no other speed: standing is the same slower."""
     perturbations: Strengths
     """Variants with other steps or another posture."""
     contact: ContactSettings
     """What contact is in a recording that does not say it, where those are made."""
-
-    def __post_init__(self) -> None:
-        check(self, time_scales=_Scale(0.5, 2.0), unscaled_skills=OneOf(LABELS))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 from pipeline.clips.outcome import Number, Numbers
-from pipeline.files.ranges import Range, check
+from pipeline.files.ranges import Range
 
 _SPEEDS = ("forward_m_s", "lateral_m_s")
 """Numbers that go with the length of the steps."""
@@ -38,17 +39,14 @@ KINDS: dict[str, Strength] = {
 class Strengths:
     """Variants to add to each clip: one for each strength of each kind. Empty: none."""
 
-    step_length: tuple[float, ...] = ()
+    step_length: Annotated[tuple[float, ...], KINDS["step_length"]] = ()
     """Length of the steps over the original's, at the same cadence."""
-    step_width: tuple[float, ...] = ()
+    step_width: Annotated[tuple[float, ...], KINDS["step_width"]] = ()
     """Added between the feet [m]."""
-    foot_lift: tuple[float, ...] = ()
+    foot_lift: Annotated[tuple[float, ...], KINDS["foot_lift"]] = ()
     """Added to the height over the ground at the highest point of each swing [m]."""
-    trunk_lean: tuple[float, ...] = ()
+    trunk_lean: Annotated[tuple[float, ...], KINDS["trunk_lean"]] = ()
     """Turn of the trunk about the lateral axis through the hips [deg]; forward is positive."""
-
-    def __post_init__(self) -> None:
-        check(self, **KINDS)
 
     def each(self) -> Iterator[tuple[str, float]]:
         """Every kind with every strength, in a fixed order."""

@@ -170,7 +170,7 @@ class CrossEngine:
     ankle_kd: AnkleKd = None
     cells: Annotated[tuple[str, ...], arg(metavar="NAME")] = ()
     """only these cells"""
-    seeds: Annotated[int | None, option("N", int)] = None
+    seeds: Annotated[int | None, option("N", integer("a number of starts", 1, 10_000))] = None
     """starts per cell, instead of the file's"""
     json: File = None
     """write the verdict and all figures here"""

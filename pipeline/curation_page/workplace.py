@@ -23,7 +23,7 @@ from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.errors import FileError
 from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
-from pipeline.files import digest
+from pipeline.files import digest, settings
 from pipeline.robot import Robot, load_robot
 from pipeline.selection.curation_file import decide, read_decisions, take_back
 from pipeline.selection.decisions import Decision
@@ -164,7 +164,7 @@ class Workplace:
         return self._sources_by_key(), self.thumbnails
 
     def decide(self, clips: list[str], verdict: str, by: str, why: str) -> int:
-        """Write a person's decision on some clips; their number. Raises RangeError, SettingsError, FileError."""
+        """Write a person's decision on some clips; their number. Raises SettingsError, FileError."""
         table = self.read().table
         known = {part for row in table.rows for part in (row.clip, *row.pieces)}
         windows = {name.split("~")[0] for name in known}
@@ -173,7 +173,8 @@ class Workplace:
         if strange or not clips:
             raise NoClipError(strange[0] if strange else "")
         day = date.today().isoformat()
-        decide(self.curation, [Decision(clip=clip, verdict=verdict, by=by, why=why, day=day) for clip in clips])
+        made = [{"clip": clip, "verdict": verdict, "by": by, "why": why, "day": day} for clip in clips]
+        decide(self.curation, [settings.parse(Decision, each, self.curation) for each in made])
         return len(clips)
 
     def take_back(self, clips: list[str]) -> int:

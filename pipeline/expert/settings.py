@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.files.ranges import SHARE, Range, check
+from pipeline.files.ranges import SHARE, Range
 from pipeline.files.sourced import Unit
 
 
@@ -13,10 +13,7 @@ from pipeline.files.sourced import Unit
 class DatabaseSettings:
     """`data/database.yaml`."""
 
-    max_lost_share: Annotated[float, Unit("share")]
+    max_lost_share: Annotated[float, SHARE, Unit("share")]
     """Largest share of the clips, or of the seconds, of the database in place that a new one may lack."""
-    kept_versions: int
+    kept_versions: Annotated[int, Range(1, 1000)]
     """Earlier versions that are kept."""
-
-    def __post_init__(self) -> None:
-        check(self, max_lost_share=SHARE, kept_versions=Range(1, 1000))

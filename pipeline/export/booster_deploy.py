@@ -14,12 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import SettingsError
 from pipeline.export.torch_script import write_torch_script
 from pipeline.files import atomic, settings
-from pipeline.files.ranges import check
+from pipeline.files.ranges import Allowed
 from pipeline.robot.load import ROBOTS
 
 TASK = "booster_lab_walk"
@@ -30,16 +31,20 @@ PROGRAMS = "deployment.yaml"
 """Names that deployment programs have for a robot, in its folder."""
 
 
+@dataclass(frozen=True)
+class Identifier(Allowed):
+    """A name in Python."""
+
+    def problem(self, value: str) -> str | None:
+        return None if value.isidentifier() else f"is {value!r}, allowed is a name in Python"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Programs:
     """`robots/<robot>/deployment.yaml`."""
 
-    booster_deploy: str
+    booster_deploy: Annotated[str, Identifier()]
     """The robot's configuration in `booster_deploy.robots.booster`."""
-
-    def __post_init__(self) -> None:
-        name = getattr(self, "booster_deploy", "X")
-        check(self, [] if name.isidentifier() else [("booster_deploy", f"is {name!r}, allowed is a name in Python")])
 
 
 def vendor_robot(robot: str, robots: Path = ROBOTS) -> str:

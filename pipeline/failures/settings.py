@@ -22,7 +22,7 @@ class FallSettings:
     """Attitude and the robot's own message tell the same fall when they are closer than this [s]."""
     push_m_s2: float
     """Horizontal acceleration that is a push."""
-    push_width_s: float
+    push_width_s: Annotated[float, POSITIVE]
     """... averaged over this time [s]."""
     push_m_s: Annotated[float, SPEED]
     """Least change of velocity by a push."""
@@ -30,18 +30,18 @@ class FallSettings:
     """A push so long before a fall is its cause [s]."""
 
     def __post_init__(self) -> None:
-        check(self, increasing(self, "onset_deg", "tilt_deg"), push_width_s=POSITIVE)
+        check(increasing(self, "onset_deg", "tilt_deg"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExcuseSettings:
     """When a robot is held by hand or stopped."""
 
-    support: float
+    support: Annotated[float, PART]
     """Feet that bear less than this share of the weight don't hold the robot."""
-    specific_force: float
+    specific_force: Annotated[float, PART]
     """A trunk that feels more than this share of gravity does not fall freely."""
-    window_s: float
+    window_s: Annotated[float, POSITIVE]
     """Both as means over this time [s]."""
     short_s: float
     """... or over this one, for as long, where the robot is tipped meanwhile [s]."""
@@ -49,11 +49,8 @@ class ExcuseSettings:
     """So long after it was let go a failure is the holder's [s]."""
     before_s: float
     """So long before as well [s]."""
-    damping_kp: float
+    damping_kp: Annotated[float, PART]
     """Stiffness below this share of the usual one stops the robot."""
-
-    def __post_init__(self) -> None:
-        check(self, support=PART, specific_force=PART, window_s=POSITIVE, damping_kp=PART)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,36 +68,30 @@ class StumbleSettings:
 class SlipSettings:
     """Feet that slide while they bear the robot."""
 
-    foot_m_s: Annotated[float, SPEED]
+    foot_m_s: Annotated[float, SPEED, POSITIVE]
     """Speed of a bearing sole over the ground [m/s]."""
-    share: float
+    share: Annotated[float, PART]
     """Share of a window."""
-    window_s: float
-
-    def __post_init__(self) -> None:
-        check(self, foot_m_s=POSITIVE, share=PART, window_s=POSITIVE)
+    window_s: Annotated[float, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueSettings:
     """Motors that give less than they are asked for."""
 
-    asked_over: float
+    asked_over: Annotated[float, PART]
     """Asked less given, over the limit."""
     run_s: float
     """Shortest stretch that counts [s]."""
     least_s: float
     """Least sum of such stretches [s]."""
-    spread: float
+    spread: Annotated[float, PART]
     """Largest spread (1.48 MAD) of what was given, over its median."""
-    at_limit: float
+    at_limit: Annotated[float, PART]
     """Plateaus above this share of the calibrated limit are that limit."""
-    nominal_share: float
+    nominal_share: Annotated[float, PART]
     """Share of a window at the calibrated limit."""
-    window_s: float
-
-    def __post_init__(self) -> None:
-        check(self, asked_over=PART, spread=PART, at_limit=PART, nominal_share=PART, window_s=POSITIVE)
+    window_s: Annotated[float, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,47 +99,33 @@ class SpeedSettings:
     """Joints faster than their motors."""
 
     ratio: float
-    share: float
-    window_s: float
-
-    def __post_init__(self) -> None:
-        check(self, share=PART, window_s=POSITIVE)
+    share: Annotated[float, PART]
+    window_s: Annotated[float, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
 class AuthoritySettings:
     """Motors that do not answer, and joints that are only damped after a fall."""
 
-    asked_over: float
+    asked_over: Annotated[float, PART]
     """Asked torque over the limit from which a motor has to answer ..."""
-    least_torque: Annotated[float, TORQUE]
+    least_torque: Annotated[float, TORQUE, POSITIVE]
     """... and the least one [N m]: friction may hide what a motor gives when it is asked for less."""
-    dead_share: float
+    dead_share: Annotated[float, PART]
     """A motor that gives less than this share of what it is asked for does not answer."""
-    alive_share: float
+    alive_share: Annotated[float, PART]
     """One that gives more than this share of what it is asked for, or of its limit, does."""
-    error_rad: float
+    error_rad: Annotated[float, POSITIVE]
     """Distance of a joint from its target that a motor with authority does not leave [rad]."""
-    flicker_s: tuple[float, float]
+    flicker_s: Annotated[tuple[float, float], POSITIVE]
     """Shortest and longest time for which motors flicker [s]; longer is a loss of authority."""
-    damped_share: float
+    damped_share: Annotated[float, PART]
     """Asked torque by stiffness over the usual one, below which joints are only damped."""
-    damped_s: float
+    damped_s: Annotated[float, POSITIVE]
     """... for at least this time [s]."""
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            increasing(self, "dead_share", "alive_share"),
-            asked_over=PART,
-            least_torque=POSITIVE,
-            dead_share=PART,
-            alive_share=PART,
-            error_rad=POSITIVE,
-            flicker_s=POSITIVE,
-            damped_share=PART,
-            damped_s=POSITIVE,
-        )
+        check(increasing(self, "dead_share", "alive_share"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +149,8 @@ class PacketSettings:
 class TrackingSettings:
     """Commanded against achieved velocity."""
 
-    steady_s: float
-    settle_s: float
+    steady_s: Annotated[float, POSITIVE]
+    settle_s: Annotated[float, Range(0.0, 30.0)]
     forward: Annotated[tuple[float, float], SPEED_AND_SHARE]
     """Largest difference: a [m/s] + b times the command."""
     lateral: Annotated[tuple[float, float], SPEED_AND_SHARE]
@@ -181,21 +158,15 @@ class TrackingSettings:
     """[rad/s]"""
     delay_s: float
     """A delay from target to torque above this is named as the cause [s]."""
-    longest_delay_s: float
-
-    def __post_init__(self) -> None:
-        check(self, steady_s=POSITIVE, settle_s=Range(0.0, 30.0), longest_delay_s=Range(0.0, 1.0))
+    longest_delay_s: Annotated[float, Range(0.0, 1.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycleSettings:
     """The gait against that of the simulation."""
 
-    deviation: float
+    deviation: Annotated[float, SHARE]
     """RMS over the phase, over the joint's range in simulation."""
-
-    def __post_init__(self) -> None:
-        check(self, deviation=SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)

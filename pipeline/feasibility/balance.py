@@ -26,7 +26,7 @@ import pandas as pd
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
 from pipeline.feasibility.gait_signature import families
-from pipeline.feasibility.thresholds import MetresPerSecondCubed, Section
+from pipeline.feasibility.thresholds import MetresPerSecondCubed
 from pipeline.files.ranges import POSITIVE, SHARE, Range
 from pipeline.files.sourced import Unit
 
@@ -41,18 +41,18 @@ MADE = ("weight", "cell", "family")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BalanceSettings(Section):
+class BalanceSettings:
     """How feasible clips share the weight."""
 
-    cell_power: Annotated[float, Unit("-"), SHARE]
+    cell_power: Annotated[float, SHARE, Unit("-")]
     """0: every second weighs the same; 1: every cell weighs the same."""
-    max_ratio: Annotated[float, Unit("of the mean second"), Range(1.0)]
+    max_ratio: Annotated[float, Range(1.0), Unit("of the mean second")]
     """Largest weight of a second over the mean weight of a second."""
-    same_gait: Annotated[float, Unit("rad"), Range(0.0, 1.0)]
+    same_gait: Annotated[float, Range(0.0, 1.0), Unit("rad")]
     """Motions whose gait signatures differ by less than this [rad, root mean square] share a part of a cell."""
     smooth_jerk: MetresPerSecondCubed
     """Mean jerk [m/s^3] at which a clip's weight is halved."""
-    missing_seconds: Annotated[float, Unit("s"), POSITIVE]
+    missing_seconds: Annotated[float, POSITIVE, Unit("s")]
     """A cell with less than this [s] is missing."""
 
 

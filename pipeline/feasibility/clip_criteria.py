@@ -8,7 +8,7 @@ from pipeline.clips.outcome import Numbers
 from pipeline.feasibility import criterion as registry
 from pipeline.feasibility.criterion import NOTHING, NUMBERS, WHOLE_CLIP, Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import CutSettings
-from pipeline.feasibility.thresholds import Degrees, Section, ToleranceMetres, ToleranceMetresPerSecond
+from pipeline.feasibility.thresholds import Degrees, ToleranceMetres, ToleranceMetresPerSecond
 
 NO_FIGURES = "no figure of retargeting"
 
@@ -16,7 +16,7 @@ TOO_SHORT = "too_short"
 
 
 @dataclass(frozen=True, kw_only=True)
-class LikenessSettings(Section):
+class LikenessSettings:
     """Upper bounds of KP3's numbers on a clip, by the names they have there."""
 
     slip_m_s: ToleranceMetresPerSecond

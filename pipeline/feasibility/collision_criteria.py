@@ -8,14 +8,14 @@ import numpy as np
 
 from pipeline.feasibility.criterion import Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.thresholds import Section, ShareOfFrames, ToleranceMetres
+from pipeline.feasibility.thresholds import ShareOfFrames, ToleranceMetres
 from pipeline.simulation.self_collision import self_collision
 
 GROUP = "self-collision"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CollisionSettings(Section):
+class CollisionSettings:
     """The robot against itself."""
 
     depth: ToleranceMetres

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
-from pipeline.feasibility.thresholds import Section
-from pipeline.files.ranges import NOT_NEGATIVE
+from pipeline.files.ranges import NOT_NEGATIVE, Remark
 from pipeline.files.sourced import Unit
 
 STANDING = "standing"
@@ -33,37 +32,31 @@ SECONDS_COLUMN = "command_seconds"
 VELOCITIES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
 
+class WholeCells(Remark):
+    """An axis that is made of one or more whole cells."""
+
+    def faults(self, where: str, value: Axis) -> list[tuple[str, str]]:
+        low, high, width = value
+        cells = (high - low) / width if width > 0.0 else 0.0
+        if 0.5 < cells < 1_000.5 and abs(cells - round(cells)) < 1e-6:
+            return []
+        return [(where, f"is {low:g} to {high:g} in cells of {width:g}, allowed are 1 to 1000 whole cells")]
+
+
 @dataclass(frozen=True, kw_only=True)
-class CommandSettings(Section):
+class CommandSettings:
     """`data/commands.yaml`: the cells of the command space, which weights are spread over and feedback refers to."""
 
-    forward: Annotated[tuple[float, float, float], Unit("m/s")]
+    forward: Annotated[Axis, WholeCells(), Unit("m/s")]
     """Lowest, highest and width of cells [m/s]."""
-    lateral: Annotated[tuple[float, float, float], Unit("m/s")]
+    lateral: Annotated[Axis, WholeCells(), Unit("m/s")]
     """[m/s]"""
-    yaw_rate: Annotated[tuple[float, float, float], Unit("rad/s")]
+    yaw_rate: Annotated[Axis, WholeCells(), Unit("rad/s")]
     """[rad/s]"""
-    standing_m_s: Annotated[float, Unit("m/s"), NOT_NEGATIVE]
+    standing_m_s: Annotated[float, NOT_NEGATIVE, Unit("m/s")]
     """Slower than this over ground [m/s] ..."""
-    standing_rad_s: Annotated[float, Unit("rad/s"), NOT_NEGATIVE]
+    standing_rad_s: Annotated[float, NOT_NEGATIVE, Unit("rad/s")]
     """... and turning slower than this [rad/s] is standing."""
-
-    def further_faults(self) -> list[tuple[str, str]]:
-        return _axes(self, "forward", "lateral", "yaw_rate")
-
-
-def _axes(settings: Any, *names: str) -> list[tuple[str, str]]:
-    """Faults of axes (lowest, highest, width of a cell) that are not made of one or more whole cells."""
-    faults = []
-    for name in names:
-        axis = getattr(settings, name, None)
-        if not axis or len(axis) != 3 or None in axis:
-            continue
-        low, high, width = axis
-        cells = (high - low) / width if width > 0.0 else 0.0
-        if not 0.5 < cells < 1_000.5 or abs(cells - round(cells)) > 1e-6:
-            faults.append((name, f"is {low:g} to {high:g} in cells of {width:g}, allowed are 1 to 1000 whole cells"))
-    return faults
 
 
 def standing(rows: pd.DataFrame, settings: CommandSettings) -> np.ndarray:

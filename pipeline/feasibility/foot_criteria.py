@@ -17,7 +17,6 @@ from pipeline.feasibility.thresholds import (
     MetresPerSecondBySpeed,
     Seconds,
     SecondsBySpeed,
-    Section,
     ToleranceMetres,
 )
 from pipeline.files.ranges import SHARE
@@ -36,7 +35,7 @@ SLIP, CONTACT = "foot slip", "contact consistency"
 
 
 @dataclass(frozen=True, kw_only=True)
-class FootSettings(Section):
+class FootSettings:
     """Feet on the ground."""
 
     level: ToleranceMetres
@@ -60,7 +59,7 @@ class FootSettings(Section):
     """Both soles higher than this [m] is flight."""
     flight_s: Seconds
     """Longest flight [s]."""
-    disagreement: Annotated[float, Unit("of foot-frames"), SHARE]
+    disagreement: Annotated[float, SHARE, Unit("of foot-frames")]
     """Largest share of foot-frames whose label says contact where the sole does not, or the other way."""
 
 

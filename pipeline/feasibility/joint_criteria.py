@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_time import share_and_run
-from pipeline.feasibility.thresholds import RatioToMotorLimit, Seconds, Section, ShareOfFrames
+from pipeline.feasibility.thresholds import RatioToMotorLimit, Seconds, ShareOfFrames
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import acceleration_p99
@@ -19,10 +19,10 @@ LIMITS = "joint and speed limits"
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointSettings(Section):
+class JointSettings:
     """Positions, speeds and accelerations of joints."""
 
-    limit_excess: Annotated[float, Unit("rad"), Range(0.0, 1.0)]
+    limit_excess: Annotated[float, Range(0.0, 1.0), Unit("rad")]
     """Allowed beyond the robot's position limits [rad]."""
     speed_ratio: RatioToMotorLimit
     """Largest speed over the motor's limit."""
@@ -32,7 +32,7 @@ class JointSettings(Section):
     """Largest share of a joint's frames in which it is."""
     speed_over_run_s: Seconds
     """Longest time it may be without a break [s]."""
-    acceleration_p99: Annotated[float, Unit("rad/s^2"), POSITIVE]
+    acceleration_p99: Annotated[float, POSITIVE, Unit("rad/s^2")]
     """99th percentile over all frames and joints, low-passed [rad/s^2]."""
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.thresholds import Hertz, Section, ShareOfFrames
+from pipeline.feasibility.thresholds import Hertz, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit
 from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
@@ -26,23 +26,23 @@ NO_ROLLOUT = "no tracked rollout"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CutSettings(Section):
+class CutSettings:
     """How motions are cut, and the limits of short ones."""
 
-    min_seconds: Annotated[float, Unit("s"), Range(0.04, 60.0)]
+    min_seconds: Annotated[float, Range(0.04, 60.0), Unit("s")]
     """Shortest stretch that is kept [s]."""
-    max_cuts: Annotated[int, Unit("-"), Range(0, 20)]
+    max_cuts: Annotated[int, Range(0, 20), Unit("-")]
     """How often what is left of a clip is cut again; a cut moves the ends that filters see."""
-    margin_s: Annotated[float, Unit("s"), Range(0.0, 5.0)]
+    margin_s: Annotated[float, Range(0.0, 5.0), Unit("s")]
     """Cut away with a bad frame on both sides [s]."""
-    share_s: Annotated[float, Unit("s"), Range(0.0, 60.0)]
+    share_s: Annotated[float, Range(0.0, 60.0), Unit("s")]
     """A shorter clip may have as many frames at fault as one of this time [s], for shares and percentiles alike."""
     short_share: ShareOfFrames
     """Upper bound of the share of a short clip's own frames at fault that this allows."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RootFilter(Section):
+class RootFilter:
     """The low pass of the root; root criteria add their thresholds."""
 
     cutoff_hz: Hertz

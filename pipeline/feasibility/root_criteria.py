@@ -11,7 +11,7 @@ from pipeline import rotation, time_series
 from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
 from pipeline.feasibility.motion import Motion, RootFilter
 from pipeline.feasibility.thresholds import Degrees, MetresPerSecondCubed
-from pipeline.files.ranges import POSITIVE, Range
+from pipeline.files.ranges import POSITIVE, Range, check
 from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import mean_jerk
 
@@ -22,25 +22,22 @@ GROUP = "root motion"
 class RootSettings(RootFilter):
     """The root link, low-passed at `cutoff_hz`."""
 
-    height: Annotated[tuple[float, float], Unit("of the standing height"), Range(0.0, 3.0)]
+    height: Annotated[tuple[float, float], Range(0.0, 3.0), Unit("of the standing height")]
     """Lowest and highest root over the default root height."""
     tilt_deg: Degrees
     """Largest angle from upright [deg]."""
-    speed: Annotated[float, Unit("m/s"), Range(0.0, 15.0, open_low=True)]
+    speed: Annotated[float, Range(0.0, 15.0, open_low=True), Unit("m/s")]
     """Largest speed of the root [m/s]."""
-    turn_speed: Annotated[float, Unit("rad/s"), POSITIVE]
+    turn_speed: Annotated[float, POSITIVE, Unit("rad/s")]
     """Largest angular speed of the root [rad/s]."""
-    acceleration: Annotated[float, Unit("m/s^2"), POSITIVE]
+    acceleration: Annotated[float, POSITIVE, Unit("m/s^2")]
     """Largest acceleration of the root [m/s^2]."""
     jerk: MetresPerSecondCubed
     """Largest mean jerk of the root [m/s^3]."""
 
-    def further_faults(self) -> list[tuple[str, str]]:
-        """A fault of a pair of heights whose second is not the larger one."""
-        pair = getattr(self, "height", None)
-        if not pair or len(pair) != 2 or None in pair or pair[0] < pair[1]:
-            return []
-        return [("height[1]", f"is {pair[1]:g}, allowed is more than the first ({pair[0]:g})")]
+    def __post_init__(self) -> None:
+        low, high = self.height
+        check([] if low < high else [("height[1]", f"is {high:g}, allowed is more than the first ({low:g})")])
 
 
 @criterion(

@@ -15,7 +15,7 @@ from pipeline.clips.robot_clip import SimulatedForces
 from pipeline.feasibility.criterion import Criterion, Result, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_time import odd_width, share_and_run, windowed_mean
-from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
+from pipeline.feasibility.thresholds import Seconds, ShareOfFrames
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
 from pipeline.physics import GRAVITY
@@ -27,18 +27,18 @@ CODES = ("torque_saturation_share", "torque_saturation_run_s", "force_residual")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueSettings(Section):
+class TorqueSettings:
     """Motor torques and contact forces of a rollout, as its simulation recorded them."""
 
-    saturation: Annotated[float, Unit("of the torque limit"), Range(0.5, 1.0)]
+    saturation: Annotated[float, Range(0.5, 1.0), Unit("of the torque limit")]
     """A motor is saturated where it gives more than this of its limit."""
     saturation_share: ShareOfFrames
     """Largest share of a joint's frames in which its motor is saturated."""
     saturation_run_s: Seconds
     """Longest time that a motor may be saturated without a break [s]."""
-    force_residual: Annotated[float, Unit("of the weight"), POSITIVE]
+    force_residual: Annotated[float, POSITIVE, Unit("of the weight")]
     """Largest mean over a window of the force that contacts and pushes do not explain, over the weight."""
-    residual_window_s: Annotated[float, Unit("s"), Range(0.02, 10.0)]
+    residual_window_s: Annotated[float, Range(0.02, 10.0), Unit("s")]
     """Length of the window [s]."""
 
 

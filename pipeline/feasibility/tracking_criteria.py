@@ -21,7 +21,7 @@ from pipeline.feasibility.criterion import NUMBERS, WHOLE_CLIP, Criterion, Resul
 from pipeline.feasibility.motion import NO_ROLLOUT, Motion
 from pipeline.feasibility.over_time import windowed_mean
 from pipeline.feasibility.reference import CONTENT
-from pipeline.feasibility.thresholds import Seconds, Section, ShareOfFrames
+from pipeline.feasibility.thresholds import Seconds, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import LENGTH, Unit
 from pipeline.quality.percentile import percentile_of_least
@@ -31,17 +31,17 @@ GROUP = "tracking stability"
 
 NOT_CUT = "no rollout of KP4"
 
-_Angle = Annotated[float, Unit("rad"), Range(0.0, 3.2, open_low=True)]
-_Length = Annotated[float, Unit("m"), Range(0.0, 2.0, open_low=True), LENGTH]
+_Angle = Annotated[float, Range(0.0, 3.2, open_low=True), Unit("rad")]
+_Length = Annotated[float, Range(0.0, 2.0, open_low=True), Unit("m"), LENGTH]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackingSettings(Section):
+class TrackingSettings:
     """How far a rollout may be from its reference, frame by frame at the same time."""
 
     followed: ShareOfFrames
     """Least share of its reference that a rollout follows before tracking fails."""
-    window_s: Annotated[float, Unit("s"), Range(0.02, 10.0)]
+    window_s: Annotated[float, Range(0.02, 10.0), Unit("s")]
     """The worst stretch of this length counts, and the last one [s]."""
     joint_p95: _Angle
     """95th percentile over frames of the joints' root mean square error [rad]."""
@@ -57,7 +57,7 @@ class TrackingSettings(Section):
     """Longest time in a row that it may be above `body_p95` [s]."""
     root_height: _Length
     """Largest difference of the root's height [m]."""
-    gravity: Annotated[float, Unit("-"), Range(0.0, 2.0, open_low=True)]
+    gravity: Annotated[float, Range(0.0, 2.0, open_low=True), Unit("-")]
     """Largest difference of the vertical in the root's frame, along its z axis."""
     end_height: _Length
     """Largest difference in height of a hand or a sole [m]."""

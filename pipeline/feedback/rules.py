@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.augment import strengths
 from pipeline.failures.failure import KINDS
@@ -28,48 +29,39 @@ class ApprovalRules:
 class TrustRules:
     """Which failures count."""
 
-    least_confidence: float
-    policies: tuple[str, ...]
+    least_confidence: Annotated[float, SHARE]
+    policies: Annotated[tuple[str, ...], Pattern()]
     """Patterns of policy digests."""
-    simulated: str
+    simulated: Annotated[str, OneOf(SIMULATED)]
     """`always`, `never`, or `until_real`: as long as there is no real log of the robot."""
     unverified: bool
     """Whether logs count whose bytes no checksum covers."""
     attitude_confirms: bool
     """Whether a fall counts only where the attitude shows it."""
-    least_share: float
+    least_share: Annotated[float, SHARE]
     """Of the experiments with such a command, that failed."""
-
-    def __post_init__(self) -> None:
-        check(self, least_confidence=SHARE, policies=Pattern(), simulated=OneOf(SIMULATED), least_share=SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FactorRule:
     """A factor on something that is there: `per_experiment` to the power of the experiments, at most `most`."""
 
-    kinds: tuple[str, ...]
-    per_experiment: float
-    most: float
-
-    def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS), per_experiment=Range(1.0, 2.0), most=Range(1.0, 10.0))
+    kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
+    per_experiment: Annotated[float, Range(1.0, 2.0)]
+    most: Annotated[float, Range(1.0, 10.0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
     """Failures that a kind of perturbation answers, and to which side of the original."""
 
-    kinds: tuple[str, ...]
-    directions: tuple[str, ...]
+    kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
+    directions: Annotated[tuple[str, ...], OneOf(DIRECTIONS)]
     """Directions that the failure has to have; none: any."""
     causes: tuple[str, ...]
     """Causes that the failure's evidence has to name; none: any."""
-    way: str
+    way: Annotated[str, OneOf((LESS, MORE, BOTH))]
     """`less` or `more` of what is perturbed; `both` for playing speeds."""
-
-    def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS), directions=OneOf(DIRECTIONS), way=OneOf((LESS, MORE, BOTH)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +69,9 @@ class PerturbationRule:
     """A kind of perturbation: beside the original it begins at `first`, grows by `per_experiment`, ends at `most`."""
 
     answers: tuple[Answer, ...]
-    first: float
-    per_experiment: float
-    most: float
-
-    def __post_init__(self) -> None:
-        check(self, first=POSITIVE, per_experiment=NOT_NEGATIVE, most=POSITIVE)
+    first: Annotated[float, POSITIVE]
+    per_experiment: Annotated[float, NOT_NEGATIVE]
+    most: Annotated[float, POSITIVE]
 
     def amount(self, experiments: int) -> float:
         """How far from the original this many experiments let it go."""
@@ -93,32 +82,36 @@ class PerturbationRule:
 class MotorRule:
     """When a joint's torque limit is what its robot showed."""
 
-    kinds: tuple[str, ...]
-    least_logs: int
-    agreement: float
+    kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
+    least_logs: Annotated[int, COUNT]
+    agreement: Annotated[float, PART]
     """Largest spread of the logs' limits over their median."""
-    least_reduction: float
+    least_reduction: Annotated[float, SHARE]
     """Least reduction, of the calibrated limit."""
-    lowest: float
+    lowest: Annotated[float, PART]
     """Lowest limit, of the calibrated one."""
-
-    def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS), least_logs=COUNT, agreement=PART, least_reduction=SHARE, lowest=PART)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RangeRule:
     """One end of a range that training draws from: `start` + `per_experiment` an experiment, as far as `bound`."""
 
-    kinds: tuple[str, ...]
+    kinds: Annotated[tuple[str, ...], OneOf(KINDS)]
     causes: tuple[str, ...]
     """Causes that the failure's evidence has to name; none: any failure of the kinds."""
     start: float
     per_experiment: float
     bound: float
 
-    def __post_init__(self) -> None:
-        check(self, kinds=OneOf(KINDS))
+
+@dataclass(frozen=True)
+class _AnyRange(Range):
+    """A rule that moves towards its bound."""
+
+    def problem(self, value: RangeRule) -> str | None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        moved = (value.bound - value.start) * value.per_experiment
+        step = f"moves by {value.per_experiment:g} an experiment"
+        return None if moved > 0.0 else f"{step}, which is not from {value.start:g} to its bound"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,30 +125,19 @@ class FeedbackRules:
     augmentation: dict[str, PerturbationRule]
     """Kind of perturbation -> when it is proposed, and how strongly."""
     motors: MotorRule
-    randomization: dict[str, RangeRule]
+    randomization: Annotated[dict[str, RangeRule], Keys(keys=Pattern(), values=_AnyRange())]
 
     def __post_init__(self) -> None:
-        check(self, _unusable(self), randomization=Keys(keys=Pattern(), values=_AnyRange()))
-
-
-@dataclass(frozen=True)
-class _AnyRange(Range):
-    """A rule that moves towards its bound."""
-
-    def problem(self, value: RangeRule) -> str | None:  # pyright: ignore[reportIncompatibleMethodOverride]
-        moved = (value.bound - value.start) * value.per_experiment
-        step = f"moves by {value.per_experiment:g} an experiment"
-        return None if moved > 0.0 else f"{step}, which is not from {value.start:g} to its bound"
+        check(_unusable(self))
 
 
 def _unusable(rules: FeedbackRules) -> list[tuple[str, str]]:
     """Faults of rules for perturbations that KP4 does not have, or not so strong or to that side."""
     faults = []
-    for kind, rule in (getattr(rules, "augmentation", None) or {}).items():
+    for kind, rule in rules.augmentation.items():
         key, allowed = f"augmentation.{kind}", PERTURBATIONS.get(kind)
         if allowed is None:
             faults.append((key, f"is no kind of perturbation, there are: {', '.join(PERTURBATIONS)}"))
-        if allowed is None or rule is None:
             continue
         for place, answer in enumerate(rule.answers):
             ways = (BOTH,) if kind == TIME_SCALE else (LESS, MORE)

@@ -1,25 +1,30 @@
-"""What the values of settings may be. A settings dataclass checks itself in `__post_init__`, all faults at once.
+"""What the values of settings may be: remarks in the annotation of a field, which `pipeline.files.settings` checks.
 
-    def __post_init__(self) -> None:
-        check(self, increasing(self, "low", "high"), label_hz=Range(1.0, 1000.0), skills=OneOf(LABELS))
+    label_hz: Annotated[float, Range(5.0, 1000.0)]
+    skills: Annotated[tuple[str, ...], OneOf(LABELS)]
 
-`pipeline.files.settings.read` turns the faults of all dataclasses of a file into one SettingsError. What is None or not
-there (optional, or already refused by its type) is not looked at, so that every other fault of the file is still
-found: `__post_init__` of a settings dataclass asks `check` and nothing else.
+Every entry of a list or a mapping is checked by itself; None is not checked. Faults between the fields of a dataclass
+are raised by its `__post_init__` (`check`).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
+import typing
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from pipeline.errors import PipelineError
 
 
-class RangeError(PipelineError):
+class RangeError(PipelineError, ValueError):
     """Settings with values that they may not have.
 
     Args:
@@ -31,12 +36,49 @@ class RangeError(PipelineError):
         super().__init__("; ".join(f"'{key}' {problem}" for key, problem in faults) + ".")
 
 
-class Allowed(ABC):
+class Remark(ABC):
+    """A remark in an annotation, for the values that the annotation's type allows."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._checked, handler(source))
+
+    def _checked(self, value: Any) -> Any:
+        faults = self.faults("", value)
+        if faults:
+            raise RangeError(faults)
+        return value
+
+    @abstractmethod
+    def faults(self, where: str, value: Any) -> list[tuple[str, str]]:
+        """Faults of a value, of a list or of a mapping: the key from `where` on, and a sentence without the key."""
+
+
+class Allowed(Remark):
     """What one value may be."""
+
+    def faults(self, where: str, value: Any) -> list[tuple[str, str]]:
+        if value is None:
+            return []
+        if isinstance(value, dict):
+            return [fault for key, entry in value.items() for fault in self.faults(f"{where}.{key}", entry)]
+        if isinstance(value, (list, tuple)):
+            return [fault for place, entry in enumerate(value) for fault in self.faults(f"{where}[{place}]", entry)]
+        problem = self.problem(value)
+        return [] if problem is None else [(where, problem)]
 
     @abstractmethod
     def problem(self, value: Any) -> str | None:
         """What is wrong with the value, as `is 3, allowed is …`; None if nothing is."""
+
+
+UNKNOWN = "is unknown"
+_WANTED = {
+    **dict.fromkeys(("dataclass_type", "dict_type"), "a mapping"),
+    **dict.fromkeys(("tuple_type", "list_type"), "a list"),
+    **dict.fromkeys(("float_type", "finite_number"), "float"),
+    **{"int_type": "int", "string_type": "str", "bool_type": "bool"},
+}
+"""Error of pydantic -> what it wanted."""
 
 
 @dataclass(frozen=True)
@@ -94,52 +136,73 @@ class Pattern(Allowed):
 
 
 @dataclass(frozen=True)
-class Keys:
+class Keys(Remark):
     """A mapping: what its keys and its values may be."""
 
     keys: Allowed
-    values: Allowed
+    values: Allowed | None = None
+
+    def faults(self, where: str, value: Any) -> list[tuple[str, str]]:
+        problems = {key: self.keys.problem(key) for key in value}
+        return [
+            *((f"{where}.{key}", f"has a key that {problem}") for key, problem in problems.items() if problem),
+            *(self.values.faults(where, value) if self.values else ()),
+        ]
 
 
-def check(settings: Any, *more: list[tuple[str, str]], **allowed: Allowed | Keys) -> None:
-    """Hold fields against what they may be, every entry of a list or a mapping by itself.
+def check(*faults: list[tuple[str, str]]) -> None:
+    """Raise RangeError with all faults between the fields of a settings dataclass, where there are any."""
+    if any(faults):
+        raise RangeError(list(itertools.chain(*faults)))
+
+
+def faults_of(error: ValidationError, kind: Any = None, skip: int = 0) -> list[tuple[str, str]]:
+    """Faults that pydantic found: the key, and a sentence without the key.
 
     Args:
-        settings: the dataclass
-        more: further faults, as `increasing` gives them
-        allowed: name of a field -> what it may be
-
-    Raises RangeError with every fault.
+        error: what pydantic raised
+        kind: type that was validated, for the keys that are allowed
+        skip: leading parts of each key that are left out
     """
-    faults = [fault for name, what in allowed.items() for fault in _faults(name, getattr(settings, name, None), what)]
-    faults += itertools.chain(*more)
-    if faults:
-        raise RangeError(faults)
+    found = error.errors(include_url=False)
+    return [fault for each in found for fault in _faults(each, kind, each["loc"][skip:])]
+
+
+def _faults(found: ErrorDetails, kind: Any, place: tuple[int | str, ...]) -> list[tuple[str, str]]:
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place)
+    inner = found.get("ctx", {}).get("error")
+    if isinstance(inner, RangeError):
+        return [(key + (where if where[:1] in ("", ".", "[") else f".{where}"), text) for where, text in inner.faults]
+    code, value = found["type"], found["input"]
+    if code == "missing" and isinstance(place[-1], int):
+        short = place[-1] == len(value)  # one fault of a list, not one of each entry that lacks
+        return [(key.rpartition("[")[0], f"has {len(value)} entries, wanted more")] if short else []
+    if code == "missing":
+        return [(key, "is missing")]
+    if code == "unexpected_keyword_argument":
+        return [(key, f"{UNKNOWN}, there are: {', '.join(_fields(kind, place[:-1]))}")]
+    if code == "too_long":
+        return [(key, f"has {len(value)} entries, wanted {found.get('ctx', {})['max_length']}")]
+    wanted = _WANTED.get(code)
+    return [(key, f"is {value!r}, wanted {wanted}" if wanted else f"is {value!r}: {found['msg']}")]
+
+
+def _fields(kind: Any, place: Sequence[int | str]) -> list[str]:
+    """Fields of the dataclass at a place in a type."""
+    while not dataclasses.is_dataclass(kind) and typing.get_origin(kind) not in (tuple, dict):
+        kind = typing.get_args(kind)[0]  # of an annotation with remarks, of `kind | None`
+    if dataclasses.is_dataclass(kind):
+        if not place:
+            return [field.name for field in dataclasses.fields(kind) if field.init]
+        return _fields(typing.get_type_hints(kind, include_extras=True)[str(place[0])], place[1:])
+    return _fields(typing.get_args(kind)[1 if typing.get_origin(kind) is dict else 0], place[1:])
 
 
 def increasing(settings: Any, *names: str) -> list[tuple[str, str]]:
-    """Faults of fields that have to grow from one to the next."""
+    """Faults of fields that have to increase from one to the next."""
     faults = []
     for one, two in itertools.pairwise(names):
-        low, high = getattr(settings, one, None), getattr(settings, two, None)
-        if low is not None and high is not None and not low < high:
+        low, high = getattr(settings, one), getattr(settings, two)
+        if not low < high:
             faults.append((two, f"is {high:g}, allowed is more than '{one}' ({low:g})"))
     return faults
-
-
-def _faults(where: str, value: Any, allowed: Allowed | Keys) -> list[tuple[str, str]]:
-    if value is None:
-        return []
-    if isinstance(value, dict):
-        keys = _faults_of_keys(where, value, allowed.keys) if isinstance(allowed, Keys) else []
-        each = allowed.values if isinstance(allowed, Keys) else allowed
-        return keys + [fault for key, entry in value.items() for fault in _faults(f"{where}.{key}", entry, each)]
-    if isinstance(value, (list, tuple)):
-        return [fault for i, entry in enumerate(value) for fault in _faults(f"{where}[{i}]", entry, allowed)]
-    problem = None if isinstance(allowed, Keys) else allowed.problem(value)
-    return [] if problem is None else [(where, problem)]
-
-
-def _faults_of_keys(where: str, value: dict[str, Any], allowed: Allowed) -> list[tuple[str, str]]:
-    found = ((key, allowed.problem(key)) for key in value)
-    return [(f"{where}.{key}", f"has a key that {problem}") for key, problem in found if problem is not None]

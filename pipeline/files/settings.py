@@ -1,8 +1,8 @@
-"""Settings files: YAML that is checked against a frozen dataclass, every fault named at once.
+"""Settings files: YAML that pydantic validates as a frozen dataclass, every fault named at once.
 
 The safe loader alone is not enough: duplicate keys, anchors and aliases are refused here, numbers are plain decimals
-(`1e3` is one, `1:30`, `0x10` and `010` are none). What values are allowed the dataclass checks itself
-(`pipeline.files.ranges`).
+(`1e3` is one, `1:30`, `0x10` and `010` are none). Annotations state the
+allowed values (`pipeline.files.ranges`) and the unit (`pipeline.files.sourced`).
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from __future__ import annotations
 import copy
 import dataclasses
 import functools
+import json
+import math
 import re
-import types
-import typing
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import yaml
+from pydantic import ConfigDict, ValidationError, create_model
 
 from pipeline.errors import SettingsError
-from pipeline.files.ranges import RangeError
-from pipeline.files.sourced import Unit, value_of
+from pipeline.files.ranges import UNKNOWN, faults_of
 
 MAX_BYTES = 1_000_000
 
@@ -103,20 +103,19 @@ def _parsed(text: str) -> Any:
 
 def read(path: Path, kind: type[T]) -> T:
     """A settings file as the frozen dataclass `kind`. Raises SettingsError that lists every fault."""
-    faults: list[str] = []
-    value = _build(kind, read_yaml(path), "", faults)
-    if faults:
-        raise SettingsError(path, "; ".join(faults) + ".")
-    return value
+    return parse(kind, read_yaml(path), path)
 
 
 def parse(kind: type[T], value: Any, origin: Path) -> T:
-    """A plain value (from YAML, TOML or JSON) as the dataclass `kind`; faults name `origin`."""
-    faults: list[str] = []
-    built = _build(kind, value, "", faults)
-    if faults:
-        raise SettingsError(origin, "; ".join(faults) + ".")
-    return built
+    """A plain value (from YAML, TOML or JSON) as the dataclass `kind`. Raises SettingsError that names `origin`."""
+    try:
+        return _model(kind).model_validate_json(json.dumps({"file": _json(value)})).file
+    except ValidationError as error:
+        found = sorted(faults_of(error, kind, skip=1), key=lambda fault: not fault[1].startswith(UNKNOWN))
+        faults = "; ".join(_sentence(*fault) for fault in found)
+    except RecursionError:
+        faults = "it is nested too deeply"
+    raise SettingsError(origin, f"{faults}.")
 
 
 def plain(settings: Any) -> Any:
@@ -130,83 +129,25 @@ def plain(settings: Any) -> Any:
     return settings
 
 
-def _build(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
-    origin = typing.get_origin(kind)
-    if origin is typing.Annotated:
-        bare, *remarks = typing.get_args(kind)
-        unit = next((remark for remark in remarks if isinstance(remark, Unit)), None)
-        before, inner = len(faults), value if unit is None else value_of(value, unit, where, faults)
-        return None if inner is None and len(faults) > before else _build(bare, inner, where, faults)
-    if dataclasses.is_dataclass(kind):
-        return _build_dataclass(kind, value, where, faults)
-    if origin in (typing.Union, types.UnionType):
-        options = [option for option in typing.get_args(kind) if option is not type(None)]
-        return None if value is None else _build(options[0], value, where, faults)
-    if origin is tuple:
-        inner = typing.get_args(kind)
-        if not isinstance(value, (list, tuple)):
-            faults.append(f"'{where}' is {value!r}, wanted a list")
-            return ()
-        if inner[-1] is not Ellipsis and len(value) != len(inner):
-            faults.append(f"'{where}' has {len(value)} entries, wanted {len(inner)}")
-            return ()
-        each = [inner[0]] * len(value) if inner[-1] is Ellipsis else list(inner)
-        pairs = enumerate(zip(each, value, strict=True))
-        return tuple(_build(entry_kind, entry, f"{where}[{index}]", faults) for index, (entry_kind, entry) in pairs)
-    if origin is dict:
-        if not isinstance(value, dict):
-            faults.append(f"'{where}' is {value!r}, wanted a mapping")
-            return {}
-        inner = typing.get_args(kind)[1]
-        return {str(key): _build(inner, entry, f"{where}.{key}", faults) for key, entry in value.items()}
-    return _build_scalar(kind, value, where, faults)
+@functools.cache
+def _model(kind: type) -> Any:
+    """A model with the field `file`. Strict: no text is a number, no number a text, a truth value is neither."""
+    config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    return create_model("Settings", __config__=config, file=(kind, ...))
 
 
-def _build_scalar(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
-    if kind is Any:
-        return value
-    if kind is float and isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        plain = not isinstance(value, str) or DECIMAL.match(value)
-        number = float(value) if plain else float("nan")
-        if number == number and abs(number) != float("inf"):
-            return number
-    elif isinstance(value, kind) and (kind is bool or not isinstance(value, bool)):
-        return value
-    faults.append(f"'{where}' is {value!r}, wanted {kind.__name__}")
-    return None
+def _json(value: Any) -> Any:
+    """The value in types of JSON: keys and dates become texts, and so do numbers that are not finite."""
+    if isinstance(value, dict):
+        return {str(key): _json(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_json(entry) for entry in value]
+    plain = value is None or isinstance(value, (str, int)) or (isinstance(value, float) and math.isfinite(value))
+    return value if plain else str(value)
 
 
-def _build_dataclass(kind: Any, value: Any, where: str, faults: list[str]) -> Any:
-    if not isinstance(value, dict):
-        faults.append(f"'{where or 'the file'}' is {value!r}, wanted a mapping")
-        return None
-    hints = typing.get_type_hints(kind, include_extras=True)
-    fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
-    prefix = f"{where}." if where else ""
-    for unknown in sorted(set(map(str, value)) - set(fields)):
-        faults.append(f"unknown key '{prefix}{unknown}', there are: {', '.join(fields)}")
-    built, before = {}, len(faults)
-    for name, field in fields.items():
-        if name in value:
-            built[name] = _build(hints[name], value[name], f"{prefix}{name}", faults)
-        elif _is_required(field):
-            faults.append(f"'{prefix}{name}' is missing")
-    try:
-        if len(faults) == before:
-            return kind(**built)
-        _check_what_is_there(kind, built)
-    except RangeError as error:
-        faults += [f"'{prefix}{key}' {problem}" for key, problem in error.faults]
-    return None
-
-
-def _check_what_is_there(kind: Any, built: dict[str, Any]) -> None:
-    """Ranges of an object that can't be made as some of its values are missing or refused. Raises RangeError."""
-    if hasattr(kind, "__post_init__"):
-        incomplete = object.__new__(kind)
-        vars(incomplete).update(built)
-        incomplete.__post_init__()
-
-
-def _is_required(field: dataclasses.Field) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+def _sentence(key: str, problem: str) -> str:
+    key = key.removeprefix(".")
+    if problem.startswith(UNKNOWN):
+        return f"unknown key '{key}'{problem.removeprefix(UNKNOWN)}"
+    return f"'{key or 'the file'}' {problem}"

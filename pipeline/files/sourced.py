@@ -1,16 +1,23 @@
-"""Numbers of settings that bear their unit and where they come from.
+"""Numbers of settings with unit, source and reason.
 
-A field says by its type that it does: `Annotated[float, Unit("rad")]`. The file then has for it
+A field with `Annotated[float, Unit("rad")]` is in the file
 
     limit_excess: {value: 0.05, unit: rad, source: cal, why: "MuJoCo's limits are soft"}
 
-and the settings object the bare number: another sentence is no other setting. `origins` gives unit, source and reason.
+and in the settings object the bare number: another sentence is no other setting. `origins` gives unit, source and
+reason.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic_core import CoreSchema, core_schema
+
+from pipeline.files.ranges import UNKNOWN, RangeError, faults_of
 
 SOURCES = {
     "cal": "calibrated: so that known good motion holds it and planted faults do not",
@@ -25,9 +32,36 @@ _KEYS = ("value", "unit", "source", "why")
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number is measured in; a file that says another unit is refused."""
+    """What a number is measured in; a file that states another unit is refused. The last remark of an annotation that
+    pydantic checks, so that every fault of a number is found at once."""
 
     name: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_wrap_validator_function(self._value, handler(source))
+
+    def _value(self, entry: Any, check: Callable[[Any], Any]) -> Any:
+        """The value of `{value, unit, source, why}`. Raises RangeError with every fault."""
+        if not isinstance(entry, dict):
+            form = f"{{value: …, unit: {self.name}, source: {' | '.join(SOURCES)}, why: …}}"
+            raise RangeError([("", f"is {entry!r}, wanted {form}")])
+        faults = [(f".{key}", f"{UNKNOWN}, there are: {', '.join(_KEYS)}") for key in entry if key not in _KEYS]
+        faults += [(f".{key}", "is missing") for key in _KEYS if key not in entry]
+        if entry.get("unit", self.name) != self.name:
+            faults.append((".unit", f"is {entry['unit']!r}, wanted {self.name!r}"))
+        if entry.get("source", "cal") not in tuple(SOURCES):
+            faults.append((".source", f"is {entry['source']!r}, there are: {', '.join(SOURCES)}"))
+        if "why" in entry and not (isinstance(entry["why"], str) and entry["why"].strip()):
+            faults.append((".why", f"is {entry['why']!r}, wanted a sentence"))
+        value = None
+        if "value" in entry:
+            try:
+                value = check(_tuples(entry["value"]))
+            except ValidationError as error:
+                faults += faults_of(error)
+        if faults:
+            raise RangeError(faults)
+        return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,23 +101,6 @@ class Origin:
     """Where the value comes from, as a sentence."""
 
 
-def value_of(entry: Any, unit: Unit, where: str, faults: list[str]) -> Any:
-    """The value of a number with unit and source, None where there is none; what is wrong is added to `faults`."""
-    if not isinstance(entry, dict):
-        form = f"{{value: …, unit: {unit.name}, source: {' | '.join(SOURCES)}, why: …}}"
-        faults.append(f"'{where}' is {entry!r}, wanted {form}")
-        return None
-    faults += [f"unknown key '{where}.{key}', there are: {', '.join(_KEYS)}" for key in entry if key not in _KEYS]
-    faults += [f"'{where}.{key}' is missing" for key in _KEYS if key not in entry]
-    if entry.get("unit", unit.name) != unit.name:
-        faults.append(f"'{where}.unit' is {entry['unit']!r}, wanted {unit.name!r}")
-    if entry.get("source", "cal") not in tuple(SOURCES):
-        faults.append(f"'{where}.source' is {entry['source']!r}, there are: {', '.join(SOURCES)}")
-    if "why" in entry and not (isinstance(entry["why"], str) and entry["why"].strip()):
-        faults.append(f"'{where}.why' is {entry['why']!r}, wanted a sentence")
-    return entry.get("value")
-
-
 def origins(entry: Any, where: str = "") -> dict[str, Origin]:
     """Unit, source and reason of every number of a settings file, by its dotted name (`joints.limit_excess`).
 
@@ -96,3 +113,8 @@ def origins(entry: Any, where: str = "") -> dict[str, Origin]:
         return {where: Origin(**entry)}
     prefix = f"{where}." if where else ""
     return {name: found for key, each in entry.items() for name, found in origins(each, f"{prefix}{key}").items()}
+
+
+def _tuples(value: Any) -> Any:
+    """Lists as the tuples that strict validation wants of Python objects."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -8,11 +8,11 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
-from pipeline.files.ranges import OneOf, Pattern, check
+from pipeline.files.ranges import OneOf, Pattern
 from pipeline.hardware_logs.robot_log import COMMAND_SOURCES, EVENTS, LogFacts, OperatorEvent
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -35,10 +35,7 @@ class NotedEvent:
     """What the operator noted."""
 
     time_s: float
-    kind: str
-
-    def __post_init__(self) -> None:
-        check(self, kind=OneOf(EVENTS))
+    kind: Annotated[str, OneOf(EVENTS)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,17 +43,14 @@ class Sidecar:
     """The file `<log>.yaml`. What it states counts more than the log's metadata, but for robot, policy and
     whether it is simulated."""
 
-    robot: str | None = None
+    robot: Annotated[str | None, Pattern()] = None
     policy_digest: str | None = None
-    command_source: str | None = None
+    command_source: Annotated[str | None, OneOf(COMMAND_SOURCES)] = None
     simulated: bool | None = None
     command: tuple[CommandStep, ...] | None = None
     command_scale: tuple[float, float, float] | None = None
     events: tuple[NotedEvent, ...] | None = None
     notes: dict[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check(self, command_source=OneOf(COMMAND_SOURCES), robot=Pattern())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from pipeline.files.ranges import PART, POSITIVE, RATE_HZ, check
+from pipeline.files.ranges import PART, POSITIVE, RATE_HZ
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeSettings:
     """The time base of trials."""
 
-    rate_hz: float
-    bridge_s: float
-    split_s: float
-    disorder_s: float
-    min_s: float
-
-    def __post_init__(self) -> None:
-        lengths = {name: POSITIVE for name in ("bridge_s", "split_s", "disorder_s", "min_s")}
-        check(self, rate_hz=RATE_HZ, **lengths)
+    rate_hz: Annotated[float, RATE_HZ]
+    bridge_s: Annotated[float, POSITIVE]
+    split_s: Annotated[float, POSITIVE]
+    disorder_s: Annotated[float, POSITIVE]
+    min_s: Annotated[float, POSITIVE]
 
     @property
     def period_ns(self) -> int:
@@ -30,26 +27,16 @@ class TimeSettings:
 class PlausibleSettings:
     """What a robot can say of itself."""
 
-    position_margin_rad: float
-    speed_factor: float
-    acceleration_m_s2: float
-    rest_gyro_rad_s: float
-    rest_joint_rad_s: float
+    position_margin_rad: Annotated[float, POSITIVE]
+    speed_factor: Annotated[float, POSITIVE]
+    acceleration_m_s2: Annotated[float, POSITIVE]
+    rest_gyro_rad_s: Annotated[float, POSITIVE]
+    rest_joint_rad_s: Annotated[float, POSITIVE]
     rest_gravity_m_s2: tuple[float, float]
-    rest_tilt_deg: float
-    frozen_s: float
+    rest_tilt_deg: Annotated[float, POSITIVE]
+    frozen_s: Annotated[float, POSITIVE]
     rate_hz: tuple[float, float]
-    implausible_share: float
-
-    def __post_init__(self) -> None:
-        names = ("position_margin_rad", "speed_factor", "acceleration_m_s2", "rest_gyro_rad_s", "rest_joint_rad_s")
-        check(
-            self,
-            implausible_share=PART,
-            rest_tilt_deg=POSITIVE,
-            frozen_s=POSITIVE,
-            **{name: POSITIVE for name in names},
-        )
+    implausible_share: Annotated[float, PART]
 
 
 @dataclass(frozen=True, kw_only=True)

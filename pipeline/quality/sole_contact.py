@@ -21,24 +21,17 @@ class ContactSettings:
     """A foot is in contact if its sole is low and slow: the section `contact` of `data/feasibility.yaml`, and of
     `data/augment.yaml`."""
 
-    height: Annotated[float, Unit("m")]
+    height: Annotated[float, Range(0.0, 0.2, open_low=True), Unit("m")]
     """Largest height of the lowest corner [m]."""
-    on_speed: Annotated[float, Unit("m/s")]
+    on_speed: Annotated[float, _SPEED, Unit("m/s")]
     """Contact begins below this speed of the sole [m/s] ..."""
-    off_speed: Annotated[float, Unit("m/s")]
+    off_speed: Annotated[float, _SPEED, Unit("m/s")]
     """... and ends above this [m/s]."""
-    shortest_s: Annotated[float, Unit("s")]
+    shortest_s: Annotated[float, Range(0.0, 1.0), Unit("s")]
     """Contacts and gaps shorter than this are ignored [s]."""
 
     def __post_init__(self) -> None:
-        check(
-            self,
-            increasing(self, "on_speed", "off_speed"),
-            height=Range(0.0, 0.2, open_low=True),
-            on_speed=_SPEED,
-            off_speed=_SPEED,
-            shortest_s=Range(0.0, 1.0),
-        )
+        check(increasing(self, "on_speed", "off_speed"))
 
 
 def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.ndarray, "t 2"]:

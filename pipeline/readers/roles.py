@@ -82,9 +82,7 @@ def _limbs(names: Sequence[str], parents: Sequence[int]) -> dict[str, int]:
     return joints
 
 
-def _upper_end(
-    joints: dict[str, int], found: Mapping[tuple[str, str], int], side: str, parents: Sequence[int]
-) -> None:
+def _upper_end(joints: dict[str, int], found: Mapping[tuple[str, str], int], side: str, parents: Sequence[int]) -> None:
     """A foot below an ankle is the toe, and a hand below a wrist is neither: SMPL's names (`L_Ankle`, `L_Foot`)."""
     for role in ("ankle", "wrist"):
         own, taken = found.get((side, role)), joints.get(f"{side}_{role}")

@@ -12,7 +12,7 @@ import typing
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol, TypeVar, runtime_checkable
 
-from pipeline.files.ranges import POSITIVE, check
+from pipeline.files.ranges import POSITIVE
 from pipeline.files.sourced import Scaled, Unit
 from pipeline.robot.robot import Robot
 
@@ -21,13 +21,10 @@ from pipeline.robot.robot import Robot
 class RobotSize:
     """Size of the robot that figures hold for."""
 
-    leg_length: Annotated[float, Unit("m")]
+    leg_length: Annotated[float, POSITIVE, Unit("m")]
     """`Robot.leg_length` [m]."""
-    mass: Annotated[float, Unit("kg")]
+    mass: Annotated[float, POSITIVE, Unit("kg")]
     """Total mass, to 1 g [kg]."""
-
-    def __post_init__(self) -> None:
-        check(self, leg_length=POSITIVE, mass=POSITIVE)
 
 
 def size_of(robot: Robot) -> RobotSize:

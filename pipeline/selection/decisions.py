@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from pipeline.batch import Manifest
 from pipeline.clips.outcome import Reason
-from pipeline.files.ranges import Allowed, OneOf, check
+from pipeline.files.ranges import Allowed, OneOf
 
 ACCEPT, EXCLUDE = "accept", "exclude"
 MOST_LETTERS = 500
@@ -34,19 +34,16 @@ class Line(Allowed):
 class Decision:
     """A person's decision on one clip."""
 
-    clip: str
+    clip: Annotated[str, Line()]
     """Exact name of a recording, window, variant or rollout."""
-    verdict: str
+    verdict: Annotated[str, OneOf((ACCEPT, EXCLUDE))]
     """`accept` or `exclude`."""
-    by: str
+    by: Annotated[str, Line()]
     """Name of the person."""
-    why: str
+    why: Annotated[str, Line()]
     """Reason, one sentence."""
-    day: str
+    day: Annotated[str, Line()]
     """When it was made, as `2026-11-26`."""
-
-    def __post_init__(self) -> None:
-        check(self, clip=Line(), verdict=OneOf((ACCEPT, EXCLUDE)), by=Line(), why=Line(), day=Line())
 
     def text(self) -> str:
         """The decision as a sentence."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -23,44 +24,29 @@ __all__ = ["LABELS", "SKILLS", "TRANSITION", "SkillBounds", "distances"]
 class SkillBounds:
     """Limits of each skill's region. Speeds are the person's (or robot's) own, not scaled."""
 
-    stand_speed: float
+    stand_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Speed below which a body stands or turns [m/s]."""
-    stand_yaw_rate_deg_s: float
+    stand_yaw_rate_deg_s: Annotated[float, Range(0.0, 360.0, open_low=True)]
     """Largest yaw rate while standing."""
-    turn_speed: float
+    turn_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """A turn on the spot travels slower than this [m/s]."""
-    turn_yaw_rate_deg_s: float
+    turn_yaw_rate_deg_s: Annotated[float, Range(0.0, 360.0, open_low=True)]
     """... and turns faster than this."""
-    side_ratio: float
+    side_ratio: Annotated[float, Range(1.0, 10.0)]
     """Least ratio of sideways or backward speed to the perpendicular one."""
-    ahead_ratio: float
+    ahead_ratio: Annotated[float, Range(1.0, 10.0)]
     """Least ratio of forward to lateral speed; a diagonal walk is no skill."""
-    walk_slow_speed: float
+    walk_slow_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which slow walking becomes walking [m/s]."""
-    walk_speed: float
+    walk_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which walking becomes fast walking or jogging [m/s]."""
-    jog_speed: float
+    jog_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which jogging becomes running [m/s]."""
-    turn_radius: float
+    turn_radius: Annotated[float, POSITIVE]
     """Factor from rad/s to m/s, so that distances can be added [m]."""
 
     def __post_init__(self) -> None:
-        slow_to_fast = increasing(self, "stand_speed", "walk_slow_speed", "walk_speed", "jog_speed")
-        speed, turn_deg_s = Range(0.0, 15.0, open_low=True), Range(0.0, 360.0, open_low=True)
-        check(
-            self,
-            slow_to_fast,
-            stand_speed=speed,
-            stand_yaw_rate_deg_s=turn_deg_s,
-            turn_speed=speed,
-            turn_yaw_rate_deg_s=turn_deg_s,
-            side_ratio=Range(1.0, 10.0),
-            ahead_ratio=Range(1.0, 10.0),
-            walk_slow_speed=speed,
-            walk_speed=speed,
-            jog_speed=speed,
-            turn_radius=POSITIVE,
-        )
+        check(increasing(self, "stand_speed", "walk_slow_speed", "walk_speed", "jog_speed"))
 
 
 def distances(

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from pipeline.errors import SettingsError
 from pipeline.files import settings
-from pipeline.files.ranges import NOT_NEGATIVE, SHARE, OneOf, check
+from pipeline.files.ranges import NOT_NEGATIVE, SHARE, Keys, OneOf, check
 from pipeline.validation.figures import FIGURES
 from pipeline.validation.measure import Measured
 
@@ -21,15 +22,12 @@ from pipeline.validation.measure import Measured
 class Margin:
     """Margin beyond the reference policy's worst trial."""
 
-    share: float
+    share: Annotated[float, NOT_NEGATIVE]
     """Share of the reference's figure."""
-    absolute: float
+    absolute: Annotated[float, NOT_NEGATIVE]
     """Added to the share, in the figure's unit."""
     unit: str
     source: str
-
-    def __post_init__(self) -> None:
-        check(self, share=NOT_NEGATIVE, absolute=NOT_NEGATIVE)
 
     def bar(self, worst: float, lower_is_better: bool) -> float:
         """The bar for the reference's worst figure."""
@@ -41,18 +39,15 @@ class Margin:
 class Required:
     """When the reference policy counts as passing a cell, which makes the cell required."""
 
-    error_share: float
+    error_share: Annotated[float, SHARE]
     """Largest error as a share of the commanded speed or yaw rate."""
-    least_error: float
+    least_error: Annotated[float, NOT_NEGATIVE]
     """Errors up to this are accepted [m/s or rad/s]."""
-    survival: float
+    survival: Annotated[float, SHARE]
     """Least share of trials of a push or a perturbed start."""
-    period_difference: float
+    period_difference: Annotated[float, SHARE]
     """Largest relative difference of stride periods in two engines that is still the same gait."""
     source: str
-
-    def __post_init__(self) -> None:
-        check(self, error_share=SHARE, least_error=NOT_NEGATIVE, survival=SHARE, period_difference=SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +85,8 @@ class Bar:
     at_least: float | None = None
 
     def __post_init__(self) -> None:
-        sides = [name for name in ("at_most", "at_least") if getattr(self, name, None) is not None]
-        check(self, [] if len(sides) == 1 else [("at_most", "and 'at_least': allowed is exactly one of both")])
+        one = (self.at_most is None) != (self.at_least is None)
+        check([] if one else [("at_most", "and 'at_least': allowed is exactly one of both")])
 
     def holds(self, value: float) -> bool:
         """Whether a value meets the bar."""
@@ -109,14 +104,8 @@ class CellBars:
     required: bool
     why: str
     """Why it is not required; empty if it is."""
-    bars: dict[str, Bar]
+    bars: Annotated[dict[str, Bar], Keys(keys=OneOf(tuple(FIGURES)))]
     """Bars by name of the figure, of `FIGURES`."""
-
-    def __post_init__(self) -> None:
-        names = OneOf(tuple(FIGURES))
-        check(
-            self, [(f"bars.{name}", problem) for name in getattr(self, "bars", {}) if (problem := names.problem(name))]
-        )
 
 
 UNKNOWN = CellBars(required=False, why="the robot's validation.yaml has no bars for it", bars={})
@@ -127,14 +116,11 @@ UNKNOWN = CellBars(required=False, why="the robot's validation.yaml has no bars 
 class Tolerance:
     """Largest difference of a figure between two engines."""
 
-    at_most: float
+    at_most: Annotated[float, NOT_NEGATIVE]
     unit: str
     source: str
-    share: float = 0.0
+    share: Annotated[float, NOT_NEGATIVE] = 0.0
     """Share of the speed; the larger of both limits applies."""
-
-    def __post_init__(self) -> None:
-        check(self, at_most=NOT_NEGATIVE, share=NOT_NEGATIVE)
 
     def of(self, speed: float) -> float:
         """The tolerance at a speed [m/s]."""

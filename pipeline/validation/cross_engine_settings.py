@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 
@@ -14,50 +15,35 @@ LONGEST_TIMESTEP_S = 0.02
 class SimulationSettings:
     """Simulation settings common to all engines."""
 
-    timestep_s: float
-    friction: float
-    seeds: int
+    timestep_s: Annotated[float, Range(0.0005, LONGEST_TIMESTEP_S)]
+    friction: Annotated[float, POSITIVE]
+    seeds: Annotated[int, COUNT]
     """Number of starts per cell; the first is exactly the default pose."""
-    start_joint_pos: float
+    start_joint_pos: Annotated[float, Range(0.0, 0.2)]
     """Half width of the other starts' joint positions about the default pose [rad]."""
     start_yaw: float
     """Half width of their heading [rad]."""
-
-    def __post_init__(self) -> None:
-        check(
-            self,
-            timestep_s=Range(0.0005, LONGEST_TIMESTEP_S),
-            friction=POSITIVE,
-            seeds=COUNT,
-            start_joint_pos=Range(0.0, 0.2),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
     """A segment with one commanded velocity."""
 
-    seconds: float
+    seconds: Annotated[float, POSITIVE]
     command: tuple[float, float, float]
     """Forward and lateral [m/s], yaw rate [rad/s]."""
-    slew: float = 1.0
+    slew: Annotated[float, NOT_NEGATIVE] = 1.0
     """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
-
-    def __post_init__(self) -> None:
-        check(self, seconds=POSITIVE, slew=NOT_NEGATIVE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PushSettings:
     """A push by the model `force`: a constant force at the trunk's centre of mass."""
 
-    start_s: float
+    start_s: Annotated[float, NOT_NEGATIVE]
     impulse: tuple[float, float]
     """Forward and to the left, in the heading at the start [N s]."""
-    duration_s: float = 0.1
-
-    def __post_init__(self) -> None:
-        check(self, start_s=NOT_NEGATIVE, duration_s=POSITIVE)
+    duration_s: Annotated[float, POSITIVE] = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +51,12 @@ class Cell:
     """One cell: commands, measured time, and an optional push."""
 
     segments: tuple[Segment, ...]
-    measured_s: float
+    measured_s: Annotated[float, Range(LONGEST_TIMESTEP_S)]
     """Length of the end over which means are taken [s], within the last segment."""
     push: PushSettings | None = None
 
     def __post_init__(self) -> None:
-        check(self, _beyond(self), measured_s=Range(LONGEST_TIMESTEP_S))
+        check(_beyond(self))
 
     @property
     def seconds(self) -> float:
@@ -79,14 +65,11 @@ class Cell:
 
 def _beyond(cell: Cell) -> list[tuple[str, str]]:
     """Faults: measured time longer than the last segment, a push after the end."""
-    segments = getattr(cell, "segments", None)
-    if segments is None or None in segments:
-        return []
+    segments, measured_s, push = cell.segments, cell.measured_s, cell.push
     if not segments:
         return [("segments", "is empty, allowed is at least one")]
     faults, last_s, whole_s = [], segments[-1].seconds, sum(each.seconds for each in segments)
-    measured_s, push = getattr(cell, "measured_s", None), getattr(cell, "push", None)
-    if measured_s is not None and measured_s > last_s:
+    if measured_s > last_s:
         faults.append(("measured_s", f"is {measured_s:g}, allowed is at most the last segment's {last_s:g} s"))
     if push is not None and push.start_s + push.duration_s > whole_s + 1e-9:
         end_s = push.start_s + push.duration_s

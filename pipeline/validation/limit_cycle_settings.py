@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check, increasing
 
@@ -13,29 +14,22 @@ LEG_JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 class LimitCycleSettings:
     """The whole file."""
 
-    speeds_m_s: tuple[float, ...]
+    speeds_m_s: Annotated[tuple[float, ...], POSITIVE]
     """Forward commands at which engines are compared."""
-    seconds: float
+    seconds: Annotated[float, POSITIVE]
     """Length of a walk in simulation [s]."""
-    settled_s: float
+    settled_s: Annotated[float, NOT_NEGATIVE]
     """Start of a walk that is excluded: standing, acceleration, settling [s]."""
-    timestep_s: float
-    friction: float
-    command_tolerance: float
+    timestep_s: Annotated[float, POSITIVE]
+    friction: Annotated[float, POSITIVE]
+    command_tolerance: Annotated[float, POSITIVE]
     """Largest deviation of a log's command on any axis [m/s, rad/s]."""
     joints: dict[str, str]
     """Name of `LEG_JOINTS` -> the robot's joint."""
 
     def __post_init__(self) -> None:
-        positive = ("speeds_m_s", "seconds", "timestep_s", "friction", "command_tolerance")
-        check(
-            self,
-            increasing(self, "settled_s", "seconds"),
-            _missing(getattr(self, "joints", None)),
-            settled_s=NOT_NEGATIVE,
-            **dict.fromkeys(positive, POSITIVE),
-        )
+        check(increasing(self, "settled_s", "seconds"), _missing(self.joints))
 
 
-def _missing(joints: dict[str, str] | None) -> list[tuple[str, str]]:
-    return [(f"joints.{name}", "is missing") for name in LEG_JOINTS if joints is not None and name not in joints]
+def _missing(joints: dict[str, str]) -> list[tuple[str, str]]:
+    return [(f"joints.{name}", "is missing") for name in LEG_JOINTS if name not in joints]

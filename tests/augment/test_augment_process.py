@@ -9,8 +9,8 @@ from pipeline.augment import AugmentSettings, process
 from pipeline.augment.strengths import Strengths
 from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import SettingsError
 from pipeline.files import settings
-from pipeline.files.ranges import RangeError
 from pipeline.quality.sole_contact import ContactSettings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
@@ -85,8 +85,8 @@ def test_numbers_scale_as_their_units_say():
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, 1.0, 2.5])
-def test_a_time_scale_that_makes_no_variant_is_refused(scale: float):
-    with pytest.raises(RangeError, match=r"'time_scales\[0\]' is .*(allowed is 0.5 to 2|the original)"):
-        AugmentSettings(
-            mirror=False, time_scales=(scale,), unscaled_skills=(), perturbations=Strengths(), contact=CONTACT
-        )
+def test_a_time_scale_that_makes_no_variant_is_refused(root: Path, scale: float):
+    path = root / "data" / "augment.yaml"
+    values = {**settings.read_yaml(path), "time_scales": [scale]}
+    with pytest.raises(SettingsError, match=r"'time_scales\[0\]' is .*(allowed is 0.5 to 2|the original)"):
+        settings.parse(AugmentSettings, values, path)

@@ -13,10 +13,10 @@ from pipeline.augment.perturb import perturb
 from pipeline.augment.strengths import KINDS, Strengths
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import SettingsError
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility import process as judge
 from pipeline.files import settings
-from pipeline.files.ranges import RangeError
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.quality.sole import sole_motion
 from pipeline.retarget import RetargetSettings
@@ -252,5 +252,5 @@ def test_variants_that_are_not_made_are_reasons_and_the_others_go_on():
 @pytest.mark.parametrize("kind", KINDS)
 def test_strengths_that_are_none_or_too_much_are_refused_by_name(kind: str):
     for strength in (KINDS[kind].neutral, 50.0):
-        with pytest.raises(RangeError, match=rf"'{kind}\[0\]' is .*(the original|allowed is)"):
-            Strengths(**{kind: (strength,)})
+        with pytest.raises(SettingsError, match=rf"'{kind}\[0\]' is .*(the original|allowed is)"):
+            settings.parse(Strengths, {kind: [strength]}, ROOT / "data/augment.yaml")

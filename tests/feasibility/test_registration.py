@@ -17,7 +17,6 @@ from pipeline.feasibility.criterion import MEASURES, MOTION, NOTHING, REGISTERED
 from pipeline.feasibility.docs_table import docs_table, rewrite
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.settings import fault_of
-from pipeline.feasibility.thresholds import Section
 from pipeline.files import settings
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit, origins
@@ -28,8 +27,8 @@ TOY = Criterion(CODE, "toys", "toy.way", "m", "distance from the first root posi
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToySettings(Section):
-    way: Annotated[float, Unit("m"), Range(0.0, 1.0)]
+class ToySettings:
+    way: Annotated[float, Range(0.0, 1.0), Unit("m")]
 
 
 @dataclass(frozen=True, kw_only=True)

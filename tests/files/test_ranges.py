@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from typing import Annotated
 
 import pytest
 
@@ -11,7 +12,7 @@ from pipeline.augment import AugmentSettings
 from pipeline.catalog import CatalogSettings
 from pipeline.errors import SettingsError
 from pipeline.files import settings
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Keys, OneOf, Pattern, Range, RangeError, check, increasing
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Keys, OneOf, Pattern, Range, check, increasing
 from pipeline.repair import RepairSettings
 from pipeline.retarget import RetargetSettings
 from pipeline.selection import Curation
@@ -84,21 +85,24 @@ def test_faults_of_range_type_and_spelling_are_told_together_whatever_object_the
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Some:
-    share: float | None
-    names: dict[str, tuple[float, ...]]
+    share: Annotated[float | None, Range(0.0, 1.0)]
+    names: Annotated[dict[str, tuple[float, ...]], Keys(keys=Pattern(), values=POSITIVE)]
     low: float
     high: float
 
     def __post_init__(self) -> None:
-        check(self, increasing(self, "low", "high"), share=Range(0.0, 1.0), names=Keys(keys=Pattern(), values=POSITIVE))
+        check(increasing(self, "low", "high"))
 
 
-def test_bounds_are_allowed_unless_they_are_open_and_none_is_not_looked_at():
+def test_bounds_are_allowed_unless_they_are_open_and_none_is_not_checked():
     for share in (0.0, 1.0, None):
-        assert Some(share=share, names={"a*": (1.0,)}, low=0.0, high=1.0).share == share
-    with pytest.raises(RangeError) as caught:
-        Some(share=-0.1, names={"a": (1.0, 0.0), " ": ()}, low=1.0, high=1.0)
-    assert [key for key, _ in caught.value.faults] == ["share", "names. ", "names.a[1]", "high"]
+        values = {"share": share, "names": {"a*": [1.0]}, "low": 0, "high": 1}
+        assert settings.parse(Some, values, ROOT / "some.yaml").share == share
+    with pytest.raises(SettingsError) as caught:
+        settings.parse(Some, {"share": -0.1, "names": {"a": [1.0, 0.0], " ": []}, "low": 1, "high": 1}, ROOT)
+    assert re.findall(r"'([^' ]*|names. )' (?:is|has)", str(caught.value)) == ["share", "names. ", "names.a[1]"]
+    with pytest.raises(SettingsError, match="'high' is 1, allowed is more than 'low'"):
+        settings.parse(Some, {"share": 0, "names": {}, "low": 1, "high": 1}, ROOT)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import shutil
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -70,10 +71,8 @@ def test_taking_back_what_was_never_decided_is_an_error(curation):
 
 @pytest.mark.parametrize("field", ["by", "why", "clip"])
 def test_a_decision_without_name_or_reason_is_refused(field):
-    from pipeline.files.ranges import RangeError
-
-    with pytest.raises(RangeError, match=field):
-        dataclasses.replace(decision("x"), **{field: " "})
+    with pytest.raises(SettingsError, match=f"'{field}' is ' ', allowed is one line"):
+        settings.parse(Decision, {**dataclasses.asdict(decision("x")), field: " "}, Path("curation.yaml"))
 
 
 def test_an_excluded_recording_or_window_is_not_selected(root):
