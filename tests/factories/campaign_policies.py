@@ -17,8 +17,8 @@ from pipeline.deployment.policy import Golden
 from pipeline.errors import PipelineError
 from pipeline.export.card import FILE, read_card
 from pipeline.export.folder import GOLDEN, ONNX, POLICY, Source, export_policy, read_export
-from pipeline.export.golden import read_golden
 from pipeline.export.onnx_model import read_onnx
+from pipeline.export.parity import read_golden
 from pipeline.files import digest
 from pipeline.robot import load_robot
 from tests.factories import mutations
