@@ -2,11 +2,11 @@
 
     python benchmarks/faults.py [--only motions logs settings policies] [--seed 37] [--json] [--list]
 
-500 motion files, 300 logs, 200 settings files and robot tables, 200 policies, golden vectors, ONNX files and cards. A
-result is `silent wrong` where the file itself contradicts a value that was read from it: by its counts, rows,
-checksums, digests, velocities, link poses or examples, or by a number whose text did not change
-(tests/factories/campaign_*.py). `crashed` is a traceback, a warning, a wrong exit code, a message that is no sentence,
-or a process that was ended; `capped` took more memory than 1 GB or 200 MB and four times the size of the file.
+500 motion files, 300 logs, 200 settings files and robot tables, 200 policies, golden vectors, ONNX and TorchScript
+files, cards and checkpoints. A result is `silent wrong` where the file itself contradicts a value that was read from
+it: by its counts, rows, checksums, digests, velocities, link poses or examples, or by a number whose text did not
+change (tests/factories/campaign_*.py). `crashed` is a traceback, a warning, a wrong exit code, a message that is no
+sentence, or a process that was ended; `capped` took more memory than 1 GB or 200 MB and four times the file's size.
 """
 
 from __future__ import annotations

@@ -13,8 +13,12 @@ import os
 import subprocess
 import sys
 import threading
+import time
+import warnings
 from pathlib import Path
 
+END_S = 20.0
+"""Longest time that it takes to end [s]."""
 NICENESS = 15
 """Priority of the processes that make thumbnails; 19 is the lowest."""
 
@@ -60,6 +64,7 @@ class ThumbnailProcess:
 def main() -> int:
     """Make them, as the arguments (folder of the project, name of the robot) say."""
     os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    warnings.filterwarnings("ignore", message=".*still being processed by the workers")  # when it ends early
     stop = threading.Event()
     threading.Thread(target=_end_with_server, args=(stop,), daemon=True).start()
     from pipeline.curation_page.workplace import Workplace  # heavy: only once the priority is low
@@ -76,10 +81,11 @@ def main() -> int:
 
 
 def _end_with_server(stop: threading.Event) -> None:
-    """Wait for the end of stdin, then end this process; its workers notice and end as well (`ClipPool`)."""
+    """Wait for the end of stdin, then let this process end after the thumbnails at hand, or else by force."""
     sys.stdin.read()
     stop.set()
-    os._exit(0)
+    time.sleep(END_S)
+    os._exit(0)  # its workers notice and end as well (`ClipPool`)
 
 
 if __name__ == "__main__":

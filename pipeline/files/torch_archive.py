@@ -1,4 +1,7 @@
-"""Archives of `torch.save` and `torch.jit.save`: sizes are checked before torch inflates anything."""
+"""Archives of `torch.save` and `torch.jit.save`: sizes and checksums are compared before torch reads them.
+
+torch inflates whatever size is claimed, and does not compare the checksums of what it maps into memory.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,11 @@ def check_torch_archive(path: Path, caps: NpzCaps) -> tuple[str, ...]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
+            check_sizes(path, members, caps)
+            damaged = archive.testzip()
     except DAMAGED_NPZ as error:
         raise_fault_of_disk(error)
         raise FileError(path, f"is no archive of torch that can be read ({str(error)[:120]}).") from error
-    check_sizes(path, members, caps)
+    if damaged is not None:
+        raise FileError(path, f"is damaged: '{damaged[:60]}' has another checksum than the archive states.")
     return tuple(info.filename for info in members)

@@ -42,7 +42,7 @@ class Listing:
         count = sum(self.unread.values())
         found = ", ".join(f"{suffix} {number}" for suffix, number in self.unread.items())
         what = "1 file of another format was" if count == 1 else f"{count} files of other formats were"
-        ways = "; ".join(f"{suffix}: {way}" for suffix in self.unread if (way := how_to_convert(suffix)))
+        ways = " ".join(f"{suffix}: {way}" for suffix in self.unread if (way := how_to_convert(suffix)))
         return f"{what} not read: {found}. {ways}".rstrip()
 
 

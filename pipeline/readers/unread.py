@@ -9,7 +9,7 @@ from pipeline.errors import FileError
 CONVERT: dict[str, str] = {
     ".fbx": "Import it into Blender and export it as BVH or glTF: blender --background --factory-startup "
     "--python-expr \"import bpy; bpy.ops.import_scene.fbx(filepath='IN.fbx'); "
-    "bpy.ops.export_scene.gltf(filepath='OUT.glb')\"",
+    "bpy.ops.export_scene.gltf(filepath='OUT.glb')\".",
     ".mvnx": "Open its .mvn in Xsens MVN (MVN Analyze or Animate) and export it as BVH, or as FBX and convert that.",
     ".mvn": "Open it in Xsens MVN (MVN Analyze or Animate) and export it as BVH.",
     ".trc": "Export the markers as C3D under Plug-in Gait's names, or solve a skeleton in the capture program and "

@@ -31,8 +31,6 @@ FEET_BODIES: tuple[int, ...] = tuple(body(f"{side}_{name}") for side in ("left",
 
 TOES: tuple[int, ...] = tuple(body(f"{side}_toe") for side in ("left", "right"))
 
-HIPS: tuple[int, ...] = tuple(body(f"{side}_hip") for side in ("left", "right"))
-
 KNEES: tuple[int, ...] = tuple(body(f"{side}_knee") for side in ("left", "right"))
 
 LEVERS: dict[str, float] = {

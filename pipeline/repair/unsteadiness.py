@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 from pipeline import rotation
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import HIPS, KNEES, LEVER, TOES, Orientations, Positions, to_local
+from pipeline.repair.tree import KNEES, LEVER, TOES, Orientations, Positions, to_local
 
 REACH = 2
 """A bad frame disturbs the bridges of this many frames on either side."""
@@ -180,9 +180,9 @@ LONGEST_SPIKE_S, MOST_FRAMES = 0.02, 4
 """Spikes up to this long are sought; longer ones have edges that are jumps [s], [frames]."""
 TOE_SHARE = 1.5
 """Toes bend so fast when they land that the limit of a clip's own toes is this many times as large."""
-LANDING_SHARE = {**dict.fromkeys(HIPS, 1.2), **dict.fromkeys(KNEES, 1.8)}
-"""Legs turn so fast when they land that below 60 Hz their limits are up to this many times as large: in sound walks,
-starts and steps back at 30 Hz hips reach 1.1 and knees 1.8 times the limit that holds at 60 Hz."""
+KNEE_SHARE = 1.4
+"""Knees turn so fast when a foot lands that below 60 Hz their limit is up to this many times as large: in sound walks,
+starts and steps back at 30 Hz they reach 1.25 times the limit that holds at 60 Hz."""
 MOST_TIMES = 3.0
 """What a clip misses by makes its limits no more than so many times as large: sound files reach 2.2 times the least,
 and in a short clip spikes themselves are among what it misses by."""
@@ -233,8 +233,7 @@ def _candidates(
     toes = list(TOES)
     turn_limit[toes] = np.where(turn_limit[toes] > least[toes], TOE_SHARE * turn_limit[toes], turn_limit[toes])
     turn_limit = np.minimum(turn_limit, MOST_TIMES * least)
-    for index, share in LANDING_SHARE.items():
-        turn_limit[index] *= min(share, slow_rate(fps))
+    turn_limit[list(KNEES)] *= min(KNEE_SHARE, slow_rate(fps))
     size = np.maximum(turn / turn_limit, place / place_limit)
     if not (size > 1.0).any():
         return []

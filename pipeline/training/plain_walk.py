@@ -15,6 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from pipeline.deployment.policy import CAPS
+from pipeline.files.npz import read_npz_header
 from pipeline.training.rotors import put_rotors_on_links
 
 STEP_S, CONTROL_EVERY = 0.002, 10
@@ -81,6 +83,8 @@ class Network:
     """A policy file's network in single precision, and its gains where it has them: else they are the robot's."""
 
     def __init__(self, path: Path):
+        """Raises FileError for what is no archive or is larger than a policy."""
+        read_npz_header(path, CAPS)
         with np.load(path, allow_pickle=False) as arrays:
             count = sum(name.startswith("L") and name.endswith("_w") for name in arrays.files)
             self.layers = [

@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from scipy.spatial.distance import cdist
 
+from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.expert import window_starts
 from pipeline.training.amp.features import FeatureNormalizer, floors, frame_features, state_features
@@ -68,7 +69,7 @@ def _some(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def walked_features(bundle: Path, policy: Path, walk: Walk) -> np.ndarray:
     """Features (t, f) of the last MEASURE_S of a walk, one row a control step. Raises TrainingError for a fall."""
-    digest = hashlib.sha256(policy.read_bytes()).hexdigest()
+    digest = hashlib.sha256(policy.read_bytes()).hexdigest() if policy.is_file() else ""
     world = World(bundle, network_of(policy, digest), walk)
     index = np.array([world.facts["joint_names"].index(name) for name in world.facts["controlled"]])
     ends = [world.model.site(name).id for name in (*world.facts["hands"], *world.facts["feet"])]
@@ -126,7 +127,7 @@ def main(arguments: Sequence[str]) -> int:
     given = parser.parse_args(arguments)
     try:
         found = style_distances(given.bundle, given.policies, range(given.seeds))
-    except TrainingError as error:
+    except (FileError, TrainingError) as error:
         print(error, file=sys.stderr)
         return 2
     for name, speeds in found.items():

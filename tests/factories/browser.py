@@ -59,8 +59,8 @@ class Listener:
     def hostile(self, mark: str) -> str:
         """A file name that asks the listener for `/<mark>...` where it is taken for HTML, in two ways."""
         url = f"http:&#47;&#47;{self.address}&#47;{mark}"
-        script = f"<iframe srcdoc='&lt;script&gt;fetch(&quot;{url}-script&quot;)&lt;&#47;script&gt;'>"
-        return f"{script}<img src=x onerror='fetch(&quot;{url}-image&quot;)'>"
+        image = f"<img src=x onerror='fetch(&quot;{url}-image&quot;)'>"
+        return f"{image}<iframe srcdoc='&lt;script&gt;fetch(&quot;{url}-script&quot;)&lt;&#47;script&gt;'>"
 
     def waits_for(self, mark: str, seconds: float) -> bool:
         """Whether it is asked for something with the mark within a time."""

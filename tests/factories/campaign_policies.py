@@ -1,4 +1,5 @@
-"""Mutated policies, golden vectors, ONNX files and cards, and whether what was read contradicts digests or examples."""
+"""Mutated policies, golden vectors, ONNX and TorchScript files, cards and checkpoints, and whether what was read
+contradicts digests, checksums or examples."""
 
 from __future__ import annotations
 
@@ -11,20 +12,26 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from pipeline.deployment import deployment_task, load_policy, save_policy
 from pipeline.deployment.policy import Golden
 from pipeline.errors import PipelineError
 from pipeline.export.card import FILE, read_card
-from pipeline.export.folder import GOLDEN, ONNX, POLICY, Source, export_policy, read_export
+from pipeline.export.folder import GOLDEN, ONNX, POLICY, TORCH_SCRIPT, Source, export_policy, read_export
 from pipeline.export.onnx_model import read_onnx
 from pipeline.export.parity import read_golden
+from pipeline.export.torch_script import read_torch_script
 from pipeline.files import digest
+from pipeline.learning.checkpoint import STATES, load_checkpoint, save_checkpoint
+from pipeline.learning.training_error import TrainingError
+from pipeline.readers.restricted_pickle import load_torch
 from pipeline.robot import load_robot
 from tests.factories import mutations
 from tests.factories.campaign import CRASHED, REFUSED, RIGHT, WRONG, Case, Verdict, is_sentence
 from tests.factories.policies import random_policy
 
+CHECKPOINT = "model_000005.pt"
 EXAMPLES = 4
 TOLERANCE = 1e-3
 """Largest deviation of an action from the example's that is none: the arrays may be in single precision."""
@@ -53,7 +60,9 @@ def policy_cases(seed: int, count: int, folder: Path) -> Iterator[Case]:
     data = {"digest": "ab" * 32, "clips": 1, "seconds": 1.0, "licence": {"strictest": "CC0-1.0", "allowed_use": "any"}}
     source = Source(policy=folder / "trained.npz", run={"name": "campaign"}, data=data)
     export_policy(folder / "export", "campaign", robot, source, rng, shippable=False)
-    files = {name: (folder / "export" / name).read_bytes() for name in (POLICY, GOLDEN, ONNX, FILE)}
+    files = {name: (folder / "export" / name).read_bytes() for name in (POLICY, GOLDEN, ONNX, TORCH_SCRIPT, FILE)}
+    states = {name: {"mlp.0.weight": torch.full((40, 30), 1.0 + part)} for part, name in enumerate(STATES)}
+    files[CHECKPOINT] = save_checkpoint(folder, 5, states, 120).read_bytes()
     for index in range(count):
         target = TARGETS[index % len(TARGETS)]
         drawn = np.random.default_rng([seed, 4, index])
@@ -123,10 +132,11 @@ def _mutated_card(content: bytes, rng: np.random.Generator) -> tuple[bytes, str]
 def _judge(target: _Target, files: dict[str, bytes], content: bytes, folder: Path) -> Verdict:
     for name, data in files.items():
         if name == target.file or not target.alone:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content if name == target.file else data)
     try:
         faults = target.check(folder)
-    except PipelineError as error:
+    except (PipelineError, TrainingError) as error:
         whole = is_sentence(str(error), folder.name)
         return Verdict(REFUSED if whole else CRASHED, f"{'' if whole else 'no sentence: '}{error}", len(content))
     return Verdict(WRONG if faults else RIGHT, "; ".join(faults), len(content))
@@ -155,6 +165,26 @@ def _onnx_alone(folder: Path) -> list[str]:
     return [f"{len(named)} joints are named and {width} actions come out"] if len(named) != width else []
 
 
+def _torch_script_alone(folder: Path) -> list[str]:
+    """The sizes that the metadata states are those of the last layer."""
+    module, facts = read_torch_script(folder / TORCH_SCRIPT)
+    *_, bias = (value for name, value in module.named_parameters() if name.endswith("bias"))
+    named = facts.get("policy_joints", [])
+    return [f"{len(named)} joints are named and {len(bias)} actions come out"] if len(named) != len(bias) else []
+
+
+def _checkpoint(folder: Path) -> list[str]:
+    """torch and the reader of motions, which compares checksums, find the same numbers."""
+    state, other = load_checkpoint(folder / CHECKPOINT, "cpu"), load_torch(folder / CHECKPOINT)
+    differ = [
+        f"{part} {name} differs"
+        for part in STATES
+        for name, value in state[part].items()
+        if not np.array_equal(value.numpy(), other[part][name])
+    ]
+    return differ + (["another iteration"] if state["iteration"] != other["iteration"] else [])
+
+
 def _export(folder: Path) -> list[str]:
     """An export of which a file was changed is refused by what reads that file."""
     found = read_export(folder, load_robot("t1"))
@@ -179,6 +209,8 @@ TARGETS = (
     _Target(POLICY, True, _policy_alone),
     _Target(GOLDEN, True, _golden_alone),
     _Target(ONNX, True, _onnx_alone),
+    _Target(TORCH_SCRIPT, True, _torch_script_alone),
+    _Target(CHECKPOINT, True, _checkpoint),
     _Target(FILE, True, _card),
     _Target(POLICY, False, _export),
     _Target(GOLDEN, False, _export),

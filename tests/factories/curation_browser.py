@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import re
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -14,11 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
-
+from tests.factories.browser import chromium
 from tests.factories.checkout import Checkout
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PICTURES_VARIABLE = "BOOSTER_LAB_PICTURES"
 """Folder that the screenshots of the browser tests are written into."""
 
@@ -71,20 +68,10 @@ class Browser:
 @contextmanager
 def browser(url: str) -> Iterator[Browser]:
     """A headless Chromium that has opened an address. Skips where it or Playwright is missing."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install playwright")
-    program = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if program is None:
-        pytest.skip("needs a Chromium: apt-get install chromium")
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        try:
-            found = Browser(running.new_page(viewport={"width": 1360, "height": 820}))
-            found.page.on(
-                "console", lambda each: each.type in ("error", "warning") and found.complaints.append(each.text)
-            )
-            found.page.on("pageerror", lambda error: found.complaints.append(str(error)))
-            found.page.on("dialog", lambda each: found.complaints.append(f"dialog: {each.message}"))
-            found.page.goto(url)
-            yield found
-        finally:
-            running.close()
+    with chromium() as running:
+        found = Browser(running.new_page(viewport={"width": 1360, "height": 820}))
+        found.page.on("console", lambda each: each.type in ("error", "warning") and found.complaints.append(each.text))
+        found.page.on("pageerror", lambda error: found.complaints.append(str(error)))
+        found.page.on("dialog", lambda each: found.complaints.append(f"dialog: {each.message}"))
+        found.page.goto(url)
+        yield found

@@ -127,6 +127,7 @@ def measured(imports: str, call: str, root: Path, error: str = "Exception") -> t
 
 READERS = {
     "policy.npz": ("pipeline.deployment", "load_policy({path})", "L0_w.npy"),
+    "walked.npz": ("pipeline.training.plain_walk", "Network({path})", "L0_w.npy"),
     "golden.npz": ("pipeline.export.parity", "read_golden({path})", "command.npy"),
     "checkpoint.pt": ("pipeline.learning.checkpoint", "load_checkpoint({path}, 'cpu')", "model/data/0"),
     "script.pt": ("pipeline.export.torch_script", "read_torch_script({path})", "script/code/0"),

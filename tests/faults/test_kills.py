@@ -62,18 +62,20 @@ def test_work_that_is_killed_leaves_a_whole_state_and_is_done_by_the_next(prepar
         assert whole.exitcode == 0 and WORKS[name].check(folder) == "after"
     length_s = min(lengths_s)
     killed = 0
-    for number in range(KILLS[name]):
+    for number in range(4 * KILLS[name]):  # some are done before their moment
         folder = shutil.copytree(prepared[name], tmp_path / f"kill{number}", symlinks=True)
         process = started(name, folder)
         time.sleep(float(rng.uniform(0.0, length_s)))
-        with contextlib.suppress(ProcessLookupError):  # it was faster
+        with contextlib.suppress(ProcessLookupError):
             os.kill(process.pid, signal.SIGKILL)
         process.join()
         killed += process.exitcode == -signal.SIGKILL
         WORKS[name].check(folder)
         assert refused(name, folder) == ""
         assert WORKS[name].check(folder) == "after"
-    assert killed >= KILLS[name] // 3, "the kills came too late to test anything"
+        if killed == KILLS[name]:
+            break
+    assert killed == KILLS[name], "the kills came too late to test anything"
 
 
 WRITES = {"open", "os.mkdir", "os.rename"}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline import rotation
+from pipeline.cli.main import main
 from pipeline.errors import FileError
 from pipeline.readers import Statement, read_motion
 
@@ -38,6 +39,19 @@ def test_skeletons_are_read_by_themselves(cases, file, skeleton, seconds, speed)
     assert way / seconds == pytest.approx(speed, abs=0.03)
     codes = [note.code for note in found.notes]
     assert codes == (["frame_count"] if file.startswith("frame_count") else [])
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        *("mixamo_names/mixamo.bvh", "toebase_instead_of_toe/toebase_plain.bvh", "skate_speed_nan/leap.bvh"),
+        *("cmu_subject01_taken_for_pfnn/cmu_subject01.bvh", "namespace_prefix/namespace.bvh"),
+        *("namespace_prefix/character.bvh", "folder_with_other_formats/motions/good.bvh"),
+    ],
+)
+def test_inspect_finds_nothing_wrong_with_sound_motions(cases, capsys, file):
+    assert main(["inspect", str(cases / file)]) == 0
+    assert "found: nothing wrong" in capsys.readouterr().out
 
 
 def test_a_t_pose_and_hanging_arms_at_rest_give_the_same_motion(cases):

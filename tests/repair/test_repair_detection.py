@@ -73,14 +73,13 @@ def test_sound_walk_has_no_defects(fps, noise, settings):
 @pytest.mark.parametrize("name", ["walk", "walk_fast", "back", "side_left", "start_stop"])
 @pytest.mark.parametrize("phase", [0, 1])
 def test_legs_that_land_at_30_hz_are_no_spikes(root, name, phase, settings):
-    """Every second frame of motions of 60 Hz, in pieces of five seconds: a knee straightens within a frame or two."""
+    """Every second frame of motions of 60 Hz, and the first five seconds of the walk: knees stretch within a frame."""
     whole = read_motion(root / f"data/motions/{name}.bvh", "clip").clip
     half = dataclasses.replace(
         whole, fps=30.0, body_pos_w=whole.body_pos_w[phase::2], body_quat_w=whole.body_quat_w[phase::2]
     )
-    for start in range(0, half.frame_count - 60, 70):
-        piece = half.cut(start, min(start + 150, half.frame_count), "piece")
-        assert not marked_frames(piece, settings), f"from frame {start} on"
+    for clip in (half, half.cut(0, 150, "walk")) if name == "walk" else (half,):
+        assert not marked_frames(clip, settings)
 
 
 def test_a_spike_names_the_limit_that_it_passes(settings):

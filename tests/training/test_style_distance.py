@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.errors import FileError
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.features import FeatureNormalizer, floors
 from pipeline.training.bundle import ExpertFrames
@@ -64,3 +65,11 @@ def test_a_walks_features_move_as_it_was_told_and_a_fall_is_refused(tmp_path, ro
     assert np.abs(windows).max() <= 10.0
     with pytest.raises(TrainingError, match="falls at the command"):
         walked_features(bundle, policy, Walk(cell="", command=(0.0, 0.0, 0.0), push=(-90.0, 0.0, 1.0)))
+
+
+def test_what_is_no_policy_is_refused_by_name(tmp_path, root, robot):
+    bundle, walk = small_bundle(tmp_path, root, robot), Walk(cell="", command=(0.6, 0.0, 0.0), seconds=8.0)
+    (tmp_path / "noise.npz").write_bytes(b"no archive")
+    for name, says in (("noise.npz", "not a NumPy archive"), ("gone.npz", "the file does not exist")):
+        with pytest.raises(FileError, match=rf"{name}: .*{says}"):
+            walked_features(bundle, tmp_path / name, walk)

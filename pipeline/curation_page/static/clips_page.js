@@ -93,14 +93,16 @@ export class ClipsPage {
     const indices = table.chosen(state);
     const figure = table.byName.get(state.sort);
     this.gallery.chosen = new Set([...this.gallery.chosen].filter((index) => indices.includes(index)));
-    this.gallery.element.scrollTop = 0;
     this.gallery.show(indices, figure);
-    this.histograms.forEach((each) => each.show(indices.length === table.count ? null : indices, state.ranges[each.figure.name], each.figure === figure));
-    clearTimeout(this.filling);  // counts come after the frame that shows the clips
-    this.filling = setTimeout(() => { for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices); }, 40);
+    clearTimeout(this.filling);  // histograms and counts come after the frame that shows the clips
+    this.filling = setTimeout(() => {
+      const shown = indices.length === table.count ? null : indices;
+      this.histograms.forEach((each) => each.show(shown, state.ranges[each.figure.name], each.figure === figure));
+      for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices);
+      this.remember();
+    }, 40);
     this.sort.value = state.sort;
     this.turn.textContent = state.descending ? "↓" : "↑";
-    this.remember();
     this.showCounts();
   }
 

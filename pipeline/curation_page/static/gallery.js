@@ -14,11 +14,16 @@ export class Gallery {
     this.free = [];
     this.spacer = el("div");
     this.element = el("div", { class: "grid", tabIndex: 0, role: "list", "aria-label": "clips" }, this.spacer);
+    [this.width, this.height, this.top] = [0, 0, 0];  // as last measured: asking for them makes the browser lay out at once
     this.element.addEventListener("scroll", () => {
+      this.top = this.element.scrollTop;
       thumbnails.quietUntil = performance.now() + 150;
       this.schedule();
     });
-    this.observer = new ResizeObserver(() => this.render());
+    this.observer = new ResizeObserver(() => {
+      [this.width, this.height] = [this.element.clientWidth, this.element.clientHeight];
+      this.render();
+    });
     this.observer.observe(this.element);
   }
 
@@ -28,6 +33,7 @@ export class Gallery {
     this.indices = indices;
     this.figure = figure;
     for (const card of this.cards.values()) card.index = -1;
+    if (this.top > 0) this.element.scrollTop = this.top = 0;
     this.render();
   }
 
@@ -38,12 +44,12 @@ export class Gallery {
   }
 
   render() {
-    const columns = Math.max(Math.floor((this.element.clientWidth - GAP) / (CARD_WIDTH + GAP)), 1);
+    const columns = Math.max(Math.floor((this.width - GAP) / (CARD_WIDTH + GAP)), 1);
     const pitch = CARD_HEIGHT + GAP;
     this.spacer.style.height = `${Math.ceil(this.indices.length / columns) * pitch + GAP}px`;
-    const top = this.element.scrollTop;
+    const { top } = this;
     const first = Math.max(Math.floor((top - GAP) / pitch), 0) * columns;
-    const last = Math.min(Math.ceil((top + this.element.clientHeight) / pitch) * columns, this.indices.length);
+    const last = Math.min(Math.ceil((top + this.height) / pitch) * columns, this.indices.length);
     for (const [place, card] of this.cards) {
       if (place >= first && place < last) continue;
       this.cards.delete(place);

@@ -17,6 +17,8 @@ from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import MirroredSamples
 from pipeline.training.config import Config
 
+REFINEMENT = (0.7, 1.0)
+"""Span of a run in which the divergence and the bound of the deviation go to their last values."""
 CRITIC_WARM_UP = 60
 """Iterations in which a new critic learns alone beside a distilled actor, which its errors would otherwise destroy."""
 FIRST_RATE = 1e-5
@@ -119,18 +121,17 @@ class AmpPpo(PPO):
         return self._config.discriminator.style * ramp(self.run_share, self._config.schedule.style_ramp)
 
     def largest_deviation(self) -> float:
-        """Bound of the actions' deviation, which sinks over the disturbances' ramp."""
+        """Bound of the actions' deviation, which sinks over REFINEMENT, not sooner: PPO's steps are in units of the
+        deviation."""
         ppo = self._config.ppo
         if ppo.final_std >= 1.0:
             return float("inf")
-        return ppo.init_std * (
-            1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, self._config.schedule.disturbance_ramp)
-        )
+        return ppo.init_std * (1.0 + (ppo.final_std - 1.0) * ramp(self.run_share, REFINEMENT))
 
     def update(self) -> dict[str, float]:
         """The discriminator's gradient steps, then PPO's."""
         started, ppo = self._now(), self._config.ppo
-        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, (0.7, 1.0))
+        self.desired_kl = ppo.desired_kl + (ppo.final_kl - ppo.desired_kl) * ramp(self.run_share, REFINEMENT)
         with fast_matmul(self.device):
             if self.discriminator is not None:
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
