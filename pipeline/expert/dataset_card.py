@@ -23,6 +23,18 @@ _TAG = re.compile(r"[A-Za-z0-9.+\-]{1,60}")
 _DIGITS = 12
 """Digits of a digest that are shown."""
 
+STAGES = {
+    "motion_catalog": "files read and measured",
+    "selected_motions": "windows of one skill chosen",
+    "repaired_motions": "defects filled or cut, put onto the ground, smoothed, contacts labelled",
+    "retargeted_motions": "human motion put onto the robot",
+    "motion_variants": "mirrored, at other speeds, with other steps or postures",
+    "reference_motions": "limits, slip, penetration and likeness checked",
+    "augmented_motions": "tracked by a policy in simulation, undisturbed and disturbed",
+    "feasible_motions": "feasibility evaluated, weights balanced",
+}
+"""What each stage of the project does."""
+
 MOST_SOURCES = 200
 """Rows of the table of sources; more are summed up."""
 
@@ -51,7 +63,8 @@ def dataset_card(head: Mapping[str, Any], index: pd.DataFrame) -> str:
         "## Sources\n\n" + _table(["source", "licence", "credit", "clips", "seconds"], _sources(index)),
         "## Seconds by skill\n\n" + _table(["skill", "seconds", "clips"], _by(index, ["skill"])),
         "## How it was made\n\nBy Booster Lab: `dagster asset materialize --select expert_db`. Each clip went through "
-        "these stages:\n\n" + _table(["stage", "digest of its code", "digest of its settings"], _stages(head, index)),
+        "these stages (of code and settings the first digits of their digests):\n\n"
+        + _table(["stage", "what it does", "code", "settings"], _stages(head, index)),
         *_variants(index),
         f"Schema `{cell(head['schema'])}`; robot files `{cell(head['robot_digest'][:_DIGITS])}`. `manifest.json` has "
         "the SHA-256 of every file and the settings of every stage, `index.parquet` each clip's source file and what "
@@ -89,7 +102,7 @@ def _stages(head: Mapping[str, Any], index: pd.DataFrame) -> list[list[str]]:
             for key, facts in head["stages"].items()
             if isinstance(facts, dict)
         )
-    return [[stage, version[:_DIGITS], settings[:_DIGITS]] for stage, version, settings in found]
+    return [[stage, STAGES.get(stage, ""), version[:_DIGITS], settings[:_DIGITS]] for stage, version, settings in found]
 
 
 def _stages_of(text: str) -> Iterable[tuple[str, str, str]]:

@@ -63,11 +63,11 @@ def read_motion(path: Path, name: str, statement: Statement = NOTHING_STATED) ->
     Raises FileError with a sentence for what can't be read, AmbiguousFileError for a unit, axis or rate that the file
     does not give; its text says how to state it.
     """
+    refuse_pointer(path)
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         problem = f"'{path.suffix}' is not a motion file; known are: {', '.join(sorted(_READERS))}."
         raise FileError(path, problem, how_to_convert(path.suffix))
-    refuse_pointer(path)
     return reader(path, name, statement)
 
 

@@ -8,10 +8,11 @@ import pytest
 from assets import dataset_exports, policy
 from assets.dataset_exports import dataset_exports as export_assets
 from assets.freshness import stored_version
-from assets.plan import EXPORTS, export_plans, named_plans
+from assets.plan import EXPORTS, SHARED, export_plans, named_plans
 from assets.project import Project
 from pipeline.dataset_export import FORMATS
 from pipeline.expert import ExpertEntry, write_database
+from pipeline.expert.dataset_card import STAGES
 from pipeline.readers import read_motion
 from tests.factories.robot_clips import wandering
 
@@ -75,6 +76,10 @@ def test_every_format_of_the_command_is_an_asset(project):
     assert read_motion(archive, "clip").clip.frame_count == 60
     archive.unlink()
     assert stored_version(project, export_plans("t1")["mjlab"]) is None
+
+
+def test_the_card_explains_stages_that_the_graph_has():
+    assert set(STAGES) <= {plan.name for plan in (*SHARED, *named_plans("t1").values())}
 
 
 def test_a_format_whose_package_is_missing_fails_in_one_sentence_and_keeps_what_was_there(project, monkeypatch):

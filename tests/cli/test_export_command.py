@@ -205,7 +205,9 @@ def test_the_card_beside_the_database_names_sources_licences_skills_and_stages(d
     assert "| CC0-1.0 | public-domain | 1 | 1.4 |" in text
     assert "| source | CC-BY-4.0 | Jane" in text and "| other | CC0-1.0 | Jane" in text
     assert "| walk | 2.5 | 2 |" in text
-    assert "| repaired_motions | 12ab |" in text
+    assert (
+        "| repaired_motions | defects filled or cut, put onto the ground, smoothed, contacts labelled | 12ab |" in text
+    )
     assert "| mirror | 1.3 | 1 |" in text
     assert "<b>" not in text and "Jane &lt;b&gt;Doe&lt;/b&gt; \\| \\[x](y)" in text
     assert read_database(database).manifest["files"].keys() >= {"README.md"}

@@ -7,6 +7,7 @@ import pytest
 from pipeline.cli.main import main
 from pipeline.errors import FileError
 from pipeline.readers import FileStatement, Source, list_files, read_motion, source_warnings
+from pipeline.readers.read_motion import SUFFIXES
 from pipeline.readers.unread import CONVERT
 from tests.factories import motion_files as files
 
@@ -99,7 +100,7 @@ def test_a_source_warns_of_what_is_not_read_of_nothing_and_of_patterns_that_fit_
     assert source_warnings(empty, list_files(empty)) == [f"source 'empty': there is no motion file in {empty.folder}"]
 
 
-@pytest.mark.parametrize("suffix", [".bvh", ".npz", ".pkl", ".pt", ".csv", ".amc", ".txt", ".c3d", ".glb", ".mcap"])
+@pytest.mark.parametrize("suffix", [*SUFFIXES, ".fbx"])
 def test_a_pointer_in_the_place_of_a_file_is_called_one(tmp_path, suffix):
     text = "version https://git-lfs.github.com/spec/v1\noid sha256:" + "0" * 64 + "\nsize 149000000\n"
     (tmp_path / f"clip{suffix}").write_text(text)
