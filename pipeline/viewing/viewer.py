@@ -9,10 +9,10 @@ import time
 from typing import NoReturn
 
 import numpy as np
-import viser
 
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped
+from pipeline.viewing.page_server import page_server
 from pipeline.viewing.playback import SPEEDS, Playback
 from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.scene import SceneFigure
@@ -37,7 +37,7 @@ class Viewer:
     def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
         names = playlist.names + playlist.beside
         self._load = playlist.load
-        self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
+        self.server = page_server(host, port, label="Booster Lab")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.figures: list[SceneFigure] = []
         self.playback = Playback(duration_s=0.0)
