@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.errors import FileError
+from pipeline.expert import manifest
 from pipeline.expert.licence import classify_licence
+from pipeline.expert.swap import current
+from pipeline.files import digest
+
+
+def database_version(folder: Path) -> str:
+    """Digest of the manifest. Raises FileError where a file is missing, changed or not stated."""
+    folder = current(folder)
+    path = folder / manifest.FILE
+    if not path.is_file():
+        raise FileError(path, "there is no database here.", "Materialize expert_db.")
+    data = path.read_bytes()
+    try:
+        head = json.loads(data)
+        stated, broken = head["files"], manifest.broken_seal(head)
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
+    if broken is not None:
+        raise FileError(path, f"it {broken}.", "Materialize expert_db again.")
+    found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
+    if found != stated:
+        raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")
+    return digest.of_bytes(data)
+
 
 FILE = "index.parquet"
 

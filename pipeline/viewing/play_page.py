@@ -15,7 +15,7 @@ from pipeline.robot import Kinematics
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk, surface
 from pipeline.viewing.robot_figure import robot_parts
-from pipeline.viewing.scene import add_shape
+from pipeline.viewing.viewer import add_shape
 
 LIMITS = ((-0.6, 2.0), (-0.6, 0.6), (-1.5, 1.5))
 """Ranges of the sliders: forward, lateral [m/s], yaw rate [rad/s], as the commands of training."""
