@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from pipeline.expert import manifest
 from pipeline.expert.licence import classify_licence
 from pipeline.expert.swap import current
 from pipeline.files import digest
+from pipeline.files.json_file import read_json
 
 
 def database_version(folder: Path) -> str:
@@ -23,9 +23,8 @@ def database_version(folder: Path) -> str:
     path = folder / manifest.FILE
     if not path.is_file():
         raise FileError(path, "there is no database here.", "Materialize expert_db.")
-    data = path.read_bytes()
+    head = read_json(path, "a database's manifest", "Materialize expert_db again.")
     try:
-        head = json.loads(data)
         stated, broken = head["files"], manifest.broken_seal(head)
     except (ValueError, KeyError, TypeError) as error:
         raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
@@ -34,7 +33,7 @@ def database_version(folder: Path) -> str:
     found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
     if found != stated:
         raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")
-    return digest.of_bytes(data)
+    return digest.of_file(path)
 
 
 FILE = "index.parquet"

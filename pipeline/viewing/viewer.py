@@ -17,6 +17,7 @@ from pipeline import time_series
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped
 from pipeline.viewing.figure import Color, Figure, Shape
+from pipeline.viewing.page_server import page_server
 from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.projection import CONTACT
 from pipeline.viewing.robot_figure import shape_mesh
@@ -162,7 +163,7 @@ class Viewer:
     def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
         names = playlist.names + playlist.beside
         self._load = playlist.load
-        self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
+        self.server = page_server(host, port, label="Booster Lab")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.figures: list[SceneFigure] = []
         self.playback = Playback(duration_s=0.0)
