@@ -17,10 +17,10 @@ from typing import Any
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
 from pipeline.files.json_file import read_json
+from pipeline.tracking.bundle import CONFIG
 
 SCHEMA = "booster-lab tracker 1"
 NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
-CONFIG = "config.json"
 
 
 @dataclass(frozen=True, kw_only=True)
