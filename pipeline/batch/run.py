@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pipeline.batch.again import clips_again
 from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
@@ -113,7 +114,8 @@ def _gather(
     settings: dict[str, Any],
 ) -> Manifest:
     """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
-    answers = {job.key: store.recall(job.key) for job in jobs}
+    again = clips_again()
+    answers = {job.key: None if job.clip in again else store.recall(job.key) for job in jobs}
     todo = [job for job in jobs if answers[job.key] is None]
     log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
     last = started = time.monotonic()
@@ -123,7 +125,7 @@ def _gather(
             store.remember(job.key, answer)
         if time.monotonic() - last > PROGRESS_EVERY_S:
             last = time.monotonic()
-            log.info("%s: %d of %d clips, %.0f s", stage.name, count, len(todo), last - started)
+            log.info("%s", progress(stage.name, count, len(todo), last - started))
     entries: list[Entry] = []
     judged: list[Judged] = []
     for job in jobs:
@@ -137,6 +139,12 @@ def _gather(
     return Manifest(
         stage=stage.name, entries=tuple(entries), judged=tuple(judged), settings=settings, recomputed=len(todo)
     )
+
+
+def progress(stage: str, done: int, of: int, seconds: float) -> str:
+    """A line about a stage at work: clips done, percent, seconds so far and about how many are left."""
+    left_s = seconds / done * (of - done)
+    return f"{stage}: {done} of {of} clips ({100 * done // of} %), {seconds:.0f} s, about {left_s:.0f} s left"
 
 
 def _worked_on(

@@ -18,8 +18,8 @@ from starlette.staticfiles import StaticFiles
 
 from pipeline.curation_page.clip_table import NoClipError
 from pipeline.curation_page.guard import Guard
-from pipeline.curation_page.materialization import Materialization
 from pipeline.curation_page.proposals import proposals
+from pipeline.curation_page.runs import Runs
 from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError, UnknownNameError
@@ -43,7 +43,7 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         workplace: the project that is shown
         token: what a change must state
     """
-    runs = Materialization(workplace.root)
+    runs = Runs(workplace)
     making: list[ThumbnailProcess] = []
 
     @asynccontextmanager
@@ -70,7 +70,8 @@ def make_app(workplace: Workplace, token: str) -> Guard:
             _texts(value, "clips"), _text(value, "verdict"), _text(value, "by"), _text(value, "why")
         ),
         "take_back": lambda value: workplace.take_back(_texts(value, "clips")),
-        "run": lambda _: _started(runs, workplace),
+        "run": lambda _: runs.start(),
+        "rerun": lambda value: runs.start_again(_texts(value, "clips")),
         "stop": lambda _: runs.stop(),
         "approve": lambda value: approve_proposal(
             workplace.feedback, _text(value, "proposal"), _text(value, "by"), sections=_texts(value, "sections")
@@ -92,11 +93,6 @@ def make_app(workplace: Workplace, token: str) -> Guard:
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
     return Guard(Starlette(routes=routes, lifespan=life), token)
-
-
-def _started(runs: Materialization, workplace: Workplace) -> int:
-    runs.start(workplace.database_asset)
-    return 1
 
 
 async def _index(_: Request) -> Response:

@@ -95,12 +95,12 @@ def _criteria(criteria: pd.DataFrame | None, row: ClipRow) -> list[dict[str, Any
 
 def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
     """What each stage did with the clip and those that it was made from, in the order of the graph."""
-    ancestors = _ancestors(row)
+    made_from = ancestors(row)
     steps = []
     for stage in STAGES:
         manifest = table.manifests.get(stage)
         judged = manifest and max(
-            (each for each in manifest.judged if each.clip in ancestors), key=lambda each: len(each.clip), default=None
+            (each for each in manifest.judged if each.clip in made_from), key=lambda each: len(each.clip), default=None
         )
         if not judged:
             continue
@@ -113,7 +113,7 @@ def _lineage(table: ClipTable, row: ClipRow) -> list[dict[str, Any]]:
     return steps
 
 
-def _ancestors(row: ClipRow) -> set[str]:
+def ancestors(row: ClipRow) -> set[str]:
     """Names of the clip and of all that it was made from: every beginning of its name that ends before a mark."""
     names = {row.clip, *(row.clip[:place] for place, letter in enumerate(row.clip) if letter in "@+~")}
     parents = {str(row.numbers[name]) for name in ("parent", "reference", "family") if row.numbers.get(name)}

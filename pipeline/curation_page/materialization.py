@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.batch.again import AGAIN_VARIABLE
 from pipeline.errors import PipelineError
 
 LINES = 300
@@ -35,27 +39,36 @@ class Materialization:
         self._started_s = 0.0
         self._runs = 0
 
-    def start(self, asset: str) -> None:
-        """Start the run that makes an asset. Raises PipelineError when one is at work already."""
+    def start(self, *assets: str, again: Sequence[str] = ()) -> None:
+        """Start the run that makes some assets. Raises PipelineError when one is at work already.
+
+        Args:
+            again: clips that each stage works on again although their answers are known
+        """
         with self._lock:
             if self._process is not None and self._process.poll() is None:
                 raise PipelineError("a run is at work already; wait until it has ended.")
+            scripts = str(Path(sys.executable).parent)
+            environment = {**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"}
+            environment.pop(AGAIN_VARIABLE, None)
+            listed = _listed(again) if again else None
+            if listed is not None:
+                environment[AGAIN_VARIABLE] = str(listed)
             self._lines.clear()
             self._stage = {}
             self._started_s = time.monotonic()
             self._runs += 1
-            scripts = str(Path(sys.executable).parent)
             self._process = subprocess.Popen(
-                ["dagster", "asset", "materialize", "--select", asset],
+                ["dagster", "asset", "materialize", "--select", ",".join(assets)],
                 cwd=self._root,
-                env={**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"},
+                env=environment,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
                 errors="replace",
                 start_new_session=True,
             )
-            threading.Thread(target=self._follow, args=(self._process,), daemon=True).start()
+            threading.Thread(target=self._follow, args=(self._process, listed), daemon=True).start()
 
     def stop(self) -> None:
         """End the run, with all its processes, if one is at work."""
@@ -76,7 +89,7 @@ class Materialization:
             "lines": list(self._lines),
         }
 
-    def _follow(self, process: subprocess.Popen[str]) -> None:
+    def _follow(self, process: subprocess.Popen[str], listed: Path | None) -> None:
         assert process.stdout is not None
         for line in process.stdout:
             text = line.rstrip("\n")
@@ -84,6 +97,16 @@ class Materialization:
                 self._lines.append(_TIME.sub("", text)[:500])
                 self._stage = stage_of_line(text, self._stage, time.monotonic())
         process.wait()
+        if listed is not None:
+            listed.unlink(missing_ok=True)
+
+
+def _listed(clips: Sequence[str]) -> Path:
+    """A file outside the project with the names of some clips, for the run to read."""
+    handle, name = tempfile.mkstemp(prefix="booster_lab_again_", suffix=".json")
+    with os.fdopen(handle, "w") as stream:
+        json.dump(list(clips), stream)
+    return Path(name)
 
 
 def stage_of_line(text: str, stage: dict[str, Any], now_s: float) -> dict[str, Any]:

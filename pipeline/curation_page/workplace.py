@@ -19,6 +19,7 @@ from pipeline.curation_page.columns import columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
 from pipeline.curation_page.motion_sources import MotionSources
+from pipeline.curation_page.rerun import Rerun, rerun_of
 from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.errors import FileError
 from pipeline.feasibility import criteria_table
@@ -181,6 +182,14 @@ class Workplace:
         """Remove the decisions on some clips; their number. Raises FileError."""
         take_back(self.curation, clips)
         return len(clips)
+
+    def rerun_of(self, clips: list[str]) -> Rerun:
+        """The rerun of some clips. Raises NoClipError, FileError."""
+        return rerun_of(self.read().table, clips, self.robot_name, self.database_asset)
+
+    def outcome(self, rerun: Rerun) -> dict[str, Any]:
+        """What came of a rerun. Raises FileError."""
+        return rerun.outcome(self.read().table)
 
     def versions(self) -> list[dict[str, Any]]:
         """The databases that can be compared."""

@@ -7,8 +7,10 @@ from functools import partial
 import pytest
 
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
+from pipeline.batch.again import AGAIN_VARIABLE
+from pipeline.batch.run import progress
 from pipeline.clips.outcome import Outcome, Piece, Reason
-from pipeline.errors import ClipError
+from pipeline.errors import ClipError, FileError
 from tests.factories.clips import robot_clip
 
 LOG = logging.getLogger("test")
@@ -56,6 +58,32 @@ def test_a_second_run_works_on_no_clip_and_has_the_same_digest(store):
 def test_one_clip_added_works_on_that_clip_alone(store):
     run_stage(stage(), manifest_of(store, ["a", "b"]), store, POOL, LOG)
     assert run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG).recomputed == 1
+
+
+def test_named_clips_are_worked_on_again_and_nothing_else(store, tmp_path, monkeypatch):
+    before = manifest_of(store, ["a", "b", "lame"])
+    first = run_stage(stage(), before, store, POOL, LOG)
+    listed = tmp_path / "again.json"
+    listed.write_text('["a", "lame"]')
+    monkeypatch.setenv(AGAIN_VARIABLE, str(listed))
+    again = run_stage(stage(), before, store, POOL, LOG)
+    assert (again.recomputed, again.digest) == (2, first.digest)
+    monkeypatch.delenv(AGAIN_VARIABLE)
+    assert run_stage(stage(), before, store, POOL, LOG).recomputed == 0
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", None])
+def test_a_list_of_clips_that_can_not_be_read_is_an_error_with_its_file(store, tmp_path, monkeypatch, text):
+    listed = tmp_path / "again.json"
+    if text is not None:
+        listed.write_text(text)
+    monkeypatch.setenv(AGAIN_VARIABLE, str(listed))
+    with pytest.raises(FileError, match=r"again\.json.*Unset BOOSTER_LAB_AGAIN"):
+        run_stage(stage(), manifest_of(store, ["a"]), store, POOL, LOG)
+
+
+def test_a_line_of_progress_states_percent_and_the_time_left():
+    assert progress("keep", 10, 40, 20.0) == "keep: 10 of 40 clips (25 %), 20 s, about 60 s left"
 
 
 @pytest.mark.parametrize("other", [stage(version="2"), stage(add=1.0)])

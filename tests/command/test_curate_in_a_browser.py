@@ -109,6 +109,20 @@ def test_a_curator_finds_watches_and_excludes_the_worst_clip_and_takes_it_back(p
     assert page.complaints == []
 
 
+def test_a_selected_clip_is_run_again_with_progress_and_outcome(page, checkout):
+    files = checkout.database()
+    go(page, "#/?skill=walk&verdict=accepted", ".card")
+    page.page.click(".card:not([hidden]) input")
+    page.page.click(".bar button.rerun")
+    page.page.wait_for_selector("#run[data-status='at work'] >> text=/re-run of 1: .* clips/", timeout=RUN_MS)
+    page.page.wait_for_selector("#run[data-status='done'] >> text=re-run of 1: 1 with the same result", timeout=RUN_MS)
+    counts = checkout.recomputed()
+    assert counts["repaired_motions"] == counts["retargeted_motions"] == counts["motion_variants"] == 1, counts
+    assert all(1 <= count <= 2 for count in counts.values()), counts  # the window's own reference has the window's name
+    assert checkout.database() == files
+    assert page.complaints == []
+
+
 def test_a_proposal_is_approved_with_its_evidence_declined_and_taken_back(page, checkout):
     go(page, "#/proposals", "[data-section]")
     page.picture("curate_proposals")

@@ -70,7 +70,10 @@ def test_a_change_that_is_not_of_this_page_is_refused(client, folder, headers, s
     assert decisions(folder) == []
 
 
-@pytest.mark.parametrize("name", ["decide", "take_back", "run", "approve", "decline", "take_back_sections", "stop"])
+CHANGES = ("decide", "take_back", "run", "rerun", "approve", "decline", "take_back_sections", "stop")
+
+
+@pytest.mark.parametrize("name", CHANGES)
 def test_nothing_is_changed_by_get(client, folder, name):
     answer = client.get(f"/api/{name}", params=EXCLUDE, headers={"x-booster-lab-token": TOKEN})
     assert answer.status_code == 405

@@ -1,7 +1,7 @@
 // The page of one clip: playback, time line, reasons, criteria, lineage, weights, and the decision.
 
 import { getBytes, getJson } from "./api.js";
-import { decide } from "./decide.js";
+import { decide, rerun } from "./decide.js";
 import { clipLink, el, number, seconds, table } from "./dom.js";
 import { parse } from "./lines.js";
 import { Player } from "./player.js";
@@ -46,6 +46,7 @@ export class ClipPage {
       el("div", { class: "controls" },
         el("button", { class: "accept", onclick: () => decide([details.clip], "accept", details.names) }, "✓ accept"),
         el("button", { class: "exclude", onclick: () => decide([details.clip], "exclude", details.names) }, "✕ exclude"),
+        el("button", { class: "rerun", onclick: () => rerun([details.clip]), title: "every stage works on this clip again, from the recording on" }, "↺ re-run"),
         details.decisions.map((each) => el("span", {}, el("span", { class: each.verdict }, `${each.clip}: ${each.verdict === "exclude" ? "excluded" : "accepted"} by ${each.by} on ${each.day}: ${each.why} `),
           el("button", { onclick: () => decide([each.clip], "take back") }, "undo"))),
         decided.size ? null : el("span", { class: "quiet" }, "no decision yet")),

@@ -1,6 +1,6 @@
 // The page of all clips: filters and histograms on the left, the gallery, and what is done with chosen clips.
 
-import { decide, runAgain } from "./decide.js";
+import { decide, rerun, runAgain } from "./decide.js";
 import { el } from "./dom.js";
 import { Gallery } from "./gallery.js";
 import { Histogram } from "./histogram.js";
@@ -63,6 +63,7 @@ export class ClipsPage {
       el("button", { class: "accept", onclick: () => this.decide("accept") }, "✓ accept"),
       el("button", { class: "exclude", onclick: () => this.decide("exclude") }, "✕ exclude"),
       el("button", { onclick: () => this.decide("take back") }, "undo decision"),
+      el("button", { class: "rerun", onclick: () => rerun(this.chosenClips()), title: "every stage works on these clips again, from the recording on" }, "↺ re-run"),
     ];
     return [
       el("aside", { class: "sidebar" }, this.search,
@@ -130,8 +131,10 @@ export class ClipsPage {
   }
 
   decide(verdict) {
-    decide([...this.gallery.chosen].map((index) => this.table.clip[index]), verdict);
+    decide(this.chosenClips(), verdict);
   }
+
+  chosenClips() { return [...this.gallery.chosen].map((index) => this.table.clip[index]); }
 }
 
 function grouped(histograms) {

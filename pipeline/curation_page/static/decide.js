@@ -50,6 +50,15 @@ export async function runAgain() {
   });
 }
 
+// Send clips through all their stages again, from the recording on, whether or not their answers are known.
+export async function rerun(clips) {
+  await attempt(async () => {
+    const started = await change("rerun", { clips });
+    tell(`${started === 1 ? clips[0] : `${started} clips`}: every stage works on it again`);
+    document.dispatchEvent(new CustomEvent("run-started"));
+  });
+}
+
 export function changed(text) {
   tell(text);
   document.dispatchEvent(new CustomEvent("decisions-changed"));

@@ -26,7 +26,7 @@ export class RunState {
   show(state) {
     const { made, wanted } = state.thumbnails;
     thumbnails.textContent = made < wanted ? `thumbnails ${made} of ${wanted}` : "";
-    if (this.atWork && !state.at_work) tell(state.status === 0 ? "the run has ended: the database is up to date" : `the run failed; its output tells why`, state.status !== 0);
+    if (this.atWork && !state.at_work) tell(state.status === 0 ? outcome(state.rerun) : `the run failed; its output tells why`, state.status !== 0);
     if (this.version !== null && state.version !== this.version && !state.at_work) this.onManifests();
     if (!state.at_work) this.version = state.version;
     this.atWork = state.at_work;
@@ -48,9 +48,20 @@ export class RunState {
   }
 }
 
-function sentence({ at_work: atWork, status, seconds, stage }) {
-  if (!atWork) return status === 0 ? "materialized" : "the run failed";
+// What came of the run. A clip's result is its verdict, its reasons, its figures and its motion.
+function outcome(rerun, named = true) {
+  if (!rerun) return named ? "the run has ended: the database is up to date" : "materialized";
+  if (rerun.error) return `re-run, but the result can't be read: ${rerun.error}`;
+  const names = (clips, count) => (named ? ` (${clips.join(", ")}${count > clips.length ? " …" : ""})` : "");
+  const part = ({ count, clips }, what) => (count ? [`${count} ${what}${names(clips, count)}`] : []);
+  const parts = [...(rerun.unchanged.count ? [`${rerun.unchanged.count} with the same result`] : []),
+    ...part(rerun.changed, "with another result"), ...part(rerun.gone, "gone")];
+  return `re-run of ${rerun.clips}: ${parts.join("; ")}`;
+}
+
+function sentence({ at_work: atWork, status, seconds, stage, rerun }) {
+  if (!atWork) return status === 0 ? outcome(rerun, false) : "the run failed";
   const clips = stage.of ? `, ${stage.done} of ${stage.of} clips` : "";
   const left = stage.left_s !== undefined ? `, about ${stage.left_s} s left` : "";
-  return `${stage.name ?? "starting"}${clips}${left} (${Math.round(seconds)} s)`;
+  return `${rerun ? `re-run of ${rerun.clips}: ` : ""}${stage.name ?? "starting"}${clips}${left} (${Math.round(seconds)} s)`;
 }
