@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from jaxtyping import Float
 
 from pipeline.errors import FileError, PipelineError
@@ -133,9 +132,9 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
     if path.is_symlink() or not path.is_file():
         return None
     try:
-        table = pd.read_parquet(path, read_dictionary=[STAGES])
-    except (pa.ArrowException, OSError, ValueError) as error:
-        faults.append(f"{index.FILE}: is no Parquet table ({error})")
+        table = index.read_table(path, [STAGES])
+    except (FileError, OSError) as error:
+        faults.append(str(error).replace(str(path), path.name, 1))
         return None
     missing = [name for name in index.OWN_COLUMNS if name not in table]
     faults += [f"{index.FILE}: the column '{name}' is missing" for name in missing]

@@ -6,12 +6,15 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from pipeline.cli.judged_clips import clip_of
 from pipeline.errors import FileError
 from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
 from pipeline.expert.database_clip import read_database_clip
+from pipeline.expert.index import read_table
 from pipeline.files import json_file
 from tests.factories.robot_clips import wandering
 
@@ -106,3 +109,10 @@ def test_manifests_and_cards_of_holes_take_no_memory(root, tmp_path):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )
     assert done.stdout.count("is larger than the 50000000 bytes allowed") == 2, done.stderr[-2_000:]
+
+
+def test_an_index_that_claims_too_many_rows_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    pq.write_table(pa.table({"clip": pa.array(np.zeros(2_000_000, dtype=np.int64))}), tmp_path / "index.parquet")
+    monkeypatch.setattr("pandas.read_parquet", lambda *_, **__: pytest.fail("it was read"))
+    with pytest.raises(FileError, match=r"index\.parquet: it claims 2000000 rows"):
+        read_table(tmp_path / "index.parquet")
