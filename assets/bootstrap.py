@@ -71,7 +71,7 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
         raise_on_error=False,
     )
     if not result.success:
-        failed = [f"'{event.step_key}': {_cause(event)}" for event in result.all_events if event.is_step_failure]
+        failed = [f"'{event.step_key}': {cause(event)}" for event in result.all_events if event.is_step_failure]
         raise dg.Failure(
             f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
@@ -100,7 +100,7 @@ def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
     return set(_graph().resolve_job_def(run.job_name).asset_layer.executable_asset_keys)
 
 
-def _cause(event: dg.DagsterEvent) -> str:
+def cause(event: dg.DagsterEvent) -> str:
     """The sentence of the innermost error of a failed step."""
     error = event.step_failure_data.error
     while error is not None and error.cause is not None:

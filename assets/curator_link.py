@@ -12,5 +12,10 @@ ADDRESS = "http://127.0.0.1:8090"
 
 def curator_link(page: str) -> dict[str, dg.MarkdownMetadataValue]:
     """The metadata row of a link: `databases`, `proposals`, or `?stage=…` for the clips of a stage."""
-    link = f"{ADDRESS}/#/{quote(page, safe='?=&')}"
-    return {"curator's page": dg.MetadataValue.md(f"[{link}]({link}) (start it with `booster-lab curate`)")}
+    return page_link(f"#/{quote(page, safe='?=&')}", "curator's page")
+
+
+def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
+    """The metadata row of a link to a path of the curator's server."""
+    link = f"{ADDRESS}/{path}"
+    return {name: dg.MetadataValue.md(f"[{link}]({link}) (start it with `booster-lab curate`)")}

@@ -8,7 +8,8 @@ from typing import Any
 import dagster as dg
 
 from assets.actuators import declared
-from assets.bootstrap import stale_now
+from assets.bootstrap import cause, stale_now
+from assets.curator_link import page_link
 from assets.plainly import plainly
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import result_of, served, served_policy
@@ -18,7 +19,7 @@ from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 from pipeline.files import atomic, digest
 from pipeline.files.shown_text import markdown_list
-from pipeline.release.dossier import Dossier, Picture, Verdict, verdict_of
+from pipeline.release.dossier import Dossier, Origin, Picture, Verdict, verdict_of
 
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
@@ -64,6 +65,7 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
             "policy": dossier.policy or "none",
             "open points": dg.MetadataValue.md(markdown_list(points)),
             "digest of the page": facts["page"],
+            **page_link(f"release/{robot}", "the page to sign"),
             "dagster/uri": dg.MetadataValue.path(str(path)),
         }
         return result_of(plan, manifest, metadata, [check])
@@ -90,7 +92,7 @@ def gather(
         conditions=conditions,
         lineage=tuple(_lineage(name, plan, events[name], stale) for name, plan in known.items()),
         verdicts=tuple(
-            _verdict(name, project, known.get(name), events.get(name), facts.get("digest", ""), stale)
+            _verdict(instance, name, project, known.get(name), events.get(name), facts.get("digest", ""), stale)
             for name in VERDICTS
         ),
         pictures=_walks(exported, robot) if exported is not None else (),
@@ -98,6 +100,7 @@ def gather(
 
 
 def _verdict(
+    instance: dg.DagsterInstance,
     name: str,
     project: Project,
     plan: Plan | None,
@@ -105,11 +108,32 @@ def _verdict(
     policy: str,
     stale: Mapping[dg.AssetKey, str],
 ) -> Verdict:
-    stored = _stored(project, plan)
-    if plan is None or stored is None:
+    if plan is None:
         return verdict_of(name, None, policy)
+    failure = failed_since(instance, plan.key)
+    try:
+        stored = project.store.load(plan.key.to_user_string())
+    except PipelineError as error:
+        unread = project.store.manifest_path(plan.key.to_user_string()).is_file()
+        broken = [failure] if failure else [str(error)] if unread else []
+        result = {"passed": None, "policy": policy, "failed_to_run": broken}
+        return verdict_of(name, result if broken else None, policy)
     outdated = f"it is stale: {stale[plan.key]}" if plan.key in stale else ""
-    return verdict_of(name, result_in(stored), policy, outdated, pictures_in(event))
+    return verdict_of(name, result_in(stored), policy, failure or outdated, pictures_in(event))
+
+
+def failed_since(instance: dg.DagsterInstance, key: dg.AssetKey) -> str:
+    """That the last run of an asset failed in its own step, and why; empty if it did not."""
+    planned = instance.get_latest_planned_materialization_info(key)
+    made = instance.get_latest_materialization_event(key)
+    if planned is None or (made is not None and made.run_id == planned.run_id):
+        return ""
+    steps = instance.all_logs(planned.run_id, of_type=dg.DagsterEventType.STEP_FAILURE)
+    for each in steps:
+        event = each.dagster_event
+        if event is not None and event.step_key == "__".join(key.path):
+            return f"its last run ({planned.run_id[:8]}) failed: {cause(event)}"
+    return ""
 
 
 def result_in(manifest: Manifest) -> dict[str, Any]:
@@ -145,21 +169,19 @@ def _last(instance: dg.DagsterInstance, key: dg.AssetKey) -> dg.AssetMaterializa
     return event.asset_materialization if event is not None else None
 
 
-def _lineage(
-    name: str, plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str]
-) -> tuple[str, str, str]:
+def _lineage(name: str, plan: Plan, event: dg.AssetMaterialization | None, stale: Mapping[dg.AssetKey, str]) -> Origin:
+    asset = plan.key.to_user_string()
     if event is None:
-        return plan.key.to_user_string(), "none", "never materialized here"
+        return Origin(asset=asset, version="none", remark="never materialized here")
     facts = []
     for key, value in event.metadata.items():
         plain = value.value if isinstance(value, (dg.TextMetadataValue, dg.IntMetadataValue)) else None
         plain = f"{value.value:.4g}" if isinstance(value, dg.FloatMetadataValue) and value.value is not None else plain
         if plain is not None and "/" not in key and len(str(plain)) <= LONGEST_FACT:
-            facts.append(f"{key} {plain}")
-    summary = "; ".join(facts[:FACTS])
+            facts.append((key, str(plain)))
     version = (event.tags or {}).get(DATA_VERSION_TAG, "not stated")[:12]
     why = stale.get(plan.key)
-    return plan.key.to_user_string(), version, f"stale: {why}. {summary}" if why else summary
+    return Origin(asset=asset, version=version, remark=f"stale: {why}" if why else "", facts=tuple(facts[:FACTS]))
 
 
 def _card(

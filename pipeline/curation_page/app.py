@@ -12,7 +12,7 @@ from typing import Any
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
@@ -24,6 +24,7 @@ from pipeline.curation_page.thumbnail_process import ThumbnailProcess
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
+from pipeline.release.page import style_source
 
 STATIC = Path(__file__).parent / "static"
 KEY = re.compile(r"[0-9a-f]{32}")
@@ -85,6 +86,7 @@ def make_app(workplace: Workplace, token: str) -> Guard:
     }
     routes = [
         Route("/", _index),
+        *(Route(path, _release(workplace)) for path in ("/release", "/release/{robot}")),
         Route("/api/clips", _binary(lambda _: workplace.clips(), "application/json")),
         Route("/api/motion", _binary(lambda query: workplace.motion(_text(query, "name")), "application/octet-stream")),
         Route("/thumbnails/{key}", _thumbnail(workplace)),
@@ -97,6 +99,20 @@ def make_app(workplace: Workplace, token: str) -> Guard:
 
 async def _index(_: Request) -> Response:
     return FileResponse(STATIC / "index.html", headers=NOT_KEPT)
+
+
+def _release(workplace: Workplace) -> Callable[[Request], Any]:
+    """The page that a person signs; its style sheet and pictures are within it, and it has no scripts."""
+    policy = f"default-src 'none'; img-src data:; style-src {style_source()}; frame-ancestors 'none'"
+
+    async def answer(request: Request) -> Response:
+        path = workplace.release_report(request.path_params.get("robot", workplace.robot_name))
+        if path is None:
+            command = "dagster asset materialize --select release_report"
+            return PlainTextResponse(f"There is no release report yet. Run: {command}\n", status_code=404)
+        return FileResponse(path, headers={**NOT_KEPT, "Content-Security-Policy": policy})
+
+    return answer
 
 
 def _read(function: Callable[[Mapping[str, Any]], Any]) -> Callable[[Request], Any]:

@@ -106,11 +106,12 @@ def figure_columns(rows: Sequence[ClipRow], criteria: pd.DataFrame | None) -> li
 
 
 def _values(rows: Sequence[ClipRow], name: str) -> tuple[float | None, ...]:
-    return tuple(_short(row.numbers.get(name)) for row in rows)
+    found = [row.numbers.get(name) for row in rows]
+    return tuple(map(_short, found)) if any(value is not None for value in found) else (None,) * len(found)
 
 
 def _short(value: Any) -> float | None:
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+    if value is None or not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
         return None
     return float(f"{value:.4g}")
 
@@ -119,7 +120,7 @@ def _thresholds(criteria: pd.DataFrame | None) -> dict[str, tuple[float, float]]
     """Criterion -> smallest and largest threshold."""
     if criteria is None or criteria.empty:
         return {}
-    known = criteria.dropna(subset=["threshold"])
+    known = criteria[["criterion", "threshold"]].dropna()
     place, names = pd.factorize(known["criterion"])
     limits = known["threshold"].to_numpy(dtype=float)
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)

@@ -54,8 +54,10 @@ class Guard:
 
         async def send_with_headers(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
+                own = list(message.get("headers", []))
+                stated = {name.lower() for name, _ in own}
                 more = [(name.lower().encode(), value.encode()) for name, value in SECURITY_HEADERS.items()]
-                message = {**message, "headers": [*message.get("headers", []), *more]}
+                message = {**message, "headers": [*own, *(each for each in more if each[0] not in stated)]}
             await send(message)
 
         await (refusal or self._app)(scope, receive, send_with_headers)

@@ -46,7 +46,8 @@ class ThumbnailStore:
 
     def key(self, source: MotionSource) -> str:
         """Name of a source's thumbnail: a digest of everything that it shows."""
-        shown = {**dataclasses.asdict(source), "clip": None}
+        human = vars(source.human) if source.human else None
+        shown = {**vars(source), "human": human, "clip": None}
         return digest.of_json([FORMAT, self.robot_digest, shown])[:32]
 
     def path(self, key: str) -> Path:

@@ -146,6 +146,12 @@ class Workplace:
             raise NoClipError(name)
         return encode(now.sources.of(row).load(self.store, self.robot).figures())
 
+    def release_report(self, robot: str) -> Path | None:
+        """The page that a person signs for a robot; None where there is none."""
+        known = {path.parent.name for path in (self.root / "robots").glob("*/robot.toml")}
+        path = self.root / "data" / "release" / robot / "release_report.html"
+        return path if robot in known and path.is_file() else None
+
     def thumbnail(self, key: str) -> bytes | None:
         """A thumbnail of a current clip; None if none has this name."""
         path = self.thumbnails.path(key)

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from pipeline.release.tables import Table, headline, tables_of
+
 
 class Status(enum.Enum):
     """Status of a check."""
@@ -50,7 +52,24 @@ class Verdict:
     """Parts that were started and gave no verdict, with the cause."""
     facts: tuple[tuple[str, str], ...] = ()
     """Other facts of its result, name and value."""
+    headline: str = ""
+    """Its figures in a few words: how many cells passed and failed."""
+    tables: tuple[Table, ...] = ()
+    """What it measured, with the bars."""
     pictures: tuple[Picture, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """An asset that the policy, its data or a verdict comes from."""
+
+    asset: str
+    version: str
+    """Of its content."""
+    remark: str = ""
+    """Why it is stale, or that it was never materialized."""
+    facts: tuple[tuple[str, str], ...] = ()
+    """Facts of its last materialization, name and value."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +80,7 @@ class Dossier:
     policy: str
     """Digest of network and gains; empty without a policy."""
     card: tuple[tuple[str, str], ...]
-    lineage: tuple[tuple[str, str, str], ...]
-    """Asset, version of its content, remark."""
+    lineage: tuple[Origin, ...]
     verdicts: tuple[Verdict, ...]
     pictures: tuple[Picture, ...] = ()
     conditions: tuple[str, ...] = field(default_factory=tuple)
@@ -110,6 +128,8 @@ def verdict_of(
         not_run=parts,
         failed_to_run=broken,
         facts=_facts(result),
+        headline=headline(result),
+        tables=tables_of(result),
         pictures=tuple(pictures),
     )
 
@@ -120,10 +140,11 @@ def _status(result: Mapping[str, Any], policy: str, outdated: str, broken: bool)
         return Status.NOT_RUN, ()
     if of is None:
         return Status.OUTDATED, ("its result does not say of which policy it is",)
+    then = ("it failed when it was run",) if passed is False else ()
     if of != policy:
-        return Status.OUTDATED, (f"it is of the policy {str(of)[:12]}, not of {policy[:12]}",)
+        return Status.OUTDATED, (f"it is of the policy {str(of)[:12]}, not of {policy[:12]}", *then)
     if outdated:
-        return Status.OUTDATED, (outdated,)
+        return Status.OUTDATED, (outdated, *then)
     if passed is None:
         return Status.FAILED_TO_RUN, ()
     return (Status.PASSED if passed is True else Status.FAILED), ()

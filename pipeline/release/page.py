@@ -7,6 +7,7 @@ person who signs.
 from __future__ import annotations
 
 import base64
+import hashlib
 from html import escape
 from pathlib import Path
 
@@ -15,21 +16,22 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from pipeline.files import digest
 from pipeline.release.dossier import Dossier, Status
 
-COLOURS = {
-    Status.PASSED: "#1b7f3b",
-    Status.FAILED: "#b3261e",
-    Status.OUTDATED: "#9a6700",
-    Status.FAILED_TO_RUN: "#b3261e",
-    Status.NOT_RUN: "#9a6700",
-}
 KINDS = ("png", "gif")
 STYLE = """
 body { font: 14px/1.45 sans-serif; max-width: 62em; margin: 2em auto; padding: 0 1em; color: #1c1c1c; }
 table { border-collapse: collapse; margin: .6em 0; }
 td, th { border: 1px solid #ccc; padding: .25em .6em; text-align: left; vertical-align: top; overflow-wrap: anywhere; }
 th { background: #f3f3f3; font-weight: 600; }
+td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+table.figures { font-size: 12px; } table.figures tr:nth-child(even) td { background: #fafafa; }
+table.figures thead th { position: sticky; top: 0; } caption { text-align: left; font-weight: 600; padding: .2em 0; }
+dl { margin: 0; display: grid; grid-template-columns: max-content auto; gap: 0 .8em; } dt { color: #555; }
+dd { margin: 0; overflow-wrap: anywhere; }
 img { max-width: 100%; } figure { margin: .8em 0; } figcaption { color: #555; }
 section { page-break-inside: avoid; } .status { color: #fff; padding: .1em .6em; border-radius: .3em; }
+.status.passed { background: #1b7f3b; } .status.failed, .status.failed-to-run { background: #b3261e; }
+.status.outdated, .status.not-run { background: #9a6700; }
+td.failed { color: #b3261e; font-weight: 600; } td.passed { color: #1b7f3b; }
 .signature td { height: 2.6em; min-width: 16em; }
 """
 
@@ -46,7 +48,6 @@ def page(dossier: Dossier) -> str:
     counts = {status: sum(each.status is status for each in dossier.verdicts) for status in Status}
     content = ENVIRONMENT.get_template("page.html.jinja").render(
         dossier=dossier,
-        colours=COLOURS,
         summary=", ".join(f"{count} {status.value}" for status, count in counts.items() if count) or "no checks",
         open_points=dossier.open_points,
         failed_to_run=[f"{each.name}: {text}" for each in dossier.verdicts for text in each.failed_to_run],
@@ -55,6 +56,11 @@ def page(dossier: Dossier) -> str:
     signature = _signature(dossier, digest.of_bytes(content.encode()))
     head = f'<meta charset="utf-8"><title>{escape(dossier.title)}</title><style>{STYLE}</style>'
     return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n{content}\n{signature}\n</body></html>\n'
+
+
+def style_source() -> str:
+    """What a content security policy calls the page's own style sheet."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(STYLE.encode()).digest()).decode()}'"
 
 
 def _not_run(dossier: Dossier) -> tuple[str, ...]:

@@ -1,10 +1,12 @@
 """The release report gathers what is materialized, and says of all else that it was not run."""
 
+import io
 import shutil
 
 import dagster as dg
 import numpy as np
 import pytest
+from PIL import Image
 
 from assets import release
 from assets.plan import RELEASED, Plan
@@ -65,7 +67,7 @@ def test_with_nothing_there_nothing_was_run(project):
     assert dossier.policy == ""
     assert {each.status for each in dossier.verdicts} == {Status.NOT_RUN}
     assert dossier.open_points == ("there is no policy",)
-    assert {row[2] for row in dossier.lineage} == {"never materialized here"}
+    assert {origin.remark for origin in dossier.lineage} == {"never materialized here"}
 
 
 def test_each_result_is_shown_as_what_it_is(project, digest_of_policy):
@@ -118,8 +120,38 @@ def test_pictures_and_facts_come_from_the_assets_own_page(project, digest_of_pol
         dossier = gathered(project, instance)
     (shown,) = dossier.verdicts[0].pictures
     assert (shown.caption, shown.data, shown.kind) == ("survival of pushes", PNG, "png")
-    rows = {name: (version, said) for name, version, said in dossier.lineage}
-    assert rows["mujoco_validation"] == ("0123456789ab", "cells 61; suite full; worst error 0.04321")
+    (origin,) = [each for each in dossier.lineage if each.asset == "mujoco_validation"]
+    assert origin.version == "0123456789ab"
+    assert origin.facts == (("cells", "61"), ("suite", "full"), ("worst error", "0.04321"))
+
+
+@dg.asset(key=KNOWN["mujoco_validation"].key)
+def validation_that_crashes():
+    raise ZeroDivisionError("no trial was left")
+
+
+def test_a_check_that_crashed_is_not_reported_as_never_run(project, digest_of_policy):
+    with dg.DagsterInstance.ephemeral() as instance:
+        assert not dg.materialize([validation_that_crashes], instance=instance, raise_on_error=False).success
+        verdict = gathered(project, instance).verdicts[0]
+        assert verdict.status is Status.FAILED_TO_RUN
+        (why,) = verdict.failed_to_run
+        assert "failed: " in why and "no trial was left" in why
+        store(project, "mujoco_validation", {"passed": True, "policy": digest_of_policy})
+        later = gathered(project, instance).verdicts[0]
+    assert later.status is Status.OUTDATED, "it passed once; its last run says nothing"
+    assert "no trial was left" in later.reasons[0]
+
+
+def test_a_check_whose_result_can_not_be_read_is_not_reported_as_never_run(project, digest_of_policy):
+    path = project.store.manifest_path("mujoco_validation")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("{")
+    with dg.DagsterInstance.ephemeral() as instance:
+        dossier = gathered(project, instance)
+    assert dossier.verdicts[0].status is Status.FAILED_TO_RUN
+    (point,) = [each for each in dossier.open_points if each.startswith("mujoco_validation: ")]
+    assert "not a readable manifest" in point
 
 
 def test_walks_are_shown_moving_and_as_a_sheet(project, digest_of_policy):
@@ -127,6 +159,7 @@ def test_walks_are_shown_moving_and_as_a_sheet(project, digest_of_policy):
     with dg.DagsterInstance.ephemeral() as instance:
         dossier = gathered(project, instance)
     assert [each.kind for each in dossier.pictures] == ["gif", "png", "gif", "png"]
-    assert dossier.pictures[0].data.startswith(b"GIF89a")
+    moving = [Image.open(io.BytesIO(each.data)) for each in dossier.pictures if each.kind == "gif"]
+    assert all(image.n_frames > 5 and image.info["loop"] == 0 for image in moving), "they play, again and again"
     assert all("fell after" in each.caption for each in dossier.pictures)
     assert {each.caption.split(" in ")[0] for each in dossier.pictures} == {"forward 0.6 m/s", "forward 2 m/s"}

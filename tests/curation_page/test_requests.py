@@ -155,3 +155,17 @@ def test_a_project_without_proposals_and_databases_says_so(client):
     assert client.get("/api/databases").json() == []
     answer = client.get("/api/compare", params={"before": "current", "after": "current"})
     assert answer.status_code == 404
+
+
+def test_the_release_page_is_served_with_its_style_and_nothing_else(client, folder):
+    assert "Run: dagster asset materialize" in client.get("/release").text
+    path = folder / "data/release/t1/release_report.html"
+    path.parent.mkdir(parents=True)
+    path.write_text("<!doctype html><title>Release</title>")
+    for address in ("/release", "/release/t1"):
+        answer = client.get(address)
+        assert answer.text == path.read_text()
+        policy = answer.headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'; img-src data:; style-src 'sha256-") and "unsafe" not in policy
+    for address in ("/release/k9", "/release/..%2f..%2fdata"):
+        assert client.get(address).status_code == 404

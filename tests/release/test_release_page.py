@@ -1,13 +1,15 @@
 """The page says what was found, never more: what was not run is not passed, texts are escaped, bytes repeat."""
 
 import base64
+import hashlib
 import re
 from html.parser import HTMLParser
 
 import pytest
 
-from pipeline.release.dossier import Dossier, Picture, Status, Verdict, verdict_of
-from pipeline.release.page import page
+from pipeline.release.dossier import Dossier, Origin, Picture, Status, Verdict, verdict_of
+from pipeline.release.page import page, style_source
+from pipeline.release.tables import Table, tables_of
 
 POLICY = "a" * 64
 PNG = b"\x89PNG\r\n\x1a\nnot really"
@@ -22,7 +24,7 @@ def dossier(*verdicts, **changes):
         "title": "Release report: walk on t1",
         "policy": POLICY,
         "card": (("name", "walk"), ("run", "run7")),
-        "lineage": (("expert_db", "d1", "152 clips, public-domain"),),
+        "lineage": (Origin(asset="expert_db", version="d1", facts=(("clips", "152"),)),),
         "verdicts": verdicts,
         "pictures": (Picture(caption="2.0 m/s", data=PNG),),
         "conditions": ("Any use.",),
@@ -77,6 +79,7 @@ def test_a_check_that_passed_on_this_policy_has_passed():
         (result(policy="b" * 64), "", Status.OUTDATED, "of the policy bbbbbbbbbbbb, not of aaaaaaaaaaaa"),
         (result(policy=None), "", Status.OUTDATED, "does not say of which policy"),
         (result(), "its code changed", Status.OUTDATED, "its code changed"),
+        (result(passed=False), "its code changed", Status.OUTDATED, "it failed when it was run"),
         (result(passed=None, policy="b" * 64), "stale", Status.NOT_RUN, ""),
         (result(passed=None, policy="b" * 64, failed_to_run=["crashed"]), "", Status.OUTDATED, "of the policy bbbb"),
         (result(passed=None, failed_to_run=["crashed"]), "its code changed", Status.OUTDATED, "its code changed"),
@@ -143,9 +146,18 @@ def test_every_text_is_escaped():
         not_required=(bad,),
         not_run=(bad,),
         facts=((bad, bad),),
+        headline=bad,
+        tables=(Table(title=bad, header=(bad,), rows=((bad,),)),),
         pictures=(Picture(caption=bad, data=PNG),),
     )
-    rows = {"card": ((bad, bad),), "lineage": ((bad, bad, bad),), "conditions": (bad,), "title": bad, "policy": bad}
+    origin = Origin(asset=bad, version=bad, remark=bad, facts=((bad, bad),))
+    rows = {
+        "card": ((bad, bad),),
+        "lineage": (origin,),
+        "conditions": (bad,),
+        "title": bad,
+        "policy": bad,
+    }
     text = page(dossier(found, **rows))
     tags = set(Reader(text).tags)
     assert "script" not in tags
@@ -178,3 +190,87 @@ def test_there_is_room_for_a_signature_and_what_is_signed():
 def test_a_picture_of_another_kind_is_refused():
     with pytest.raises(ValueError, match=r"'svg', there are: png, gif"):
         page(dossier(pictures=(Picture(caption="x", data=b"<svg>", kind="svg"),)))
+
+
+CELLS = [
+    {
+        "cell": "vx +2.0",
+        "verdict": "failed",
+        "trials": 8,
+        "fell": [1, 4],
+        "figures": {"falls": 2, "power": 412.345678},
+        "bars": {"falls": {"asked": "at most 0", "source": "t1_walk"}},
+    },
+    {
+        "cell": "vx +0.6",
+        "verdict": "passed",
+        "trials": 8,
+        "fell": [],
+        "figures": {"falls": 0, "power": None},
+        "bars": {},
+    },
+]
+
+
+def test_a_check_shows_each_figure_with_its_unit_and_bar_not_a_bare_word():
+    found = verdict_of("mujoco_validation", result(passed=False, cells=CELLS), POLICY)
+    assert found.headline == "2 cells: 1 failed, 1 passed"
+    (table,) = found.tables
+    assert table.header == ("cell", "verdict", "trials", "falls", "figure", "value", "unit", "bar")
+    assert table.rows[0] == ("vx +2.0", "failed", "8", "2", "falls", "2", "trials", "at most 0")
+    assert table.rows[1][4:] == ("power", "412.3", "W", "–")
+    assert table.rows[3][5] == "–"
+    assert table.numeric == {2, 3, 5}
+    text = page(dossier(found))
+    for each in ("mujoco_validation failed", "2 cells: 1 failed, 1 passed", "412.3 W", "at most 0"):
+        assert each in said(text)
+    assert '<span class="status failed">failed</span>' in text
+    assert text.count('<td class="failed">failed</td>') == 2
+
+
+def test_walks_cycles_and_segments_are_tables_too():
+    walks = {"rows": [{"cell": "turn", "verdict": "passed", "engine": "mujoco", "survival": 1.0, "height_m": 0.67891}]}
+    cycles = {
+        "speeds": [
+            {
+                "speed_m_s": 0.6,
+                "cycles": [{"speed_m_s": 0.6, "record": "left leg", "period_s": 0.61234}],
+                "comparisons": [{"name": "left leg", "shape_distance": {"hip_knee": 0.05}, "period_ratio": 1.01}],
+            }
+        ]
+    }
+    engine = {
+        "engine": "Webots",
+        "status": "passed",
+        "result": {"segments": [{"name": "stand", "fell": False, "x": []}]},
+    }
+    assert tables_of(walks)[0].rows == (("turn", "passed", "mujoco", "1", "0.6789"),)
+    assert [table.title for table in tables_of(cycles)] == ["Cycles", "Comparisons of cycles"]
+    assert tables_of(cycles)[1].header == ("speed m s", "name", "period ratio", "shape distance, hip knee")
+    assert tables_of({"webots": engine, "stand_ins": {}})[0].rows == (("Webots", "passed", "stand", "no"),)
+
+
+@pytest.mark.parametrize("strange", [{"cells": 3}, {"cells": ["x"]}, {"rows": {}}, {"speeds": [1]}, {"webots": "none"}])
+def test_a_result_of_another_form_gives_no_table(strange):
+    assert tables_of(strange) == ()
+
+
+def test_a_check_without_figures_says_so():
+    assert "Its result states no figures." in said(page(dossier(verdict_of("MuJoCo", result(), POLICY))))
+    assert "states no figures" not in said(page(dossier(verdict_of("MuJoCo", result(cells=CELLS), POLICY))))
+
+
+def test_facts_of_an_asset_are_listed_one_by_one():
+    origin = Origin(
+        asset="expert_db", version="d1", remark="stale: new code", facts=(("clips", "152"), ("hours", "0.4"))
+    )
+    text = page(dossier(lineage=(origin,)))
+    assert "<dt>clips</dt><dd>152</dd><dt>hours</dt><dd>0.4</dd>" in text
+    assert "<p>stale: new code</p>" in text
+
+
+def test_its_style_sheet_is_the_one_that_a_security_policy_allows():
+    text = page(dossier(verdict_of("MuJoCo", result(cells=CELLS), POLICY)))
+    (style,) = re.findall(r"<style>(.*?)</style>", text, re.DOTALL)
+    assert style_source() == f"'sha256-{base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()}'"
+    assert "style=" not in text, "a policy without unsafe-inline would drop it"

@@ -1,8 +1,12 @@
 """The release page opened in a browser: texts of strangers are shown, and nothing in them runs."""
 
-import pytest
+import io
+import time
 
-from pipeline.release.dossier import Dossier, Picture, Status, Verdict
+import pytest
+from PIL import Image
+
+from pipeline.release.dossier import Dossier, Origin, Picture, Status, Verdict, verdict_of
 from pipeline.release.page import page
 from tests.factories.browser import WAIT_S, chromium, listening
 
@@ -21,7 +25,7 @@ def test_hostile_texts_are_shown_and_do_not_run(tmp_path, browser):
             title=hostile,
             policy=hostile,
             card=((hostile, hostile),),
-            lineage=((hostile, hostile, hostile),),
+            lineage=(Origin(asset=hostile, version=hostile, remark=hostile),),
             verdicts=(verdict,),
             pictures=(Picture(caption=hostile, data=b"\x89PNG\r\n\x1a\n"),),
             conditions=(hostile,),
@@ -37,3 +41,35 @@ def test_hostile_texts_are_shown_and_do_not_run(tmp_path, browser):
         opened.goto(unescaped.as_uri())  # so that the test can fail
         assert all(listener.waits_for(mark, WAIT_S) for mark in ("plain", "page-image", "page-script"))
         opened.close()
+
+
+def moving(colours):
+    """A GIF that shows one colour after the other."""
+    frames = [Image.new("RGB", (80, 40), colour) for colour in colours]
+    stream = io.BytesIO()
+    frames[0].save(stream, "gif", save_all=True, append_images=frames[1:], duration=80, loop=0)
+    return stream.getvalue()
+
+
+def test_its_videos_play_and_its_failures_are_red(tmp_path, browser):
+    cells = [
+        {"cell": "vx +2.0", "verdict": "failed", "figures": {"falls": 2}, "bars": {"falls": {"asked": "at most 0"}}}
+    ]
+    found = verdict_of("mujoco_validation", {"passed": False, "policy": "a", "cells": cells}, "a")
+    video = Picture(caption="forward 0.6 m/s", data=moving(["red", "green", "blue"]), kind="gif")
+    dossier = Dossier(title="x", policy="a", card=(), lineage=(), verdicts=(found,), pictures=(video,))
+    path = tmp_path / "page.html"
+    path.write_text(page(dossier), encoding="utf-8")
+    opened = browser.new_page()
+    opened.goto(path.as_uri())
+    shown, end = set(), time.monotonic() + WAIT_S
+    while len(shown) < 3 and time.monotonic() < end:
+        shown.add(opened.locator("figure img").screenshot())
+    assert len(shown) >= 3, "the frames of a video follow one another"
+    assert opened.locator("figure img").evaluate("image => image.complete && image.naturalWidth") == 80
+    badge = opened.locator("h3 .status")
+    assert badge.inner_text() == "failed"
+    assert badge.evaluate("each => getComputedStyle(each).backgroundColor") == "rgb(179, 38, 30)"
+    columns = opened.locator("table.figures th").all_inner_texts()
+    assert columns == ["cell", "verdict", "falls", "figure", "value", "unit", "bar"]
+    opened.close()
