@@ -88,7 +88,7 @@ def actuator_calibration(plan: Plan) -> Any:
 
 
 def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
-    from pipeline.actuators.published import read_published
+    from pipeline.actuators.folder import read_published
     from pipeline.viewing.actuator_plots import calibration_curves
 
     curves = read_published(folder)

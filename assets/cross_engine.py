@@ -38,8 +38,8 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
         from pipeline.validation.bars import read_validation
         from pipeline.validation.cross_engine import cross_engine
-        from pipeline.validation.cross_engine_settings import CrossEngineSettings
         from pipeline.validation.cross_engine_trials import write_failures
+        from pipeline.validation.cross_engine_walk import CrossEngineSettings
         from pipeline.viewing.engine_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)

@@ -25,7 +25,7 @@ def materialize_database(
     Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
     """
     from pipeline.expert import DatabaseSettings, write_database
-    from pipeline.expert.version import database_version
+    from pipeline.expert.index import database_version
     from pipeline.robot import load_robot
 
     why = stale_now(context.instance, PROJECT).get(plan.key)

@@ -92,7 +92,7 @@ def stored_version(project: Project, plan: Plan) -> str | None:
     """Data version of what is on disk for an asset; None where nothing readable is, or not all that it names."""
     try:
         if plan.name == "expert_db":
-            from pipeline.expert.version import database_version
+            from pipeline.expert.index import database_version
 
             return database_version(project.expert_db(plan.robot or ""))
         if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):

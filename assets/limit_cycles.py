@@ -33,8 +33,8 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
         from pipeline.validation.bars import read_validation
-        from pipeline.validation.limit_cycle_settings import LimitCycleSettings
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
+        from pipeline.validation.limit_cycles import LimitCycleSettings
         from pipeline.viewing.engine_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)

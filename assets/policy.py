@@ -72,7 +72,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     import numpy as np
 
     from pipeline.export.folder import CURVES, Source, complete_export, export_policy
-    from pipeline.export.training_run import training_data, training_run
+    from pipeline.export.metadata import training_data, training_run
     from pipeline.robot import load_robot
 
     facts = full_training(project, trained)

@@ -37,7 +37,7 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     ):
         """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
         from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.strengths import KINDS
+        from pipeline.augment.settings import KINDS
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))

@@ -200,11 +200,11 @@ def _train(
 def _run_of(config: TrackerConfig, runs: Path, bundle: Path, content: str) -> TrackerRun:
     """The run that a config asks for here; the same request continues in the same folder."""
     there = gpus_here()
-    if config.device == "cuda" and there < config.gpus:
-        raise TrainingFailedError(
-            f"{config.gpus} GPUs are asked for, {there} are here; set the device to 'cpu' or 'auto'."
-        )
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"
+    if device == "cuda" and there < config.gpus:
+        raise TrainingFailedError(
+            f"{config.gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
+        )
     trial = device == "cpu"
     asked: dict[str, Any] = {
         "device": device,

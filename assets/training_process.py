@@ -95,11 +95,11 @@ def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str,
     Raises TrainingFailedError where GPUs are asked for that are not there.
     """
     there = gpus_here()
-    if config.device == "cuda" and there < config.gpus:
-        raise TrainingFailedError(
-            f"{config.gpus} GPUs are asked for, {there} are here; set the device to 'cpu' or 'auto'."
-        )
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"
+    if device == "cuda" and there < config.gpus:
+        raise TrainingFailedError(
+            f"{config.gpus} GPUs are asked for, {there} are here; ask for fewer, or set the device to 'cpu'."
+        )
     trial = device == "cpu"
     iterations = config.iterations or (TRIAL_ITERATIONS if trial else 0)
     sizes = {

@@ -99,8 +99,8 @@ def _note(verdict: Any) -> dict[str, str]:
 
 
 def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
-    from pipeline.validation.report import table
     from pipeline.validation.suites import named
+    from pipeline.validation.verdict import table
     from pipeline.validation.walk import Worlds, walk
     from pipeline.viewing.validation_plots import command_tracking, foot_contacts, survival_heatmap, torque_speed
 

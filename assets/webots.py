@@ -43,7 +43,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         from pipeline.validation.bars import read_validation
         from pipeline.validation.derived_bars import allowed_of
         from pipeline.webots.checks import project_faults
-        from pipeline.webots.settings import WebotsSettings
+        from pipeline.webots.result import WebotsSettings
         from pipeline.webots.validate import WEBOTS, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)

@@ -29,10 +29,9 @@ from pipeline.actuators import (  # noqa: E402
     stand,
     torque_envelope,
 )
-from pipeline.actuators.acceptance import reasons_against  # noqa: E402
-from pipeline.actuators.calibrate import fit_sweep  # noqa: E402
+from pipeline.actuators.calibrate import fit_sweep, reasons_against  # noqa: E402
 from pipeline.actuators.measurement import Measurement  # noqa: E402
-from pipeline.actuators.synthetic import Curve, Sweep, sample  # noqa: E402
+from pipeline.actuators.synthesize import Curve, Sweep, sample  # noqa: E402
 from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.robot import load_robot  # noqa: E402

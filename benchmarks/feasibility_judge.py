@@ -16,7 +16,7 @@ from pipeline.feasibility import CommandSettings, FeasibilitySettings, assess, p
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
 from pipeline.quality.command_velocity import command_velocity
-from pipeline.repair.robot_contacts import label_robot_contacts
+from pipeline.repair.robot_motion import label_robot_contacts
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.rollout import Rollout, steady_command

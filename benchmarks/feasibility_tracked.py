@@ -20,7 +20,7 @@ from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility.motion import motion_of
 from pipeline.feasibility.tracking_criteria import CRITERIA, tracking
 from pipeline.robot import Robot, load_robot
-from pipeline.simulation.events import Push
+from pipeline.simulation.plant import Push
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked
 

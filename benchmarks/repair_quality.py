@@ -14,8 +14,8 @@ from pipeline import rotation
 from pipeline.clips.human_clip import FEET, HumanClip, body
 from pipeline.clips.outcome import Outcome
 from pipeline.repair import RepairSettings, prepare, process
-from pipeline.repair.placement import Placement
-from pipeline.repair.robot_contacts import label_robot_contacts
+from pipeline.repair.floor import Placement
+from pipeline.repair.robot_motion import label_robot_contacts
 from pipeline.robot import load_robot
 from tests.factories.policy_walks import policy_walk
 

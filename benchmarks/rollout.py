@@ -1,9 +1,10 @@
 """Speed of CPU rollouts: seconds of motion a second of wall time, observations, network and recording included.
 
-    python -m benchmarks.rollout [--workers 2] [--repeats 3]
+    python -m benchmarks.rollout [--workers 2] [--repeats 3] [--every 4]
 
-Rolls out every fourth reference of `reference_motions` without disturbance, on all workers. Needs `expert_db`
-materialized.
+Rolls out every fourth reference of `reference_motions` without disturbance, on all workers, and prints how well the
+tracker follows those that it was trained on and those that it was not (files that `excluded_clips` of
+data/curation.yaml left out while it was trained). Needs `expert_db` materialized.
 """
 
 from __future__ import annotations
@@ -22,8 +23,7 @@ from pipeline.files import settings
 from pipeline.robot import load_robot
 from pipeline.tracking.evaluate import figures, nominal_rollouts
 from pipeline.tracking.settings import TrackingSettings
-
-EVERY = 4
+from pipeline.tracking.tracker_folder import NETWORK, read_card
 
 
 def main() -> None:
@@ -32,17 +32,20 @@ def main() -> None:
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--every", type=int, default=4)
     given = parser.parse_args()
     plans, folder = named_plans(given.robot), PROJECT.adapted_robot(given.robot)
     manifest = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
-    clips = [PROJECT.store.get_clip(entry.blob, entry.clip) for entry in manifest.entries[::EVERY]]
+    clips = [PROJECT.store.get_clip(entry.blob, entry.clip) for entry in manifest.entries[:: given.every]]
     motions = [clip for clip in clips if isinstance(clip, RobotClip)]
     (facts,) = PROJECT.store.load(plans["tracking_policy"].key.to_user_string()).settings.values()
+    tracker = PROJECT.root / facts["folder"]
+    trained_on = set(read_card(tracker).clips)
     asked = (
         motions,
         load_robot(folder),
         torque_envelope(read_actuators(folder)),
-        PROJECT.root / facts["folder"] / "tracker.npz",
+        tracker / NETWORK,
         settings.read(PROJECT.settings("tracking.yaml"), TrackingSettings),
         ClipPool(workers=given.workers),
     )
@@ -55,7 +58,10 @@ def main() -> None:
         speeds.append(seconds / (time.perf_counter() - started))
     print(f"{len(motions)} clips, {seconds:.0f} s, {given.workers} workers on {os.cpu_count()} cores")
     print(f"{median(speeds):.1f} x real time ({min(speeds):.1f} to {max(speeds):.1f})")
-    print(", ".join(f"{name} {value:g}" for name, value in figures(found).items()))
+    for known, name in ((True, "trained on"), (False, "not trained on")):
+        part = [each for each in found if (each.clip in trained_on) == known]
+        if part:
+            print(f"{name}: {', '.join(f'{figure} {value:g}' for figure, value in figures(part).items())}")
 
 
 if __name__ == "__main__":

@@ -32,8 +32,14 @@ from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # n
 from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
 from pipeline.validation.derive import measured_or_kept  # noqa: E402
 from pipeline.validation.measure import Measured, measure  # noqa: E402
-from pipeline.validation.push_cells import push_cells  # noqa: E402
-from pipeline.validation.suites import FULL, QUICK, SEEDS, cells_of, named  # noqa: E402
+from pipeline.validation.suites import (  # noqa: E402
+    FULL,
+    QUICK,
+    SEEDS,
+    cells_of,
+    named,
+    push_cells,
+)
 from pipeline.validation.verdict import judge  # noqa: E402
 from pipeline.validation.walk import Worlds, walk  # noqa: E402
 

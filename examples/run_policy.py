@@ -8,9 +8,8 @@ import numpy as np
 from pipeline.deployment import PolicyController, load_policy, policy_task
 from pipeline.robot import load_robot
 from pipeline.simulation.mujoco_plant import MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.run import run
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 SECONDS, SETTLED_S = 6.0, 2.0
 

@@ -16,8 +16,7 @@ from jaxtyping import Float
 from pipeline.errors import FileError
 from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
 from pipeline.robot import Kinematics, Robot, mujoco_model
-from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 TABLE = "standing.csv"
 COLUMNS = ("joint", "kp", "kd", "pos", "vendor_armature")

@@ -6,9 +6,43 @@ import dataclasses
 
 import numpy as np
 
+from pipeline import time_series
 from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
+
+_SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s")
+
+
+def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
+    """The same path at `scale` times the speed and at the same rate.
+
+    Frame k of the result is the motion at the clip's time scale * k / fps, by cubic splines: linear
+    interpolation would put all acceleration at the old frames. The last frame is the last that lies within.
+    """
+    last_s = (clip.frame_count - 1) / clip.fps
+    count = int(np.floor(last_s * clip.fps / scale + 1e-6)) + 1
+    times_s = np.minimum(np.arange(count) * scale / clip.fps, last_s)
+    return dataclasses.replace(
+        clip,
+        name=name,
+        root_pos_w=time_series.resample_cubic(clip.root_pos_w, clip.fps, times_s),
+        root_quat_w=time_series.resample_quat_cubic(clip.root_quat_w, clip.fps, times_s),
+        joint_pos=time_series.resample_cubic(clip.joint_pos, clip.fps, times_s),
+        contacts=None if clip.contacts is None else time_series.resample_nearest(clip.contacts, clip.fps, times_s),
+    )
+
+
+def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
+    """Numbers of earlier stages, as they are at `scale` times the speed: speeds, seconds and jerk scale."""
+    scaled = dict(numbers)
+    powers = {**dict.fromkeys(_SPEEDS, 1), "seconds": -1, "jerk_rad_s3": 3}
+    for name, power in powers.items():
+        value = scaled.get(name)
+        if isinstance(value, (int, float)):
+            scaled[name] = value * scale**power
+    return scaled
+
 
 _MIRRORED_POS = np.array([1.0, -1.0, 1.0])
 _MIRRORED_QUAT = np.array([1.0, -1.0, 1.0, -1.0])

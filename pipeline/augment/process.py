@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 
-from pipeline.augment.mirror import mirror_clip, mirror_numbers
+from pipeline.augment.mirror import mirror_clip, mirror_numbers, time_scale_clip, time_scale_numbers
 from pipeline.augment.perturb import perturb
-from pipeline.augment.settings import AugmentSettings
-from pipeline.augment.strengths import Strengths, perturbed_numbers
-from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
+from pipeline.augment.settings import AugmentSettings, Strengths, perturbed_numbers
 from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.quality.sole_contact import ContactSettings
+from pipeline.quality.sole import ContactSettings
 from pipeline.robot import Robot
 
 

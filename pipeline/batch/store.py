@@ -16,8 +16,7 @@ from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic
-from pipeline.files.blob_store import BlobStore
-from pipeline.files.digest_memory import DigestMemory
+from pipeline.files.blob_store import BlobStore, DigestMemory
 
 _BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
 """How the line of an entry begins (`Manifest.lines`, whose keys are sorted)."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.catalog.flight import Person
-from pipeline.catalog.measure import bridged, measure
-from pipeline.catalog.repeated_frames import each_once, times_stored
+from pipeline.catalog.measure import bridged, each_once, measure, times_stored
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.catalog.time_base import TimeBase, judge
 from pipeline.clips.human_clip import HumanClip

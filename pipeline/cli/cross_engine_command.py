@@ -14,7 +14,7 @@ from pipeline.deployment import digest
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import deployed, with_ankle_kd
 
 FAILED = 3

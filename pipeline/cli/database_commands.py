@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from pipeline.cli.arguments import Database, Export, Sources
@@ -13,6 +12,7 @@ from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
 from pipeline.expert.swap import current
+from pipeline.files.json_file import read_json
 from pipeline.readers.remembered import forget, read_remembered
 
 
@@ -46,7 +46,7 @@ def database(args: Database) -> int:
 def summary(folder: Path, robot: str) -> str:
     """What the database in place holds: clips, seconds, skills, where, and what to do next. Raises FileError."""
     version = history.describe(folder, "current")
-    seconds = json.loads((folder / manifest.FILE).read_text())["seconds_by_skill"]
+    seconds = read_json(folder / manifest.FILE)["seconds_by_skill"]
     skills = ", ".join(f"{skill} {value:.0f} s" for skill, value in seconds.items())
     return (
         f"\nThe expert database of the {robot} has {version.clips} clips, {version.seconds:.0f} s.\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import itertools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from pipeline.cli.text_table import text_table
 from pipeline.errors import FileError, PipelineError
 from pipeline.feasibility import criteria_table
 from pipeline.feasibility.criteria_table import BROKEN, NOT_APPLICABLE
+from pipeline.files.json_file import read_json
 
 Row = dict[str, Any]
 """A row of the table; its columns are `criteria_table.COLUMNS`."""
@@ -46,8 +46,8 @@ def judged(project: Project, name: str, robot: str) -> list[Row]:
 def clip_of(database_file: Path) -> str:
     """Name of the clip in a file of the database. Raises FileError."""
     try:
-        return str(json.loads(database_file.read_text(encoding="utf-8"))["Clip"])
-    except (ValueError, KeyError, TypeError) as error:
+        return str(read_json(database_file)["Clip"])
+    except (KeyError, TypeError) as error:
         raise FileError(database_file, f"not a clip of an expert database ({type(error).__name__}).") from error
 
 

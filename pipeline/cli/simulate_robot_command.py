@@ -13,12 +13,10 @@ from pipeline.deployment import PolicyController, deployment_task, digest, load_
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.hardware_logs import LogFacts, write_mcap
 from pipeline.robot import Robot
-from pipeline.simulation.events import Push
+from pipeline.simulation.plant import Push
 from pipeline.simulation.run import Controller
-from pipeline.virtual_robot.deviations import Deviations
-from pipeline.virtual_robot.failing_motors import Outage
-from pipeline.virtual_robot.holding_hand import Hold
-from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, ScriptedController
+from pipeline.virtual_robot.deviations import Deviations, Outage
+from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, Hold, ScriptedController
 from pipeline.virtual_robot.trial import TIMESTEP_S, VirtualTrial, simulate
 
 SCRIPTS = {"sway": SWAY, "topple_left": TOPPLE_LEFT}

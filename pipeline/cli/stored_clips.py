@@ -15,9 +15,9 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped, markdown_list
 from pipeline.robot import Robot
-from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.human_figure import mirrored
 from pipeline.viewing.playlist import Playlist, Shown
+from pipeline.viewing.worst_clips import entry_clip
 
 REFERENCES = "reference_motions"
 """The asset whose clips are tracked."""

@@ -14,12 +14,10 @@ from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.robot import load_robot
 from pipeline.validation.deployed import deployed, with_ankle_kd
-from pipeline.validation.earlier_logs import refuse_foreign, remove_earlier
-from pipeline.validation.failed_trials import write_failed_trials
+from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
 from pipeline.validation.measure import measure
-from pipeline.validation.report import as_text, table
 from pipeline.validation.suites import cells_of
-from pipeline.validation.verdict import judge
+from pipeline.validation.verdict import as_text, judge, table
 
 EXPORTED = "policy.npz"
 """The network in the folder of an exported policy (`pipeline.export.folder`)."""

@@ -19,7 +19,7 @@ from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.checks import project_faults
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project
-from pipeline.webots.settings import Allowed, WebotsSettings
+from pipeline.webots.result import Allowed, WebotsSettings
 from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict, run_stand_in, verdict
 
 FAILED = 3

@@ -134,7 +134,7 @@ def _thumbnail(workplace: Workplace) -> Callable[[Request], Any]:
         data = workplace.thumbnail(key) if KEY.fullmatch(key) else None
         if data is None:
             return JSONResponse({"error": "there is no such thumbnail"}, status_code=404)
-        return Response(data, media_type="application/octet-stream", headers=FOR_EVER)
+        return Response(data, media_type="application/octet-stream", headers=FOR_EVER if data else NOT_KEPT)
 
     async def answer(request: Request) -> Response:
         return await _answered(lambda: found(request.path_params["key"]))

@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import pyarrow as pa
-
 from pipeline.curation_page.clip_table import ClipTable
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import history, index
@@ -83,9 +80,9 @@ def _read(folder: Path) -> dict[str, dict[str, Any]]:
     """Clip -> its facts. Raises FileError."""
     path = folder / index.FILE
     try:
-        table = pd.read_parquet(path)
+        table = index.read_table(path)
         rows = table.reindex(columns=list(COLUMNS)).astype(object).to_dict("records")
-    except (pa.ArrowException, ValueError, KeyError) as error:
+    except (ValueError, KeyError) as error:
         raise FileError(path, f"not a readable index ({error}).", "Materialize expert_db again.") from error
     return {
         str(row["clip"]): {str(name): None if value != value else value for name, value in row.items()} for row in rows

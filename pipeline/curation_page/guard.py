@@ -14,13 +14,13 @@ from __future__ import annotations
 import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
 from typing import Any
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
 
+from pipeline import loopback
+
 TOKEN_HEADER = "x-booster-lab-token"
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 READING = ("GET", "HEAD")
 MOST_BYTES = 2_000_000
 """Of a request's body."""
@@ -65,14 +65,13 @@ class Guard:
     def _refusal(self, method: str, headers: Headers) -> Response | None:
         """The answer to a request that is not allowed; None if it is."""
         host = headers.get("host", "")
-        if _host_name(host) not in LOOPBACK:
-            return _refused(421, f"this server answers only to {', '.join(LOOPBACK)}")
+        if not loopback.is_loopback(host):
+            return _refused(421, f"this server answers only to {', '.join(loopback.NAMES)}")
         if method in READING:
             return None
         if method != "POST":
             return _refused(405, f"{method} is not allowed")
-        origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != host:
+        if not loopback.is_same_origin(headers.get("origin"), host):
             return _refused(403, "a page of another origin may change nothing here")
         if headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none"):
             return _refused(403, "a page of another site may change nothing here")
@@ -84,12 +83,6 @@ class Guard:
         if not length.isdecimal() or int(length) > MOST_BYTES:
             return _refused(413, f"a change has a length, of at most {MOST_BYTES} bytes")
         return None
-
-
-def _host_name(host: str) -> str:
-    """A host header without its port."""
-    name, _, port = host.rpartition(":")
-    return (name if name and port.isdecimal() else host).lower()
 
 
 def _refused(status: int, why: str) -> JSONResponse:

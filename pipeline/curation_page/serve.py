@@ -8,11 +8,11 @@ from pathlib import Path
 
 import uvicorn
 
+from pipeline import loopback
 from pipeline.curation_page.app import make_app
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError
 
-LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 20
 
 
@@ -35,7 +35,7 @@ class CurationServer:
 
     @property
     def url(self) -> str:
-        return f"http://{LOOPBACK}:{self.port}/#token={self.token}"
+        return f"http://{loopback.ADDRESS}:{self.port}/#token={self.token}"
 
     def run(self) -> None:
         """Serve until interrupted."""
@@ -52,7 +52,7 @@ def _free_socket(port: int) -> socket.socket:
         found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            found.bind((LOOPBACK, each))
+            found.bind((loopback.ADDRESS, each))
         except OSError:
             found.close()
             continue

@@ -54,12 +54,12 @@ class ThumbnailStore:
         return self.folder / key[:2] / f"{key}.bin"
 
     def make(self, source: MotionSource) -> bytes:
-        """The thumbnail of a source, made if there is none yet. Empty where there is nothing to draw."""
+        """The thumbnail of a source, made if there is none yet. Empty where there is nothing to draw now."""
         path = self.path(self.key(source))
         if path.is_file():
             return path.read_bytes()
         _make_all(self.store, self.robot_folder, [(source, path)])
-        return path.read_bytes()
+        return path.read_bytes() if path.is_file() else b""
 
     def make_missing(self, sources: Mapping[str, MotionSource], stop: threading.Event) -> Iterator[int]:
         """Make those that are missing, in parallel; after each step how many are there. Ends early once `stop` is set.
@@ -80,13 +80,18 @@ class ThumbnailStore:
 
 
 def _make_all(store: Store, robot_folder: Path, todo: Sequence[tuple[MotionSource, Path]]) -> int:
-    """Make some thumbnails; how many. One whose clip can't be drawn is an empty file: there is nothing to see."""
+    """Make some thumbnails; how many. One whose clip can't be drawn is an empty file: there is nothing to see.
+
+    A clip that can't be read now gets no file, since the next run of the graph makes its stored motion again.
+    """
     robot = _robot(robot_folder)
     for source, path in todo:
         try:
             data = thumbnail(store, robot, source)
-        except (FileError, ClipError):
+        except ClipError:
             data = b""
+        except FileError:
+            continue
         path.parent.mkdir(parents=True, exist_ok=True)
         aside = path.with_name(f".{path.name}.{threading.get_ident()}.part")
         aside.write_bytes(data)

@@ -1,7 +1,6 @@
 """What runs on the robot: observation, network, joint targets. Used by engines, exports and logs; needs only numpy."""
 
-from pipeline.deployment.controller import PolicyController
-from pipeline.deployment.observation import History, frame
+from pipeline.deployment.controller import History, PolicyController, frame
 from pipeline.deployment.policy import Policy, PolicyGains, digest, load_policy, save_policy
 from pipeline.deployment.task import DeploymentTask, deployment_task, policy_task
 

@@ -4,7 +4,7 @@ from pipeline.expert.frames import Column, columns, expert_frames
 from pipeline.expert.history import DatabaseLossError
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
 from pipeline.expert.read import DatabaseError, check_database, read_database
-from pipeline.expert.settings import DatabaseSettings
+from pipeline.expert.swap import DatabaseSettings
 from pipeline.expert.write import ExpertEntry, NoClipsError, write_database
 
 __all__ = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +10,15 @@ import numpy as np
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.clips.soundness import faults_of
 from pipeline.errors import FileError
+from pipeline.files.json_file import read_json
 from pipeline.robot import Robot
 
 FACTS = ("Skill", "MotionWeight", "LoopMode", "Licence")
 """Keys of the file that a person wants to see."""
+MAX_FPS = 1_000.0
+"""[Hz]"""
 
 
 def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, Any]]:
@@ -22,15 +26,17 @@ def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, A
 
     Columns are found by name. Raises FileError for a file that is no clip of a database for `robot`.
     """
-    if not path.is_file():
-        raise FileError(path, "the file does not exist.")
+    content = read_json(path, "a clip of an expert database")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
         columns = [column["name"] for column in content["Columns"]]
         frames = np.array(content["Frames"], dtype=float)
-        fps, name, made_for = 1.0 / content["FrameDuration"], content["Clip"], content["Robot"]
+        fps, name, made_for = 1.0 / float(content["FrameDuration"]), content["Clip"], content["Robot"]
     except (ValueError, KeyError, TypeError, ZeroDivisionError) as error:
         raise FileError(path, f"not a clip of an expert database ({type(error).__name__}: {error}).") from error
+    if not isinstance(name, str) or not 0.0 < fps <= MAX_FPS:
+        raise FileError(
+            path, f"its name is {name!r}, its rate {fps:g} Hz; wanted are a text and at most {MAX_FPS:g} Hz."
+        )
     if made_for != robot.name:
         raise FileError(path, f"it is for the robot '{made_for}', not for '{robot.name}'.", f"Add --robot {made_for}.")
     if frames.ndim != 2 or frames.shape[1] != len(columns) or not len(frames):
@@ -50,7 +56,11 @@ def read_database_clip(path: Path, robot: Robot) -> tuple[RobotClip, dict[str, A
         robot=robot.name,
         joint_names=robot.joint_names,
         root_pos_w=root[:, :3],
-        root_quat_w=rotation.normalize(root[:, 3:]),
+        root_quat_w=root[:, 3:],
         joint_pos=joints,
     )
+    faults = faults_of(clip)
+    if faults:
+        raise FileError(path, f"{faults[0]}.", "Materialize expert_db again.")
+    clip = dataclasses.replace(clip, root_quat_w=rotation.normalize(clip.root_quat_w))
     return clip, {key: content[key] for key in FACTS if key in content}

@@ -8,7 +8,6 @@ of the one before it. A version is a whole database; nothing in it is rewritten.
 from __future__ import annotations
 
 import contextlib
-import json
 import re
 import shutil
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.expert import manifest, swap
 from pipeline.expert.read import check_database
 from pipeline.files import digest
+from pipeline.files.json_file import read_json
 
 REFUSED = "-refused"
 """End of the name of a version that never was in place."""
@@ -79,10 +79,10 @@ def describe(folder: Path, name: str) -> Version:
     """Counts of a database as its manifest states them. Raises FileError where there is no readable manifest."""
     path = folder / manifest.FILE
     try:
-        head: dict[str, Any] = json.loads(path.read_text())
+        head: dict[str, Any] = read_json(path)
         clips, seconds = int(head["clips"]), float(head["seconds"])
         by_source = {str(source): int(count) for source, count in head.get("clips_by_source", {}).items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (FileError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
     return Version(name=name, folder=folder, clips=clips, seconds=seconds, by_source=by_source)
 

@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.errors import FileError
+from pipeline.expert import manifest
 from pipeline.expert.licence import classify_licence
+from pipeline.expert.swap import current
+from pipeline.files import digest
+from pipeline.files.json_file import read_json
+
+
+def database_version(folder: Path) -> str:
+    """Digest of the manifest. Raises FileError where a file is missing, changed or not stated."""
+    folder = current(folder)
+    path = folder / manifest.FILE
+    if not path.is_file():
+        raise FileError(path, "there is no database here.", "Materialize expert_db.")
+    head = read_json(path, "a database's manifest", "Materialize expert_db again.")
+    try:
+        stated, broken = head["files"], manifest.broken_seal(head)
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileError(path, f"not a database's manifest ({error}).", "Materialize expert_db again.") from error
+    if broken is not None:
+        raise FileError(path, f"it {broken}.", "Materialize expert_db again.")
+    found = {each.name: digest.of_file(each) for each in folder.iterdir() if each.name != manifest.FILE}
+    if found != stated:
+        raise FileError(folder, "its files are not those its manifest states.", "Materialize expert_db again.")
+    return digest.of_file(path)
+
 
 FILE = "index.parquet"
 
@@ -29,6 +56,23 @@ OWN_COLUMNS = {
 
 RENAMED = {"file": "source_file", "file_sha256": "source_sha256"}
 """Numbers of the catalog that describe the source's file, and their names in the index."""
+
+MAX_ROWS, MAX_BYTES = 1_000_000, 2_000_000_000
+"""Clips of a database; bytes of its columns before they are decoded. A few kilobytes may claim any number."""
+
+
+def read_table(path: Path, read_dictionary: Sequence[str] = ()) -> pd.DataFrame:
+    """The table in a file. Raises FileError: larger than allowed, or no Parquet; OSError of the disk."""
+    try:
+        with pq.ParquetFile(path) as file:
+            groups = [file.metadata.row_group(index) for index in range(file.metadata.num_row_groups)]
+            rows, size = sum(each.num_rows for each in groups), sum(each.total_byte_size for each in groups)
+        if max(rows, file.metadata.num_rows) > MAX_ROWS or size > MAX_BYTES:
+            problem = f"it claims {rows} rows and {size} bytes, more than the {MAX_ROWS} and {MAX_BYTES} allowed."
+            raise FileError(path, problem, "Write the database again.")
+        return pd.read_parquet(path, read_dictionary=list(read_dictionary))
+    except (pa.ArrowException, ValueError) as error:
+        raise FileError(path, f"it is no Parquet table ({error}).", "Write the database again.") from error
 
 
 def row(numbers: Mapping[str, Any], **own: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 from jaxtyping import Float
 
-from pipeline.errors import PipelineError
+from pipeline.errors import FileError, PipelineError
 from pipeline.expert import index, manifest
 from pipeline.expert.swap import current
 from pipeline.files import digest
+from pipeline.files.json_file import read_json
 
 CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Licence", "Columns", "Frames")
 LOOP_MODES = ("Clamp", "Wrap")
@@ -133,9 +132,9 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
     if path.is_symlink() or not path.is_file():
         return None
     try:
-        table = pd.read_parquet(path, read_dictionary=[STAGES])
-    except (pa.ArrowException, OSError, ValueError) as error:
-        faults.append(f"{index.FILE}: is no Parquet table ({error})")
+        table = index.read_table(path, [STAGES])
+    except (FileError, OSError) as error:
+        faults.append(str(error).replace(str(path), path.name, 1))
         return None
     missing = [name for name in index.OWN_COLUMNS if name not in table]
     faults += [f"{index.FILE}: the column '{name}' is missing" for name in missing]
@@ -190,15 +189,11 @@ def _frames(name: str, content: dict[str, Any], head: dict[str, Any], faults: li
 
 def _read_json(path: Path, faults: list[str]) -> dict[str, Any] | None:
     try:
-        value = json.loads(path.read_text(), parse_constant=_refuse)
-    except (ValueError, OSError, RecursionError) as error:
-        faults.append(f"{path.name}: is no JSON ({error})")
+        value = read_json(path)
+    except (FileError, OSError) as error:
+        faults.append(str(error).replace(str(path), path.name, 1))
         return None
     if not isinstance(value, dict):
         faults.append(f"{path.name}: is no JSON object")
         return None
     return value
-
-
-def _refuse(text: str) -> float:
-    raise ValueError(f"{text} is not a JSON number")

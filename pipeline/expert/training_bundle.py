@@ -27,11 +27,11 @@ from pipeline.actuators.adapted_robot import read_actuators
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
+from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
-from pipeline.expert.version import database_version
 from pipeline.files import atomic, digest
 from pipeline.robot import Robot, load_robot
-from pipeline.robot.simulator_model import mujoco_model
+from pipeline.robot.kinematics import mujoco_model
 
 SCHEMA = "booster-lab training bundle 1"
 COMMAND_WINDOW_S = 1.0

@@ -24,8 +24,7 @@ from pipeline.errors import ClipError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
 from pipeline.expert.read import check_database
-from pipeline.expert.settings import DatabaseSettings
-from pipeline.expert.swap import replace_folder
+from pipeline.expert.swap import DatabaseSettings, replace_folder
 from pipeline.files import digest
 from pipeline.robot import Robot
 

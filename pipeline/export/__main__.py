@@ -26,9 +26,8 @@ import numpy as np
 
 from pipeline.errors import FileError, PipelineError
 from pipeline.export.card import FILE, ModelCard
-from pipeline.export.export_error import ExportError
 from pipeline.export.folder import CURVES, POLICY, Source, complete_export, export_policy
-from pipeline.export.training_run import training_data, training_run
+from pipeline.export.metadata import ExportError, training_data, training_run
 from pipeline.robot import Robot, load_robot
 
 

@@ -23,12 +23,17 @@ import numpy as np
 from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
-from pipeline.export.export_error import ExportError
-from pipeline.export.golden import GoldenVectors, golden_vectors, read_golden, write_golden
-from pipeline.export.licence import refuse_unless_allowed, shipping
-from pipeline.export.metadata import metadata, trained_task
+from pipeline.export.metadata import ExportError, metadata, refuse_unless_allowed, shipping, trained_task
 from pipeline.export.onnx_model import write_onnx
-from pipeline.export.parity import Parity, measure_parity, observations_to_compare
+from pipeline.export.parity import (
+    GoldenVectors,
+    Parity,
+    golden_vectors,
+    measure_parity,
+    observations_to_compare,
+    read_golden,
+    write_golden,
+)
 from pipeline.files import atomic
 from pipeline.files import digest as digests
 from pipeline.robot import Robot

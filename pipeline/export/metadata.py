@@ -3,11 +3,52 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pipeline.deployment import DeploymentTask, Policy, digest, policy_task
-from pipeline.export.export_error import ExportError
+from pipeline.errors import FileError, PipelineError
 from pipeline.robot import Robot
+
+CONFIG, DONE = "config.json", "done.json"
+BUNDLE = "bundle"
+"""Key of `config.json` with the run's data: digests of robot and database, licence."""
+DATA_FACTS = ("robot_digest", "clips", "seconds", "licence")
+
+
+def training_run(folder: Path, commit: str = "", command: str = "") -> dict[str, Any]:
+    """The facts of the run in `folder`: config, end, commit and command. Raises FileError."""
+    facts = _read(folder / CONFIG)
+    facts.pop(BUNDLE, None)
+    ended = _read(folder / DONE) if (folder / DONE).is_file() else {}
+    named = {"commit": commit, "command": command}
+    return {"name": folder.name, **facts, **ended, **{name: text for name, text in named.items() if text}}
+
+
+def training_data(folder: Path) -> dict[str, Any]:
+    """The facts of the expert database that the run in `folder` was trained on. Raises FileError."""
+    facts = _read(folder / CONFIG).get(BUNDLE)
+    if not isinstance(facts, dict) or "database_digest" not in facts:
+        raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it again.")
+    return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise FileError(path, "there is no such file.", "Name the folder that training wrote.")
+    try:
+        value = json.loads(path.read_text())
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"is no JSON ({error}).") from error
+    if not isinstance(value, dict):
+        raise FileError(path, "is no JSON object.")
+    return value
+
+
+class ExportError(PipelineError):
+    """A policy that can't be exported, with the reason and numbers."""
+
 
 OBSERVATION = "gyro 3, gravity 3, command 3, q - q0, dq, last action; frames time-major, the oldest first"
 
@@ -56,3 +97,43 @@ def _value(name: str, text: str) -> Any:
     if name in ("robot", "observation", "digest"):
         return text
     return json.loads(text)
+
+
+SHIPPABLE = ("public-domain", "permissive", "attribution", "share-alike")
+"""Licence classes (`pipeline.expert.licence`) whose policies may ship with the project."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shipping:
+    """Whether a policy may ship, and why."""
+
+    allowed: bool
+    reason: str
+    strictest: str
+    """The strictest class of licence among the clips of its database."""
+
+
+def shipping(manifest: dict[str, Any] | None) -> Shipping:
+    """Whether the manifest of the training database allows shipping.
+
+    Without a manifest the licence is unknown, and shipping is not allowed.
+    """
+    stated = (manifest or {}).get("licence", {})
+    strictest = str(stated.get("strictest", "unknown"))
+    if strictest in SHIPPABLE:
+        return Shipping(allowed=True, reason=str(stated.get("allowed_use", "")), strictest=strictest)
+    forbidding = sorted(text for text, kind in stated.get("licences", {}).items() if kind not in SHIPPABLE)
+    why = f"the strictest licence of its database is {strictest}"
+    detail = f" ({'; '.join(forbidding)})" if forbidding else ""
+    return Shipping(
+        allowed=False, reason=f"{why}{detail}. {stated.get('allowed_use', '')}".strip(), strictest=strictest
+    )
+
+
+def refuse_unless_allowed(found: Shipping, policy: str) -> None:
+    """Raise ExportError if the policy must not be marked as shippable."""
+    if not found.allowed:
+        raise ExportError(
+            f"policy '{policy}' can't be marked shippable: {found.reason} "
+            f"Allowed are {', '.join(SHIPPABLE)}. Train it on a database of such motions."
+        )

@@ -25,8 +25,8 @@ import pandas as pd
 
 from pipeline.errors import PipelineError
 from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
+from pipeline.feasibility.criterion import MetresPerSecondCubed
 from pipeline.feasibility.gait_signature import families
-from pipeline.feasibility.thresholds import MetresPerSecondCubed
 from pipeline.files.ranges import POSITIVE, SHARE, Range
 from pipeline.files.sourced import Unit
 

@@ -9,20 +9,25 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.feasibility.criterion import NOTHING, Criterion, Result, Skipped, Verdict, criterion
-from pipeline.feasibility.motion import Motion
-from pipeline.feasibility.slowest_point import slowest_point_speed
-from pipeline.feasibility.thresholds import (
+from pipeline.feasibility.criterion import (
+    NOTHING,
+    Criterion,
     Metres,
     MetresPerSecondBySpeed,
+    Result,
     Seconds,
     SecondsBySpeed,
+    Skipped,
     ToleranceMetres,
+    Verdict,
+    criterion,
 )
+from pipeline.feasibility.motion import Motion
+from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.files.ranges import SHARE
 from pipeline.files.sourced import Unit
-from pipeline.quality.foot_slip import inner_contacts
-from pipeline.quality.percentile import percentile_of_least
+from pipeline.quality.smoothness import percentile_of_least
+from pipeline.quality.sole import inner_contacts
 
 SIDES = ("left", "right")
 

@@ -7,10 +7,17 @@ from typing import Annotated
 
 import numpy as np
 
-from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
+from pipeline.feasibility.criterion import (
+    NOTHING,
+    Criterion,
+    RatioToMotorLimit,
+    Seconds,
+    ShareOfFrames,
+    Verdict,
+    criterion,
+)
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_time import share_and_run
-from pipeline.feasibility.thresholds import RatioToMotorLimit, Seconds, ShareOfFrames
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import acceleration_p99

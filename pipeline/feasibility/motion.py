@@ -10,12 +10,11 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.thresholds import Hertz, ShareOfFrames
+from pipeline.feasibility.criterion import Hertz, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit
 from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
-from pipeline.quality.sole import SoleMotion, sole_motion
-from pipeline.quality.sole_contact import ContactSettings, contact_from_sole
+from pipeline.quality.sole import ContactSettings, SoleMotion, contact_from_sole, sole_motion
 from pipeline.robot import Robot
 
 FPS = 50.0

@@ -8,9 +8,8 @@ from typing import Annotated
 import numpy as np
 
 from pipeline import rotation, time_series
-from pipeline.feasibility.criterion import NOTHING, Criterion, Verdict, criterion
+from pipeline.feasibility.criterion import NOTHING, Criterion, Degrees, MetresPerSecondCubed, Verdict, criterion
 from pipeline.feasibility.motion import Motion, RootFilter
-from pipeline.feasibility.thresholds import Degrees, MetresPerSecondCubed
 from pipeline.files.ranges import POSITIVE, Range, check
 from pipeline.files.sourced import Unit
 from pipeline.quality.smoothness import mean_jerk

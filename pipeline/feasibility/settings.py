@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.feasibility.balance import BalanceSettings
-from pipeline.feasibility.clip_criteria import LikenessSettings
-from pipeline.feasibility.collision_criteria import CollisionSettings
+from pipeline.feasibility.clip_criteria import CollisionSettings, LikenessSettings
 from pipeline.feasibility.criterion import REGISTERED, Criterion
 from pipeline.feasibility.foot_criteria import FootSettings
 from pipeline.feasibility.joint_criteria import JointSettings
@@ -17,7 +16,7 @@ from pipeline.feasibility.root_criteria import RootSettings
 from pipeline.feasibility.torque_criteria import TorqueSettings
 from pipeline.feasibility.tracking_criteria import TrackingSettings
 from pipeline.files.sourced import Unit
-from pipeline.quality.sole_contact import ContactSettings
+from pipeline.quality.sole import ContactSettings
 from pipeline.robot.size import RobotSize
 
 

@@ -12,10 +12,9 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import SimulatedForces
-from pipeline.feasibility.criterion import Criterion, Result, Skipped, Verdict, criterion
+from pipeline.feasibility.criterion import Criterion, Result, Seconds, ShareOfFrames, Skipped, Verdict, criterion
 from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_time import odd_width, share_and_run, windowed_mean
-from pipeline.feasibility.thresholds import Seconds, ShareOfFrames
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
 from pipeline.physics import GRAVITY

@@ -17,14 +17,23 @@ from jaxtyping import Float
 from pipeline import rotation, time_series
 from pipeline.clips.outcome import Numbers
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.feasibility.criterion import NUMBERS, WHOLE_CLIP, Criterion, Result, Skipped, Verdict, criterion
+from pipeline.feasibility.criterion import (
+    NUMBERS,
+    WHOLE_CLIP,
+    Criterion,
+    Result,
+    Seconds,
+    ShareOfFrames,
+    Skipped,
+    Verdict,
+    criterion,
+)
 from pipeline.feasibility.motion import NO_ROLLOUT, Motion
 from pipeline.feasibility.over_time import windowed_mean
 from pipeline.feasibility.reference import CONTENT
-from pipeline.feasibility.thresholds import Seconds, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import LENGTH, Unit
-from pipeline.quality.percentile import percentile_of_least
+from pipeline.quality.smoothness import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
 GROUP = "tracking stability"

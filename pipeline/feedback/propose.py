@@ -20,8 +20,7 @@ from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
 from pipeline.feedback.recordings import Heard, recorded
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
-from pipeline.feedback.trust import doubt_of, trusted
-from pipeline.feedback.witnesses import NamedBy, Pair, grouped, witnesses_of
+from pipeline.feedback.trust import NamedBy, Pair, doubt_of, grouped, trusted, witnesses_of
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")

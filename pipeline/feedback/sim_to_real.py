@@ -24,9 +24,9 @@ from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
+from pipeline.simulation.torque_envelope import PdControl
 from pipeline.validation.limit_cycles import PLANES, Comparison, JointSeries, NoCycleError, compare, limit_cycle
 
 TIMESTEP_S = 0.002

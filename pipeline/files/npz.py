@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import lzma
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +15,27 @@ import numpy as np
 from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile
-from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
+
+DAMAGED_NPZ = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    OSError,
+    ValueError,
+    RuntimeError,
+)
+"""Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
+their own; none of them is a FileError."""
+
+OF_THE_FILE = (None, errno.EINVAL)
+"""Error numbers of an OSError that a damaged archive causes: bz2 states none, a seek to before the start is invalid."""
+
+
+def raise_fault_of_disk(error: Exception) -> None:
+    """Raise an error again if it comes from the disk or the system and not from the file: EIO, EACCES, EMFILE."""
+    if isinstance(error, OSError) and error.errno not in OF_THE_FILE:
+        raise error
 
 
 @dataclass(frozen=True, kw_only=True)

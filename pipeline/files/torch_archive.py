@@ -9,8 +9,7 @@ import zipfile
 from pathlib import Path
 
 from pipeline.errors import FileError
-from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
-from pipeline.files.npz import NpzCaps, check_sizes
+from pipeline.files.npz import DAMAGED_NPZ, NpzCaps, check_sizes, raise_fault_of_disk
 
 
 def check_torch_archive(path: Path, caps: NpzCaps) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.files import digest
-from pipeline.files.digest_memory import DigestMemory
+from pipeline.files.blob_store import DigestMemory
 from pipeline.hardware_logs.ingest import SUFFIXES
 from pipeline.hardware_logs.mcap_records import MAGIC
 

@@ -6,7 +6,16 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import time_series
-from pipeline.quality.percentile import percentile_of_least
+
+
+def percentile_of_least(values: Float[np.ndarray, " n"], percent: float, least: int) -> float:
+    """Percentile of values that are 0 where there is no fault; fewer than `least` are filled up with zeros.
+
+    Of 25 frames the 95th percentile is nearly the largest, so that one frame decides. Filled up to `least`, a short
+    motion may have as many bad frames as one of that length, not fewer.
+    """
+    missing = max(least - values.size, 0)
+    return float(np.percentile(np.concatenate([values.ravel(), np.zeros(missing)]), percent))
 
 
 def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> float:

@@ -1,14 +1,22 @@
-"""Positions and velocities of the sole corners of a robot motion."""
+"""Positions and velocities of the sole corners of a robot motion.
+
+Sources know three: the speed of the ankle, of the sole's centre, of a corner. Here it is the horizontal speed
+of the sole's lowest corner while the foot is in contact, which is 0 for a foot that rolls over heel and toe.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import time_series
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.files.ranges import Range, check, increasing
+from pipeline.files.sourced import Unit
+from pipeline.quality.smoothness import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
 
@@ -47,3 +55,71 @@ def sole_motion(clip: RobotClip, robot: Robot) -> SoleMotion:
     names = [name for side in robot.sole_corners for name in side]
     corners = kinematics.site_pos_w(poses, names).reshape(-1, 2, 4, 3)
     return SoleMotion(fps=clip.fps, corner_pos_w=corners, corner_vel_w=time_series.derivative(corners, clip.fps))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootSlip:
+    """Slip over all foot-frames in contact [m/s]; 0 without contact."""
+
+    mean: float
+    p95: float
+
+
+def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"], least_frames: int = 0) -> FootSlip:
+    """Horizontal speed of the lowest corner of feet in contact.
+
+    The percentile of fewer than `least_frames` foot-frames is taken as if the rest of them did not slide.
+    """
+    speed = sole.lowest_corner_speed[inner_contacts(contacts)]
+    if speed.size == 0:
+        return FootSlip(mean=0.0, p95=0.0)
+    return FootSlip(mean=float(speed.mean()), p95=percentile_of_least(speed, 95, least_frames))
+
+
+def inner_contacts(contacts: Bool[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:
+    """Contacts without the first and last frame of each, where central differences include the swing."""
+    inner = contacts.copy()
+    inner[1:] &= contacts[:-1]
+    inner[:-1] &= contacts[1:]
+    return inner
+
+
+_SPEED = Range(0.0, 5.0, open_low=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactSettings:
+    """A foot is in contact if its sole is low and slow: the section `contact` of `data/feasibility.yaml`, and of
+    `data/augment.yaml`."""
+
+    height: Annotated[float, Range(0.0, 0.2, open_low=True), Unit("m")]
+    """Largest height of the lowest corner [m]."""
+    on_speed: Annotated[float, _SPEED, Unit("m/s")]
+    """Contact begins below this speed of the sole [m/s] ..."""
+    off_speed: Annotated[float, _SPEED, Unit("m/s")]
+    """... and ends above this [m/s]."""
+    shortest_s: Annotated[float, Range(0.0, 1.0), Unit("s")]
+    """Contacts and gaps shorter than this are ignored [s]."""
+
+    def __post_init__(self) -> None:
+        check(increasing(self, "on_speed", "off_speed"))
+
+
+def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.ndarray, "t 2"]:
+    """Contact of the left and right foot: low and slow, with hysteresis.
+
+    Gaps shorter than `settings.shortest_s` are closed first, then short contacts dropped.
+    """
+    low, speed = sole.height < settings.height, sole.mean_speed
+    contact = np.zeros(low.shape, dtype=bool)
+    state = np.zeros(2, dtype=bool)
+    for frame in range(len(low)):
+        state = low[frame] & (speed[frame] < np.where(state, settings.off_speed, settings.on_speed))
+        contact[frame] = state
+    shortest = round(settings.shortest_s * sole.fps)
+    for side in range(2):
+        for wanted in (False, True):
+            for start, stop in time_series.runs(contact[:, side] == wanted):
+                if stop - start < shortest and start > 0 and stop < len(contact):
+                    contact[start:stop, side] = not wanted
+    return contact

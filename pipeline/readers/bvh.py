@@ -21,7 +21,7 @@ from pipeline.files import page_memory
 from pipeline.readers.frame_rate import printed_rate
 from pipeline.readers.joint_channels import CHANNELS, ChannelPoses
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows
+from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows, to_float
 from pipeline.readers.text_stream import blocks, open_text
 
 MAX_JOINTS = 1000
@@ -236,10 +236,11 @@ def _read_motion_header(
         return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
     printed, line = found["frame time"]
     try:
-        frame_time_s = read_number(path, printed, line, "Frame Time")
-        if not 1e-4 <= frame_time_s <= 1.0:
-            raise FileError(path, f"Frame Time is {printed} s, wanted 0.0001 to 1.", do, line)
-    except FileError as fault:
+        frame_time_s = to_float(printed)
+    except ValueError:
+        frame_time_s = np.nan
+    if not 1e-4 <= frame_time_s <= 1.0:
+        fault = FileError(path, f"Frame Time is '{printed[:40]}', wanted 0.0001 to 1 s.", do, line)
         return _MotionHeader(frames=int(count), fps=None, rate_fault=fault, notes=()), rest
     fps, notes = printed_rate(printed)
     return _MotionHeader(frames=int(count), fps=fps, rate_fault=None, notes=notes), rest

@@ -22,7 +22,7 @@ from pipeline.clips.human_clip import BODIES, PARENTS
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.damaged_npz import raise_fault_of_disk
+from pipeline.files.npz import raise_fault_of_disk
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size

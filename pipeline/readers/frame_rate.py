@@ -40,7 +40,7 @@ def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
     if len(meant) < 2:
         return fps, ()
     choice = " and ".join(f"{rate} Hz" for rate in meant)
-    text = f"Frame Time {printed} is rounded: {choice} are printed so; {fps:.4g} Hz is taken, state another"
+    text = f"Frame Time {printed} is rounded: {choice} are printed so; {fps:.4g} Hz is taken; state `fps:` for another"
     return fps, (Reason(code="rounded_rate", text=text, effect="noted", value=fps, unit="Hz"),)
 
 

@@ -24,8 +24,7 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.damaged_npz import raise_fault_of_disk
-from pipeline.files.npz import check_sizes
+from pipeline.files.npz import check_sizes, raise_fault_of_disk
 from pipeline.readers.npz_file import caps
 from pipeline.readers.text_file import MAX_BYTES, check_size
 

@@ -9,10 +9,10 @@ from pipeline.errors import AmbiguousFileError, FileError
 METRES: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
 """Metres per unit. `cmu` is the unit of the CMU recordings, 1/0.45 inch (their ASF files: `length 0.45`)."""
 
-LEG_MIN, LEG_MAX = 0.60, 1.15
+LEG_MIN, LEG_MAX = 0.60, 1.10
 """Hip to ankle, thigh plus shank [m]. .245 + .246 of the stature (Drillis and Contini 1966, in Winter 2009,
-fig. 4.1) for 1.3 to 2.2 m, widened for children of 1.2 m and joint centres that sit low. The limits are a factor
-of 1.92 apart, less than any two of the units, so at most one unit fits."""
+fig. 4.1) for 1.22 to 2.24 m. The limits are a factor of 1.83 apart, less than any two of the units, so at most one
+unit fits."""
 
 STATED_LEG_MIN, STATED_LEG_MAX = 0.4, 1.4
 """What a stated unit may give at most; beyond it the statement is wrong."""

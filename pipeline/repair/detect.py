@@ -5,17 +5,14 @@ from __future__ import annotations
 import dataclasses
 
 from pipeline.clips.human_clip import HumanClip
-from pipeline.repair.bones import find_broken_bones
 from pipeline.repair.defect import Defect, Findings
-from pipeline.repair.fill import fill
+from pipeline.repair.fill import fill, find_missing
 from pipeline.repair.frozen import find_frozen
 from pipeline.repair.jumps import find_jumps, joined
-from pipeline.repair.missing import find_missing
-from pipeline.repair.roughness import find_spikes
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.shaking import find_noise
-from pipeline.repair.swapped import find_swapped, swap_back
-from pipeline.repair.unsteadiness import Seen
+from pipeline.repair.swapped import find_broken_bones, find_swapped, swap_back
+from pipeline.repair.unsteadiness import Seen, find_spikes
 
 MOST_LOOKS = 4
 """How often small spikes are sought: a larger one hides what is beside it."""

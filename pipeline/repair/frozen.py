@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import BODIES
 from pipeline.repair.defect import Defect
+from pipeline.repair.fill import spans
 from pipeline.repair.holds import Hold, Limits, aligned, find_holds
-from pipeline.repair.missing import spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.tree import FEET_BODIES, PARENT
 from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits

@@ -17,9 +17,8 @@ from pipeline.repair.contacts import FootPoints, both_feet, label_contacts, stan
 from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
 from pipeline.repair.filling import filled
-from pipeline.repair.floor import Floor, find_floor, levelled
-from pipeline.repair.pieces import Division, divide
-from pipeline.repair.placement import place
+from pipeline.repair.floor import Floor, find_floor, levelled, place
+from pipeline.repair.reasons import Division, divide
 from pipeline.repair.robot_motion import process_robot
 from pipeline.repair.settings import RepairSettings
 from pipeline.repair.skating import Skating, find_skating

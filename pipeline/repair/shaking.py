@@ -11,11 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.repair.bridge_miss import REACH
 from pipeline.repair.defect import Defect
-from pipeline.repair.missing import spans
+from pipeline.repair.fill import spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
+from pipeline.repair.unsteadiness import REACH, Seen, slow_rate, turn_limits
 
 NOISE_SPREAD, OFTEN_PERCENTILE = 3.0, 75.0
 """A body shakes where it misses by so many times what it does in a quarter of all other frames."""

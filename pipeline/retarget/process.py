@@ -15,9 +15,9 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.retarget.clearance import cleared
+from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
-from pipeline.retarget.stance import contacts_of
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
 from pipeline.robot.size import scaled

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from pipeline import rotation
 from pipeline.files import digest
 from pipeline.robot.description import HUMAN_SITES, JOINTS, Description
-from pipeline.robot.mirror import mirror_index, mirror_sign
+from pipeline.robot.legs import mirror_index, mirror_sign
 from pipeline.robot.mjcf import render_mjcf
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import Fault, refuse

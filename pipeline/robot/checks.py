@@ -16,7 +16,7 @@ from pipeline.robot.description import (
     SITES,
     Description,
 )
-from pipeline.robot.mirror import mirrored_name
+from pipeline.robot.legs import mirrored_name
 from pipeline.robot.robot_error import Fault
 from pipeline.robot.tables import SHAPE_ROLES, SHAPE_SIZES, LinkRow, Row
 

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from xml.etree import ElementTree as Xml
 
 from pipeline.robot.description import Description
 from pipeline.robot.tables import LinkRow, ShapeRow, SiteRow
-from pipeline.robot.xml_text import numbers, to_text
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers separated by spaces, exact, without a negative zero."""
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)
+
+
+def to_text(root: Xml.Element) -> str:
+    """The element as an indented document that ends with a newline."""
+    Xml.indent(root, space="  ")
+    return Xml.tostring(root, encoding="unicode") + "\n"
+
 
 COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.render`. Do not edit."
 

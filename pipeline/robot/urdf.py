@@ -5,9 +5,8 @@ from __future__ import annotations
 from xml.etree import ElementTree as Xml
 
 from pipeline.robot.description import Description
-from pipeline.robot.mjcf import COMMENT
+from pipeline.robot.mjcf import COMMENT, numbers, to_text
 from pipeline.robot.tables import LinkRow, ShapeRow
-from pipeline.robot.xml_text import numbers, to_text
 
 
 def render_urdf(robot: Description) -> str:

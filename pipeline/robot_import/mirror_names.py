@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from pipeline.robot.mirror import mirrored_name
+from pipeline.robot.legs import mirrored_name
 
 
 def propose_pairs(partners: Iterable[tuple[str, str]]) -> tuple[tuple[str, str], ...]:

@@ -14,8 +14,8 @@ from pipeline.robot.adapted import files_of
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
 from pipeline.robot.description import Config, Description
+from pipeline.robot.kinematics import compiled
 from pipeline.robot.robot_error import refuse
-from pipeline.robot.simulator_model import compiled
 from pipeline.robot.tables import JointRow, LinkRow
 from pipeline.robot_import.limbs import BEND, Body, Limb, find_body
 from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel

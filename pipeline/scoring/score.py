@@ -9,11 +9,10 @@ from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality import retargeting
-from pipeline.quality.foot_slip import inner_contacts
+from pipeline.quality.sole import inner_contacts
 from pipeline.robot import Kinematics, LinkPoses, Robot
-from pipeline.scoring.align import aligned
+from pipeline.scoring.align import STRICTNESSES, aligned, stance_labels
 from pipeline.scoring.figures import Score
-from pipeline.scoring.stance_labels import STRICTNESSES, stance_labels
 from pipeline.simulation.self_collision import self_collision
 
 COLLISION_DEPTH = 0.002

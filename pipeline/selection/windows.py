@@ -12,8 +12,7 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.planar_motion import PlanarMotion, planar_motion
 from pipeline.selection.curation import WindowSettings
-from pipeline.selection.segmentation import segment
-from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, distances
+from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, distances, segment
 
 NEVER = 1e3
 """Cost of a forbidden label [m/s]."""

@@ -7,9 +7,9 @@ import numpy as np
 from pipeline.deployment import Policy, PolicyController, deployment_task
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import Command, run
+from pipeline.simulation.torque_envelope import PdControl
 
 __all__ = ["Rollout", "rollout", "steady_command"]
 

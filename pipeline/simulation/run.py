@@ -12,11 +12,20 @@ from jaxtyping import Float
 from pipeline.deployment.task import DeploymentTask
 from pipeline.errors import PipelineError
 from pipeline.robot import Robot
-from pipeline.simulation.events import Event, Kick, Push, Throw
-from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.plant import NoBallError, Plant, PlantState, TellsAcceleration, ThrowsBall
+from pipeline.simulation.plant import (
+    Event,
+    Kick,
+    NoBallError,
+    Plant,
+    PlantState,
+    Push,
+    TellsAcceleration,
+    Throw,
+    ThrowsBall,
+)
 from pipeline.simulation.record import Record, Rollout
 from pipeline.simulation.sensors import PerfectSensors, Sensors
+from pipeline.simulation.torque_envelope import PdControl
 
 FALL_HEIGHT_SHARE = 0.45 / 0.679103
 """Height of the root over the ground below which a robot has fallen, as a share of that in the default pose: the T1's

@@ -38,3 +38,18 @@ class TorqueEnvelope:
         """The torque [N m] that the motors give when `torque` is asked for."""
         lower, upper = self.bounds(speed)
         return np.minimum(np.maximum(torque, lower), upper)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PdControl:
+    """kp (target - position) - kd velocity, cut to the envelope."""
+
+    kp: Float[np.ndarray, " j"]
+    """[N m/rad]"""
+    kd: Float[np.ndarray, " j"]
+    """[N m s/rad]"""
+    envelope: TorqueEnvelope
+
+    def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Float[np.ndarray, " j"]:
+        """Torque [N m] (j,) for target and position [rad] and velocity [rad/s]."""
+        return self.envelope.clip(self.kp * (target - joint_pos) - self.kd * joint_vel, joint_vel)

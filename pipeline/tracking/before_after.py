@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float
 from pipeline import time_series
 from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.quality.foot_slip import lowest_corner_slip
 from pipeline.quality.retargeting import joint_jerk
-from pipeline.quality.sole import sole_motion
+from pipeline.quality.sole import lowest_corner_slip, sole_motion
 from pipeline.robot import Robot
 
 ROUNDING = 1e-6

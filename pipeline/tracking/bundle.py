@@ -19,6 +19,8 @@ from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
 SCHEMA = "booster-lab tracking bundle 1"
+CONFIG = "config.json"
+"""Settings of a run, with the digest of the bundle that it trains on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +72,17 @@ def read_tracking_bundle(folder: Path) -> TrackingBundle:
         raise TrainingError(f"{folder}/robot.json: 'key_links' must begin with the root link '{robot.root_link}'.")
     digest = hashlib.sha256(head).hexdigest()
     return TrackingBundle(robot=robot, motions=_motions(folder / "motions.npz", robot), about=about, digest=digest)
+
+
+def check_trained_on(bundle: TrackingBundle, run: Path) -> None:
+    """Raises TrainingError where the run in a folder trains on another bundle, or does not state its bundle."""
+    path = run / CONFIG
+    try:
+        trained_on = json.loads(path.read_text())["bundle_digest"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise TrainingError(f"{path}: does not state the bundle of the run ({error}). Train again.") from error
+    if trained_on != bundle.digest:
+        raise TrainingError(f"{run}: is a run on another bundle. Give that bundle, or another folder.")
 
 
 def _motions(path: Path, robot: RobotFacts) -> Motions:

@@ -25,7 +25,7 @@ from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.policy_file import write_policy
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot, load_robot
-from pipeline.tracking.bundle import Motions, read_tracking_bundle
+from pipeline.tracking.bundle import Motions, check_trained_on, read_tracking_bundle
 from pipeline.tracking.evaluate import figures, nominal_rollouts
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ
@@ -40,7 +40,7 @@ def export_tracker(
 ) -> TrackerCard:
     """Take the run's newest checkpoint, roll out every clip of the bundle with it and write the folder.
 
-    Raises FileError and TrainingError for files that do not fit.
+    Raises FileError and TrainingError for files that do not fit, as a run on another bundle.
     """
     robot, bundle = load_robot(robot_folder), read_tracking_bundle(bundle_folder)
     envelope = torque_envelope(read_actuators(robot_folder))
@@ -48,6 +48,7 @@ def export_tracker(
     newest = newest_checkpoint(run / "checkpoints")
     if newest is None:
         raise TrainingError(f"{run}: has no checkpoint. Train first: python -m pipeline.tracking --help.")
+    check_trained_on(bundle, run)
     state = load_checkpoint(newest, "cpu")
     write_policy(run / NETWORK, tracker_arrays(state, bundle.robot))
     found = nominal_rollouts(clips_of(bundle.motions, robot), robot, envelope, run / NETWORK, values, pool)

@@ -14,9 +14,8 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
-from pipeline.robot.simulator_model import compiled
-from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.robot.kinematics import compiled
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
 from pipeline.tracking.observation import key_link_index, observe
 from pipeline.tracking.reference import ReferenceStates, reference_states

@@ -21,7 +21,7 @@ from pipeline.learning.curves_file import CurvesFile
 from pipeline.learning.policy_file import write_policy
 from pipeline.learning.run_command import device_name, write_json
 from pipeline.learning.training_error import TrainingError
-from pipeline.tracking.bundle import TrackingBundle
+from pipeline.tracking.bundle import CONFIG, TrackingBundle, check_trained_on
 from pipeline.tracking.environment import tracking_environment
 from pipeline.tracking.tracker_file import tracker_arrays
 
@@ -89,6 +89,10 @@ class TrackingRun:
     def __init__(self, bundle: TrackingBundle, request: TrackingRequest):
         self.bundle, self.request = bundle, request
         self.rank, self.world = int(os.getenv("RANK", "0")), int(os.getenv("WORLD_SIZE", "1"))
+        if newest_checkpoint(self.folder) is not None:
+            if not request.resume:
+                raise TrainingError(f"{request.out}: has a run. Give --resume to continue it, or another --out.")
+            check_trained_on(bundle, request.out)
         seed = request.seed + 1000 * self.rank
         motion_file = request.out / f"motions_{self.rank}.npz"
         env = tracking_environment(bundle, motion_file, request.num_envs, request.device, seed)
@@ -110,7 +114,7 @@ class TrackingRun:
         """Train until `iterations` or `minutes` are reached; minutes before a resume count."""
         before, started = self._curves.seconds, time.monotonic()
         if self.rank == 0:
-            write_json(self.request.out / "config.json", self._config())
+            write_json(self.request.out / CONFIG, self._config())
         reason = "iterations"
         while self.iteration < self.request.iterations:
             begun = time.monotonic()

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from pipeline.deployment.policy import Policy, PolicyGains, load_policy
 from pipeline.errors import FileError
-from pipeline.files.damaged_npz import DAMAGED_NPZ, raise_fault_of_disk
+from pipeline.files.npz import DAMAGED_NPZ, raise_fault_of_disk
 from pipeline.robot import Robot
 from pipeline.tracking.task import ACTION_SCALE, OBSERVATION, observation_size
 

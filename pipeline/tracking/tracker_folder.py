@@ -16,10 +16,11 @@ from typing import Any
 
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
+from pipeline.files.json_file import read_json
+from pipeline.tracking.bundle import CONFIG
 
 SCHEMA = "booster-lab tracker 1"
 NETWORK, CURVES, CARD = "tracker.npz", "curves.csv", "card.json"
-CONFIG = "config.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ def read_card(folder: Path) -> TrackerCard:
     if not path.is_file():
         raise FileError(path, "it is missing: the folder has no tracker.", "Train one, or name another folder.")
     try:
-        value = json.loads(path.read_text())
+        value = read_json(path, "a card of a tracker", "Write the folder again.")
         if value.pop("schema") != SCHEMA:
             raise ValueError("another schema")
         card = TrackerCard(

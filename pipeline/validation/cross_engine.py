@@ -18,8 +18,16 @@ import numpy as np
 from pipeline.batch import ClipPool
 from pipeline.files import settings as settings_files
 from pipeline.validation.bars import UNKNOWN, Agreement, CellBars, Tolerance, ValidationSettings
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
-from pipeline.validation.cross_engine_walk import BRIDGE, DART, ENGINES, MUJOCO, Figures, walk_cell
+from pipeline.validation.cross_engine_walk import (
+    BRIDGE,
+    DART,
+    ENGINES,
+    MUJOCO,
+    Cell,
+    CrossEngineSettings,
+    Figures,
+    walk_cell,
+)
 from pipeline.validation.deployed import Deployed
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}

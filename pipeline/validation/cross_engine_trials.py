@@ -13,8 +13,7 @@ from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.hardware_logs.write import write_mcap
 from pipeline.validation.cross_engine import HELD, CellResult, CrossEngineResult, errors_of, off_command
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
-from pipeline.validation.cross_engine_walk import walk
+from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings, walk
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.failed_trials import CELL_NOTE, LONGEST_NOTE, file_name, off_most
 from pipeline.virtual_robot.record import record

@@ -16,9 +16,8 @@ from pipeline.deployment import DeploymentTask, Policy, PolicyController, policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.legs import legs_of
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.sensors import PerfectSensors, Sensors
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 ANKLE_KD = 2.0
 """Ankle damping with which Booster deploys its published policy, twice the robot's [N m s/rad]."""

@@ -9,36 +9,79 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import itertools
+import json
 import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from pipeline.batch import ClipPool
-from pipeline.deployment import digest, load_policy
+from pipeline.deployment import digest as policy_digest
+from pipeline.deployment import load_policy
 from pipeline.errors import FileError, PipelineError
-from pipeline.files import atomic, settings
+from pipeline.files import atomic, digest, settings
 from pipeline.robot.legs import legs_of
 from pipeline.robot.load import read_description
 from pipeline.validation.bars import CellBars, Reference, RobotBars, ValidationRules, ValidationSettings, derived
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import limit_cycles
+from pipeline.validation.limit_cycles import LimitCycleSettings
 from pipeline.validation.measure import Measured, measure
-from pipeline.validation.numbers_file import read_numbers, write_numbers
 from pipeline.validation.suites import full
 from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project
-from pipeline.webots.result import WalkResult
-from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.result import WalkResult, WebotsSettings
 from pipeline.webots.validate import run_stand_in
+
+
+def cell_digest(one: Deployed, cell: Cell) -> str:
+    """Digest of everything that a cell's numbers depend on, except the code."""
+    task, policy, motors = one.task, one.policy, one.envelope
+    arrays = [task.kp, task.kd, task.default_joint_pos, policy.mean, policy.scale]
+    arrays += [part for layer in policy.layers for part in layer]
+    arrays += [motors.limit, motors.knee_speed, motors.no_load_speed, one.armature]
+    parts = ["" if each is None else digest.of_bytes(np.ascontiguousarray(each).tobytes()) for each in arrays]
+    plain = [task.joint_names, task.policy_joints, task.action_scale, task.history, task.control_hz]
+    trials = [repr(trial) for trial in cell.trials]
+    return digest.of_json([one.robot.digest, plain, parts, type(one.reads).__name__, trials])
+
+
+def write_numbers(path: Path, one: Deployed, measured: Sequence[Measured]) -> None:
+    """Add the numbers of cells to a file; other entries are kept."""
+    known = _read(path)
+    for each in measured:
+        known[cell_digest(one, each.cell)] = {"cell": each.cell.name, "trials": list(each.trials)}
+    lines = [f'"{key}": {json.dumps(value, sort_keys=True)}' for key, value in sorted(known.items())]
+    atomic.write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def read_numbers(path: Path, one: Deployed, cells: Sequence[Cell]) -> dict[str, Measured]:
+    """The cells that the file contains, by name."""
+    known = _read(path)
+    entries = {cell.name: (cell, known.get(cell_digest(one, cell))) for cell in cells}
+    return {
+        name: Measured(cell=cell, trials=tuple(found["trials"]))
+        for name, (cell, found) in entries.items()
+        if found is not None
+    }
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        return json.loads(path.read_text())
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"is no JSON ({error}).", "Remove it.") from error
+
 
 RULES = Path("data/validation.yaml")
 ROBOTS = Path("robots")
@@ -60,7 +103,7 @@ def derive(path: Path, one: Deployed, found: dict[str, dict[str, CellBars]], com
     """Write parts of a robot's bars, derived from the reference policy. A file that is there keeps its other parts."""
     bars = settings.read(path, RobotBars) if path.is_file() else None
     ankle_kd = bars.reference.ankle_kd if bars else ()
-    reference = Reference(policy=digest(one.policy), robot=one.robot.digest, ankle_kd=ankle_kd, command=command)
+    reference = Reference(policy=policy_digest(one.policy), robot=one.robot.digest, ankle_kd=ankle_kd, command=command)
     left = [part for part in PARTS if part not in found]
     if bars is None:
         atomic.write_text(
@@ -111,7 +154,7 @@ def stand_in_walks(damped: Sequence[Deployed], folder: Path, plan: WebotsSetting
 
 
 def _no_bars(one: Deployed) -> RobotBars:
-    reference = Reference(policy=digest(one.policy), robot=one.robot.digest, ankle_kd=(), command="")
+    reference = Reference(policy=policy_digest(one.policy), robot=one.robot.digest, ankle_kd=(), command="")
     return RobotBars(reference=reference, cells={}, engines={}, webots={}, limit_cycles={})
 
 

@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 
 from pipeline.validation.bars import Agreement, Bar, CellBars, Required, ValidationRules, bar_of, missed
 from pipeline.validation.cross_engine import HELD, NAMES, CellResult, CrossEngineResult, differences, errors_of
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings
+from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings
 from pipeline.validation.limit_cycle_walks import ENGINES as CYCLE_ENGINES
 from pipeline.validation.limit_cycle_walks import SpeedCycles
 from pipeline.validation.limit_cycle_walks import figures_of as cycle_figures_of
 from pipeline.validation.limit_cycle_walks import name_of as speed_name
-from pipeline.webots.result import WalkedSegment, WalkResult
-from pipeline.webots.settings import Allowed, WalkSegment, WebotsSettings
+from pipeline.webots.result import Allowed, WalkedSegment, WalkResult, WalkSegment, WebotsSettings
 
 
 def engine_bars(

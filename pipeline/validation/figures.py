@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline.quality.command_velocity import command_velocity
-from pipeline.quality.foot_slip import lowest_corner_slip
-from pipeline.quality.sole import sole_motion
+from pipeline.quality.sole import lowest_corner_slip, sole_motion
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope

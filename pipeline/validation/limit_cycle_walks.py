@@ -17,12 +17,12 @@ from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
 from pipeline.validation.bars import UNKNOWN, CellBars
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycles import (
     PLANES,
     Comparison,
     JointSeries,
     LimitCycle,
+    LimitCycleSettings,
     NoCycleError,
     compare,
     limit_cycle,

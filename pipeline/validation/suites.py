@@ -1,21 +1,122 @@
-"""The cells of each suite."""
+"""The cells of each suite.
+
+- `force`: a constant horizontal force at the trunk's centre of mass for 0.1 s, as in the published figures;
+- `kick`: an instantaneous change of the whole robot's velocity by impulse / mass;
+- `ball`: a 10 kg ball that hits the trunk with the speed of a drop (1.3 m in the paper). It is removed after 0.3 s, or
+  later if it has to catch up with a robot that walks away. The collision decides how much of its momentum the robot
+  receives.
+
+Each figure names its model: figures of different models are different quantities. While standing still, the eight times
+are equivalent.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
 
 from pipeline.errors import UnknownNameError
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
+from pipeline.simulation.mujoco_plant import BALL_DISTANCE, Ball
+from pipeline.simulation.plant import Event, Kick, Push, Throw
 from pipeline.validation.cells import (
+    SURVIVING,
     Cell,
     command_cells,
+    condition_cells,
     start_cells,
     step_cells,
     switch_cells,
+    terrain_cells,
     turning_cells,
 )
-from pipeline.validation.condition_cells import condition_cells, terrain_cells
-from pipeline.validation.push_cells import push_cells
+from pipeline.validation.trial import CommandProfile, Conditions, Trial, VelocityCommand
+
+IMPULSES = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
+"""[N s]"""
+TIMES = DIRECTIONS = 8
+"""The first direction is forward, then every 45 degrees to the left."""
+STEP_S = 0.1
+"""Time between consecutive push times [s]; eight cover more than a gait cycle."""
+FIRST_S = {"standing": 1.0, "walking": 3.0}
+"""Time of the first push [s], once the gait is steady."""
+AFTER_S = 2.0
+"""Time without a fall that counts as survival [s]; the published policy falls after 1.1 s at the latest."""
+PUSH_S = 0.1
+BALL = Ball(mass=10.0, radius=0.12)
+BALL_S = 0.3
+"""Least time that a ball is in the simulation [s]."""
+DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
+"""Drop heights [m] that give the ball its speed."""
+GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
+
+ToEvent = Callable[[float, np.ndarray, float], Event]
+
+
+def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")) -> tuple[Cell, ...]:
+    """All cells of the named push models: 12 of 64 trials each."""
+    cells = []
+    for model in models:
+        for gait in GAITS:
+            for size in DROPS_M if model == "ball" else IMPULSES:
+                cells.append(push_cell(robot, model, gait, size))
+    return tuple(cells)
+
+
+def push_cell(robot: Robot, model: str, gait: str, size: float) -> Cell:
+    """The 64 trials of one push; the first 8 of any block of 8 are the directions at one time.
+
+    Args:
+        robot: its mass determines the velocity change of a kick
+        model: `force, kick` or `ball`
+        gait: of `GAITS`
+        size: impulse [N s]; for a ball the drop height [m]
+    """
+    conditions = Conditions(ball=BALL) if model == "ball" else Conditions()
+    trials = []
+    for number in range(TIMES):
+        time_s = FIRST_S[gait] + STEP_S * number
+        for part in range(DIRECTIONS):
+            angle = 2.0 * math.pi * part / DIRECTIONS
+            direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+            trials.append(
+                Trial(
+                    seed=0,
+                    command=CommandProfile(commands=(GAITS[gait],)),
+                    seconds=time_s + AFTER_S,
+                    measure_s=time_s,
+                    events=(_event(robot, model, gait, size, direction, time_s),),
+                    conditions=conditions,
+                )
+            )
+    unit = "m" if model == "ball" else "Ns"
+    return Cell(
+        name=f"push {model} {gait} {size:g} {unit}", group=f"pushes {model}", figures=SURVIVING, trials=tuple(trials)
+    )
+
+
+def _event(robot: Robot, model: str, gait: str, size: float, direction_w: np.ndarray, start_s: float) -> Event:
+    if model == "force":
+        return Push(start_s=start_s, duration_s=PUSH_S, force_w=size / PUSH_S * direction_w)
+    if model == "kick":
+        return Kick(start_s=start_s, delta_v_w=size / robot.total_mass * direction_w)
+    speed = ball_speed(size)
+    return Throw(start_s=start_s, direction_w=direction_w, speed=speed, duration_s=ball_time(speed, gait))
+
+
+def ball_speed(drop: float) -> float:
+    """Speed [m/s] after falling `drop` [m]."""
+    return math.sqrt(2.0 * GRAVITY * drop)
+
+
+def ball_time(speed: float, gait: str) -> float:
+    """Time a ball is simulated [s]: enough to reach a robot that walks straight away from it."""
+    return max(BALL_S, (BALL_DISTANCE - BALL.radius) / (speed - GAITS[gait].forward))
+
 
 FULL, QUICK = "full", "quick"
 SUITES = (QUICK, FULL)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.simulation.events import Event
 from pipeline.simulation.mujoco_plant import Ball
+from pipeline.simulation.plant import Event
 from pipeline.simulation.sensors import SensorNoise
 
 SLEW = 1.0

@@ -12,7 +12,6 @@ from pipeline.deployment import PolicyController
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
@@ -27,6 +26,7 @@ from pipeline.simulation.terrain import (
     rough_ground,
     stepping_stones,
 )
+from pipeline.simulation.torque_envelope import PdControl
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
 

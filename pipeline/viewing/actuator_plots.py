@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pipeline.actuators import Calibration, JointActuator, JointLog, torque_envelope
-from pipeline.actuators.published import PublishedCurve
+from pipeline.actuators.folder import PublishedCurve
 from pipeline.viewing.plots import png
 
 COLUMNS = 4

@@ -23,9 +23,15 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
 from pipeline.viewing.human_figure import human_figure
-from pipeline.viewing.projection import CONTACT, Triangles, ground_triangles, one_above_the_other, pose_triangles
+from pipeline.viewing.projection import (
+    CONTACT,
+    TriangleArtist,
+    Triangles,
+    ground_triangles,
+    one_above_the_other,
+    pose_triangles,
+)
 from pipeline.viewing.robot_figure import robot_figure
-from pipeline.viewing.triangle_artist import TriangleArtist
 
 POSE_WIDTH = 1.05
 """Room for a pose [m]."""

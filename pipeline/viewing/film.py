@@ -16,8 +16,7 @@ from PIL import Image  # comes with matplotlib
 
 from pipeline.errors import FileError
 from pipeline.viewing.figure import Figure
-from pipeline.viewing.projection import ground_triangles, one_above_the_other, pose_triangles
-from pipeline.viewing.triangle_artist import TriangleArtist
+from pipeline.viewing.projection import TriangleArtist, ground_triangles, one_above_the_other, pose_triangles
 
 SUFFIXES = (".mp4", ".gif")
 DOTS_PER_M = 190

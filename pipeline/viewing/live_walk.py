@@ -9,10 +9,10 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.simulation.mujoco_plant import MujocoPlant
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.run import fall_height, has_fallen, steps_of
 from pipeline.simulation.terrain import FlatGround, Ground
+from pipeline.simulation.torque_envelope import PdControl
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.trial import SLEW, Conditions, GroundSpec
 from pipeline.validation.walk import Worlds

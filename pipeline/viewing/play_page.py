@@ -8,14 +8,14 @@ from collections.abc import Callable
 from typing import Any, Literal, NoReturn
 
 import numpy as np
-import viser
 
 from pipeline.files.shown_text import escaped
 from pipeline.robot import Kinematics
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk, surface
+from pipeline.viewing.page_server import page_server
 from pipeline.viewing.robot_figure import robot_parts
-from pipeline.viewing.scene import add_shape
+from pipeline.viewing.viewer import add_shape
 
 LIMITS = ((-0.6, 2.0), (-0.6, 0.6), (-1.5, 1.5))
 """Ranges of the sliders: forward, lateral [m/s], yaw rate [rad/s], as the commands of training."""
@@ -45,7 +45,7 @@ class PlayPage:
         self._lock = threading.Lock()
         self._kinematics = Kinematics(one.robot)
         self._links = [one.robot.link(part.name) for part in robot_parts(one.robot)]
-        self.server = viser.ViserServer(host=host, port=port, label=f"Booster Lab: {name}", verbose=False)
+        self.server = page_server(host, port, label=f"Booster Lab: {name}")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._owed_s = 0.0
         self._add_scene()

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.artist import Artist
+from matplotlib.backend_bases import RendererBase
+from matplotlib.transforms import IdentityTransform
 
 from pipeline import rotation
 from pipeline.viewing.figure import Color, Figure
-from pipeline.viewing.shape_mesh import shape_mesh
+from pipeline.viewing.robot_figure import shape_mesh
 
 SEGMENTS = 10
 """Corners of a circle."""
@@ -102,3 +105,25 @@ def _painted(triangles: Float[np.ndarray, "n 3 3"], colors: Float[np.ndarray, "n
     bright = 0.55 + 0.45 * np.clip(normal @ LIGHT, 0.0, 1.0)
     shaded = np.round(colors * bright[:, None], 2)[order]
     return Triangles(corners=project(triangles[order]), colors=shaded)
+
+
+class TriangleArtist(Artist):
+    """Triangles of one colour each, those further on in the list on top.
+
+    Agg widens each by half a dot, so that none of the ground shows between two that meet.
+    """
+
+    def __init__(self, triangles: Triangles) -> None:
+        super().__init__()
+        self._triangles = triangles
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw them in the data coordinates of the axes that they were added to."""
+        count = self._triangles.count
+        if not count or self.axes is None:
+            return
+        corners = self.axes.transData.transform(self._triangles.corners.reshape(-1, 2)).reshape(-1, 3, 2)
+        opaque = np.column_stack([self._triangles.colors, np.ones(count)])
+        context = renderer.new_gc()
+        renderer.draw_gouraud_triangles(context, corners, np.repeat(opaque[:, None], 3, axis=1), IdentityTransform())
+        context.restore()

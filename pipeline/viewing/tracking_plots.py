@@ -13,8 +13,8 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.tracking.process import NOT_TRACKED
 from pipeline.viewing.contact_sheet import Strip, worst_clips_sheet
-from pipeline.viewing.entry_clip import entry_clip
 from pipeline.viewing.plots import png
+from pipeline.viewing.worst_clips import entry_clip
 
 SHOWN_S = 1.0
 """A rollout is shown from this long before its failure, or its largest error, to at most this long after [s]."""

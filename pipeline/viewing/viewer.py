@@ -6,16 +6,142 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import NoReturn
 
 import numpy as np
 import viser
+from jaxtyping import Float
 
+from pipeline import time_series
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped
-from pipeline.viewing.playback import SPEEDS, Playback
+from pipeline.viewing.figure import Color, Figure, Shape
+from pipeline.viewing.page_server import page_server
 from pipeline.viewing.playlist import Playlist
-from pipeline.viewing.scene import SceneFigure
+from pipeline.viewing.projection import CONTACT
+from pipeline.viewing.robot_figure import shape_mesh
+
+SEGMENTS = 24
+"""Corners of a circle."""
+
+TILE = 0.25
+"""Side of a square of the floor [m]."""
+
+FLOOR_LENGTH, FLOOR_WIDTH = 4.0, 1.0
+"""Size of a figure's own floor along x and y [m]; adjacent floors don't touch."""
+
+PATH_CUTOFF_HZ = 0.4
+"""Cutoff of the low-pass filter on the followed path [Hz], below any stride rate."""
+
+
+class SceneFigure:
+    """One figure in a scene, on a floor of its own, at its place beside the others."""
+
+    def __init__(self, scene: viser.SceneApi, figure: Figure, place: Float[np.ndarray, " 3"]):
+        self.figure = figure
+        self._place = place
+        self._path = _path(figure)
+        self._root = scene.add_frame(f"/{figure.name}", show_axes=False, position=place)
+        self._floor = scene.add_grid(
+            f"/{figure.name}/floor",
+            width=FLOOR_LENGTH,
+            height=FLOOR_WIDTH,
+            cell_size=TILE,
+            cell_color=(170, 170, 170),
+            section_size=TILE,
+            section_color=(170, 170, 170),
+            plane_color=(238, 238, 232),
+            plane_opacity=1.0,
+        )
+        self.parts: list[viser.FrameHandle] = []
+        self.meshes: list[list[viser.MeshHandle]] = []
+        for part in figure.parts:
+            name = f"/{figure.name}/{part.name}"
+            self.parts.append(scene.add_frame(name, show_axes=False))
+            self.meshes.append([add_shape(scene, name, index, shape) for index, shape in enumerate(part.shapes)])
+
+    def show(self, time_s: float, follow: bool) -> None:
+        """Move everything to the frame at a time. With `follow` the figure stays in its place and the floor moves."""
+        frame = self.figure.frame_at(time_s)
+        path = self._path[frame] if follow else np.zeros(3)
+        self._root.position = self._place - path
+        self._floor.position = np.rint(self._path[frame] / TILE) * TILE
+        drawn = self.figure.drawn(frame)
+        for index, part in enumerate(self.parts):
+            part.visible = bool(drawn[index])
+            if drawn[index]:
+                part.position = self.figure.pos_w[frame, index]
+                part.wxyz = self.figure.quat_w[frame, index]
+        self._show_contacts(frame)
+
+    def remove(self) -> None:
+        """Take the figure out of the scene, with all that is below it."""
+        self._root.remove()
+
+    def _show_contacts(self, frame: int) -> None:
+        if self.figure.contacts is None:
+            return
+        for part, meshes in zip(self.figure.parts, self.meshes, strict=True):
+            if part.foot is None:
+                continue
+            on_ground = bool(self.figure.contacts[frame, part.foot])
+            for shape, mesh in zip(part.shapes, meshes, strict=True):
+                mesh.color = _rgb(CONTACT if on_ground else shape.color)
+
+
+def add_shape(scene: viser.SceneApi, name: str, index: int, shape: Shape) -> viser.MeshHandle:
+    """Add a primitive below a part's node; its mesh."""
+    vertices, faces = shape_mesh(shape.kind, shape.size, SEGMENTS)
+    return scene.add_mesh_simple(
+        f"{name}/{index}",
+        vertices=vertices.astype(np.float32),
+        faces=faces.astype(np.uint32),
+        color=_rgb(shape.color),
+        flat_shading=shape.kind == "box",
+        position=shape.pos,
+        wxyz=shape.quat,
+    )
+
+
+def _rgb(color: Color) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * value) for value in color)
+    return red, green, blue
+
+
+def _path(figure: Figure) -> Float[np.ndarray, "t 3"]:
+    """Low-passed ground position of the figure [m]; missing frames hold the last one."""
+    path = figure.root_pos_w * np.array([1.0, 1.0, 0.0])
+    known = np.flatnonzero(np.isfinite(path).all(axis=1))
+    if not len(known):
+        return np.zeros_like(path)
+    held = known[np.clip(np.searchsorted(known, np.arange(len(path)), side="right") - 1, 0, None)]
+    return time_series.smooth(path[held], figure.fps, PATH_CUTOFF_HZ)
+
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
+"""Playing speeds / real time."""
+
+
+@dataclass
+class Playback:
+    """Playback state of a clip."""
+
+    duration_s: float
+    """Time of the last frame [s]."""
+    time_s: float = 0.0
+    speed: float = 1.0
+    playing: bool = True
+
+    def advance(self, passed_s: float) -> None:
+        """Advance by real time, looping at the end."""
+        if self.playing and self.duration_s > 0.0:
+            self.time_s = (self.time_s + self.speed * passed_s) % self.duration_s
+
+    def seek(self, time_s: float) -> None:
+        """Jump to a time, clamped to the clip."""
+        self.time_s = min(max(time_s, 0.0), self.duration_s)
+
 
 TICK_S = 1.0 / 30.0
 """Time between two pictures [s]."""
@@ -37,7 +163,7 @@ class Viewer:
     def __init__(self, playlist: Playlist, port: int, host: str = "127.0.0.1"):
         names = playlist.names + playlist.beside
         self._load = playlist.load
-        self.server = viser.ViserServer(host=host, port=port, label="Booster Lab", verbose=False)
+        self.server = page_server(host, port, label="Booster Lab")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.figures: list[SceneFigure] = []
         self.playback = Playback(duration_s=0.0)

@@ -12,9 +12,8 @@ from PIL import Image  # comes with matplotlib
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.contact_sheet import POSE_WIDTH, ROBOT_HEIGHT_SHARE
-from pipeline.viewing.projection import ground_triangles, one_above_the_other, pose_triangles
+from pipeline.viewing.projection import TriangleArtist, ground_triangles, one_above_the_other, pose_triangles
 from pipeline.viewing.robot_figure import robot_figure
-from pipeline.viewing.triangle_artist import TriangleArtist
 
 PALETTE = 32
 DOTS_PER_M = 130

@@ -4,22 +4,62 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline import rotation, time_series
-from pipeline.hardware_logs.robot_log import (
-    FallStates,
-    LogFacts,
-    LowCmds,
-    LowStates,
-    Odometry,
-    RobotLog,
-)
+from pipeline.hardware_logs.robot_log import FallStates, LogFacts, LowCmds, LowStates, Odometry, RobotLog
 from pipeline.physics import GRAVITY
 from pipeline.simulation.record import Rollout
-from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogQuality:
+    """Standard deviations of normal noise, and losses. Judgement: no log of a T1 is published."""
+
+    attitude: float = 0.003
+    """[rad]"""
+    gyro: float = 0.01
+    """[rad/s]"""
+    acceleration: float = 0.15
+    """[m/s^2]"""
+    joint_pos: float = 0.0005
+    """[rad]"""
+    joint_vel: float = 0.03
+    """[rad/s]"""
+    torque_share: float = 0.02
+    """Relative torque noise: motor current is measured, gear losses are not."""
+    torque: float = 0.3
+    """[N m]"""
+    odometer_scale: float = 1.0 / 1.2
+    """Ratio of odometer to true distance: Booster's demo rescales the T1's odometer by 1.2."""
+    odometer_drift: float = 0.005
+    """Random walk of each speed over one second [m/s, rad/s]."""
+    jitter_s: float = 0.0002
+    """Jitter of the time of receipt [s]."""
+    message_loss: float = 0.001
+    """Share of lost messages."""
+    motor_loss_hz: float = 0.02
+    """Lost packets per motor and second."""
+
+
+SOUND = LogQuality()
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeatModel:
+    """Motor temperature: heating by the square of the torque, cooling towards the ambient temperature."""
+
+    ambient_c: float = 25.0
+    start_c: float = 38.0
+    rise_k: float = 150.0
+    """Steady-state rise above ambient at the torque limit [K]; a third of the torque ends at 42 degC."""
+    time_constant_s: float = 180.0
+    heating: float = 1.0
+    """Factor on the heating, for a faulty motor."""
+
 
 EPOCH_NS = 1_767_225_600_000_000_000
 """2026-01-01, fixed so that equal rollouts give equal bytes."""

@@ -11,18 +11,23 @@ from jaxtyping import Float
 
 from pipeline.hardware_logs.robot_log import LogFacts, OperatorEvent, RobotLog
 from pipeline.robot import Robot
-from pipeline.simulation.events import Push
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.plant import Push
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
-from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.virtual_robot.deviations import Deviations, by_joint, envelope_of, motor_envelope
-from pipeline.virtual_robot.failing_motors import FailingMotors, Outage, joints_of
-from pipeline.virtual_robot.holding_hand import HeldPlant, Hold
-from pipeline.virtual_robot.log_quality import SOUND, HeatModel, LogQuality
-from pipeline.virtual_robot.record import record
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
+from pipeline.virtual_robot.deviations import (
+    Deviations,
+    FailingMotors,
+    Outage,
+    by_joint,
+    envelope_of,
+    joints_of,
+    motor_envelope,
+)
+from pipeline.virtual_robot.record import SOUND, HeatModel, LogQuality, record
+from pipeline.virtual_robot.scripted import HeldPlant, Hold
 
 FALLEN_COS = 0.5
 """Cosine of the tilt at which booster_deploy stops its policy: 60 degrees."""

@@ -19,8 +19,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.append(str(HERE / "shims"))  # last: an installed jaxtyping takes precedence
 
 from pipeline.deployment import DeploymentTask, PolicyController, load_policy  # noqa: E402
-from pipeline.simulation.pd_control import PdControl  # noqa: E402
-from pipeline.simulation.torque_envelope import TorqueEnvelope  # noqa: E402
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope  # noqa: E402
 
 SCHEMA = "booster-lab webots result 1"
 RESULT_MARK = "BOOSTER_LAB_RESULT "

@@ -23,8 +23,7 @@ from typing import IO
 from pipeline.files import atomic
 from pipeline.webots.booster_lab import RESULT_MARK
 from pipeline.webots.project import Project, run_plan
-from pipeline.webots.result import MAX_CHARACTERS, ResultError, WalkResult, parse_result
-from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.result import MAX_CHARACTERS, ResultError, WalkResult, WebotsSettings, parse_result
 
 WEBOTS_FLAGS = ("--batch", "--mode=fast", "--no-rendering", "--minimize", "--stdout", "--stderr")
 WEBOTS_NOT_FOUND = "webots not found"

@@ -11,8 +11,7 @@ from typing import Any
 
 from pipeline.webots.launch import FINISHED, NOT_RUN, Outcome, launch, launch_webots
 from pipeline.webots.project import Project
-from pipeline.webots.result import WalkResult
-from pipeline.webots.settings import Allowed, WalkSegment, WebotsSettings
+from pipeline.webots.result import Allowed, WalkResult, WalkSegment, WebotsSettings
 from pipeline.webots.sources import PIPELINE
 from pipeline.webots.stand_in.ode_engine import NOT_FOUND, OdeNotFoundError, load_ode
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.errors import PipelineError
-from pipeline.robot.xml_text import numbers
+from pipeline.robot.mjcf import numbers
 
 TOKEN = re.compile(r"""\s+|,|\#[^\n]*|(?P<text>"(?:\\.|[^"\\])*")|(?P<mark>[{}\[\]])|(?P<word>[^\s{}\[\]",\#]+)""")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.actuators import calibrate, fit_knee
-from pipeline.actuators.synthetic import Curve, Sweep, sample
+from pipeline.actuators.synthesize import Curve, Sweep, sample
 from tests.factories.sweeps import CASES, CURVE, MOTOR, SETTINGS, points, written
 
 DRAWS = 80

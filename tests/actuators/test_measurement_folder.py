@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.actuators import calibrate_folder
-from pipeline.actuators.published import read_published
+from pipeline.actuators.folder import read_published
 from pipeline.batch import Store
 from pipeline.errors import FileError
 from pipeline.viewing.actuator_plots import calibration_curves

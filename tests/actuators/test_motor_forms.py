@@ -14,7 +14,7 @@ from pipeline.actuators import (
     torque_envelope,
 )
 from pipeline.robot import Robot
-from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.torque_envelope import PdControl
 from pipeline.viewing.actuator_plots import log_curves
 from tests.factories.sweeps import SETTINGS
 

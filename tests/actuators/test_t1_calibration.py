@@ -20,9 +20,8 @@ from pipeline.actuators import (
     torque_envelope,
     write_adapted_robot,
 )
-from pipeline.actuators.published import read_published
-from pipeline.actuators.synthesize import T1, main, measurement_text
-from pipeline.actuators.synthetic import Sweep
+from pipeline.actuators.folder import read_published
+from pipeline.actuators.synthesize import T1, Sweep, main, measurement_text
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.robot import Robot, load_robot
 from tests.factories.sweeps import CURVE, SETTINGS, points, written

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pipeline.augment import AugmentSettings, process
-from pipeline.augment.strengths import Strengths
-from pipeline.augment.time_scale import time_scale_clip, time_scale_numbers
+from pipeline.augment.mirror import time_scale_clip, time_scale_numbers
+from pipeline.augment.settings import Strengths
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError
 from pipeline.files import settings
-from pipeline.quality.sole_contact import ContactSettings
+from pipeline.quality.sole import ContactSettings
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 

@@ -10,7 +10,7 @@ from pipeline import rotation, time_series
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import mirror_clip
 from pipeline.augment.perturb import perturb
-from pipeline.augment.strengths import KINDS, Strengths
+from pipeline.augment.settings import KINDS, Strengths
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError

@@ -1,6 +1,7 @@
 """Who may do what at the server: pages of this machine read, and change things only with the token."""
 
 import json
+import shutil
 
 import pytest
 import yaml
@@ -122,6 +123,18 @@ def test_the_table_motion_and_thumbnails_are_served(client):
     assert client.get(f"/thumbnails/{'0' * 32}").status_code == 404
     assert client.get("/static/../app.py").status_code == 404
     assert client.get("/api/motion", params={"name": "nobody"}).status_code == 404
+
+
+def test_a_stored_motion_that_comes_back_gets_its_thumbnail(client, folder):
+    found = client.get("/api/clips").json()
+    address = f"/thumbnails/{found['thumbnail'][found['clip'].index(made.KEPT)]}"
+    blobs = folder / "data/store/blobs"
+    shutil.rmtree(folder / "data/store/thumbnails", ignore_errors=True)
+    blobs.rename(folder / "aside")
+    lost = client.get(address)
+    assert lost.content == b"" and lost.headers["cache-control"] == "no-store"
+    (folder / "aside").rename(blobs)
+    assert len(client.get(address).content) > 1000
 
 
 def test_a_manifest_that_changed_is_read_again(client, folder):

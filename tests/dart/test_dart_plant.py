@@ -14,9 +14,8 @@ from pipeline.actuators import read_standing_pose
 from pipeline.dart.plant import DartPlant
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.armature_on_links import added_moments, put_armature_on_links
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.plant import PlantState
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 
 @pytest.fixture(scope="module")

@@ -186,7 +186,7 @@ def _edit(change: Callable[[dict], None]) -> Callable[[Path], None]:
     ("damage", "fault"),
     [
         (lambda path: path.unlink(), "is missing"),
-        (lambda path: os.truncate(path, 500), "is no JSON"),
+        (lambda path: os.truncate(path, 500), "not JSON"),
         (_edit(lambda content: content.pop("Frames")), "the key 'Frames' is missing"),
         (_edit(lambda content: content.update(MotionWeight=-1.0)), "wanted a positive number"),
         (_edit(lambda content: content.update(LoopMode="Loop")), "wanted one of Clamp, Wrap"),

@@ -12,11 +12,9 @@ from pipeline.expert.licence import LicenceClass
 from pipeline.export.__main__ import main
 from pipeline.export.booster_deploy import write_task_folder
 from pipeline.export.card import read_card
-from pipeline.export.export_error import ExportError
 from pipeline.export.folder import Source, complete_export, export_policy, read_export
-from pipeline.export.golden import read_golden
-from pipeline.export.licence import SHIPPABLE, shipping
-from pipeline.export.metadata import trained_task
+from pipeline.export.metadata import SHIPPABLE, ExportError, shipping, trained_task
+from pipeline.export.parity import read_golden
 from tests.factories.networks import network, network_file
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
 

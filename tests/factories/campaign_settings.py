@@ -38,9 +38,9 @@ from pipeline.robot.robot_error import RobotError
 from pipeline.selection import Curation
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.validation.bars import ValidationSettings
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
-from pipeline.webots.settings import WebotsSettings
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
+from pipeline.validation.limit_cycles import LimitCycleSettings
+from pipeline.webots.result import WebotsSettings
 from tests.factories import mutations
 from tests.factories.campaign import CRASHED, REFUSED, RIGHT, WRONG, Case, Verdict, is_sentence
 

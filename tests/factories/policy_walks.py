@@ -6,9 +6,8 @@ from pathlib import Path
 
 from pipeline.deployment import load_policy
 from pipeline.robot import Robot
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.rollout import Rollout, rollout, steady_command
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 ANKLE_KD = 2.0
 """The gains this policy is deployed with have it twice as high as the robot's [N m s/rad]."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.augment.time_scale import time_scale_clip
+from pipeline.augment.mirror import time_scale_clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.settings import ActuatorSettings
-from pipeline.actuators.synthetic import Curve, Sweep, sample
+from pipeline.actuators.synthesize import Curve, Sweep, sample
 from pipeline.files import settings
 from pipeline.robot.load import ROBOTS
 

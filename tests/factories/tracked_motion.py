@@ -7,12 +7,11 @@ import numpy as np
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import DeploymentTask, deployment_task
 from pipeline.robot import Robot
-from pipeline.simulation.events import Event
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
+from pipeline.simulation.plant import Event
 from pipeline.simulation.rollout import Rollout, steady_command
 from pipeline.simulation.run import run
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.robot_clips import standing
 
 

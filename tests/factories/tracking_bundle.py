@@ -25,7 +25,7 @@ def tracking_bundle(folder: Path, root: Path, robot: Robot) -> Path:
     return folder / "bundle"
 
 
-def tracker_file(path: Path, robot: Robot, **changed: np.ndarray) -> Path:
+def tracker_file(path: Path, robot: Robot, /, **changed: np.ndarray) -> Path:
     """A tracker whose action is zero: its joint targets are the reference's joints."""
     inputs, outputs = observation_size(len(robot.joint_names), len(robot.key_links), len(robot.controlled)), 21
     arrays = {

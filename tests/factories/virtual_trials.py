@@ -12,12 +12,11 @@ from pipeline.deployment import PolicyController, load_policy
 from pipeline.deployment.policy import digest
 from pipeline.hardware_logs.robot_log import LogFacts, RobotLog
 from pipeline.robot import Robot
-from pipeline.simulation.events import Push
+from pipeline.simulation.plant import Push
 from pipeline.simulation.record import Rollout
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
-from pipeline.virtual_robot.deviations import Deviations
-from pipeline.virtual_robot.failing_motors import Outage
-from pipeline.virtual_robot.holding_hand import Hold
+from pipeline.virtual_robot.deviations import Deviations, Outage
+from pipeline.virtual_robot.scripted import Hold
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 
 SECONDS = 8.0

@@ -10,8 +10,7 @@ from pipeline.failures.failure import DAMPED, MOTORS_OFF, NOT_OF_POLICY
 from pipeline.failures.find import find_failures
 from pipeline.failures.signals import signals_of
 from pipeline.feedback.propose import propose
-from pipeline.virtual_robot.deviations import motor_envelope
-from pipeline.virtual_robot.failing_motors import FailingMotors, Outage, joints_of
+from pipeline.virtual_robot.deviations import FailingMotors, Outage, joints_of, motor_envelope
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT
 from pipeline.virtual_robot.trial import VirtualTrial
 from tests.factories.log_trials import FAILURES, scripted_log, trial_of

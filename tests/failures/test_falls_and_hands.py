@@ -12,8 +12,7 @@ from pipeline.failures.held import excuse_at, excuses
 from pipeline.failures.signals import signals_of
 from pipeline.hardware_logs import OperatorEvent, Trial
 from pipeline.robot import Robot
-from pipeline.virtual_robot.holding_hand import Hold
-from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT
+from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, Hold
 from pipeline.virtual_robot.trial import VirtualTrial
 from tests.factories.log_trials import FAILURES, scripted_log, trial_of
 

@@ -38,8 +38,8 @@ def test_errors_keep_their_text_across_processes(root, cases):
 )
 def test_a_policy_that_can_not_be_used_is_one_sentence(cases, capsys, case, sentence):
     assert main(["validate", str(cases / case / "policy.npz")]) == 1
-    errors = capsys.readouterr().err
-    assert sentence in errors and errors.count("\n") == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("parts of the trials")]
+    assert len(lines) == 1 and sentence in lines[0]  # a slow machine shows progress before
 
 
 @pytest.mark.parametrize(("case", "note"), [("index_csv_long_field", "broken_index"), ("licence_file_of_holes", None)])

@@ -14,7 +14,7 @@ import torch
 from pipeline.deployment import deployment_task, load_policy, save_policy
 from pipeline.errors import FileError
 from pipeline.export.card import FILE, SCHEMA, ModelCard, page, read_card
-from pipeline.export.golden import GoldenVectors, read_golden, write_golden
+from pipeline.export.parity import GoldenVectors, read_golden, write_golden
 from pipeline.files import digest
 from pipeline.learning.checkpoint import load_checkpoint
 from pipeline.learning.training_error import TrainingError
@@ -128,7 +128,7 @@ def measured(imports: str, call: str, root: Path, error: str = "Exception") -> t
 READERS = {
     "policy.npz": ("pipeline.deployment", "load_policy({path})", "L0_w.npy"),
     "walked.npz": ("pipeline.training.plain_walk", "Network({path})", "L0_w.npy"),
-    "golden.npz": ("pipeline.export.golden", "read_golden({path})", "command.npy"),
+    "golden.npz": ("pipeline.export.parity", "read_golden({path})", "command.npy"),
     "checkpoint.pt": ("pipeline.learning.checkpoint", "load_checkpoint({path}, 'cpu')", "model/data/0"),
     "script.pt": ("pipeline.export.torch_script", "read_torch_script({path})", "script/code/0"),
 }

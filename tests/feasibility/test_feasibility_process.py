@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.augment.time_scale import time_scale_clip
+from pipeline.augment.mirror import time_scale_clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.feasibility import FeasibilitySettings, assess, process

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.augment.mirror import mirror_clip
-from pipeline.augment.time_scale import time_scale_clip
+from pipeline.augment.mirror import mirror_clip, time_scale_clip
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
 from pipeline.feasibility.gait_signature import gait_signature, gait_signature_text
 from pipeline.files import settings

@@ -13,8 +13,7 @@ from pipeline.feasibility.foot_criteria import foot_slip
 from pipeline.feasibility.motion import Motion, motion_of
 from pipeline.feasibility.slowest_point import distance_from_zero, slowest_point_speed
 from pipeline.files import settings
-from pipeline.quality.sole import SoleMotion
-from pipeline.quality.sole_contact import contact_from_sole
+from pipeline.quality.sole import SoleMotion, contact_from_sole
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing
 

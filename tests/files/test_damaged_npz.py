@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.deployment import load_policy
 from pipeline.errors import FileError
-from pipeline.export.golden import read_golden
+from pipeline.export.parity import read_golden
 from pipeline.readers.npz_file import open_npz
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import digest
-from pipeline.files.digest_memory import DigestMemory
+from pipeline.files.blob_store import DigestMemory
 
 
 @pytest.fixture
 def settled(tmp_path: Path, monkeypatch) -> Path:
     """A file that counts as quiet, and a memory that has read it."""
-    monkeypatch.setattr("pipeline.files.digest_memory.SETTLED_NS", 0)
+    monkeypatch.setattr("pipeline.files.blob_store.SETTLED_NS", 0)
     path = tmp_path / "log.mcap"
     path.write_bytes(b"a log of the robot")
     memory = DigestMemory(tmp_path / "memory.json")
@@ -25,7 +25,7 @@ def settled(tmp_path: Path, monkeypatch) -> Path:
 def reads(monkeypatch) -> list[Path]:
     """The files that are read from now on."""
     found, of_file = [], digest.of_file
-    monkeypatch.setattr("pipeline.files.digest_memory.digest.of_file", lambda path: found.append(path) or of_file(path))
+    monkeypatch.setattr("pipeline.files.blob_store.digest.of_file", lambda path: found.append(path) or of_file(path))
     return found
 
 

@@ -7,9 +7,14 @@ import pytest
 
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.quality.foot_slip import inner_contacts, lowest_corner_slip
-from pipeline.quality.sole import SoleMotion, sole_motion
-from pipeline.quality.sole_contact import ContactSettings, contact_from_sole
+from pipeline.quality.sole import (
+    ContactSettings,
+    SoleMotion,
+    contact_from_sole,
+    inner_contacts,
+    lowest_corner_slip,
+    sole_motion,
+)
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 

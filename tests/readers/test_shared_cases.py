@@ -1,5 +1,7 @@
 """Difficult inputs that were made from files in the wild: each gives the result that its `expected.md` asks for."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,15 @@ def test_skeletons_are_read_by_themselves(cases, file, skeleton, seconds, speed)
 def test_inspect_finds_nothing_wrong_with_sound_motions(cases, capsys, file):
     assert main(["inspect", str(cases / file)]) == 0
     assert "found: nothing wrong" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("pose", "tn")
+def test_inspect_finds_only_the_height_of_the_ground_in_the_xsens_files(cases, capsys, pose):
+    """Their toes stand 6 cm above z = 0, of which 3.7 cm are more than a ball of a foot has; nothing is lost."""
+    assert main(["inspect", "--json", str(cases / f"xsens_motionbuilder_names/xsens_{pose}.bvh")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [(each["code"], each["effect"]) for each in found["reasons"]] == [("floor_offset", "repaired")]
+    assert found["usable_seconds"] == pytest.approx(2.5)
 
 
 def test_a_t_pose_and_hanging_arms_at_rest_give_the_same_motion(cases):

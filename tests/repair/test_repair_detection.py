@@ -13,8 +13,7 @@ from pipeline.files import settings as settings_files
 from pipeline.readers import read_motion
 from pipeline.repair import RepairSettings
 from pipeline.repair.detect import detect
-from pipeline.repair.roughness import find_spikes
-from pipeline.repair.unsteadiness import Seen
+from pipeline.repair.unsteadiness import Seen, find_spikes
 from tests.factories.human_clips import Gait, standing, walker
 from tests.factories.planted_defects import KINDS, plant
 

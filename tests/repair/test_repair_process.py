@@ -13,7 +13,7 @@ from pipeline.clips.outcome import Outcome
 from pipeline.errors import ClipError
 from pipeline.files import settings as settings_files
 from pipeline.repair import RepairSettings, process
-from pipeline.repair.placement import Placement
+from pipeline.repair.floor import Placement
 from pipeline.repair.tree import LIMB_ENDS, bone_lengths
 from tests.factories.human_clips import Gait, standing, turned, walker
 from tests.factories.planted_defects import plant

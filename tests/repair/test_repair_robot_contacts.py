@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.repair.robot_contacts import label_robot_contacts
+from pipeline.repair.robot_motion import label_robot_contacts
 from tests.factories.policy_walks import policy_walk
 
 COMMANDS = [(0.6, 0.0, 0.0), (1.2, 0.0, 0.8), (-0.5, 0.0, 0.0)]

@@ -17,7 +17,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.files import digest
 from pipeline.files import settings as settings_file
-from pipeline.quality import foot_slip, retargeting, sole
+from pipeline.quality import retargeting, sole
 from pipeline.retarget import RetargetSettings, process
 from pipeline.retarget.process import onto_robot
 from pipeline.robot import Kinematics, load_robot, mujoco_model
@@ -78,14 +78,14 @@ def test_the_clip_is_at_the_settings_rate_and_as_long_as_the_humans():
 @pytest.mark.parametrize("speed_m_s", [0.5, 1.0])
 def test_the_edge_that_a_standing_foot_rolls_over_hardly_slides(speed_m_s):
     clip = retarget(walker(seconds=4.0, gait=Gait(speed_m_s=speed_m_s, stride_s=1.2)))
-    assert foot_slip.lowest_corner_slip(sole.sole_motion(clip, ROBOT), clip.contacts).mean < 0.012
+    assert sole.lowest_corner_slip(sole.sole_motion(clip, ROBOT), clip.contacts).mean < 0.012
 
 
 def test_the_soles_stand_on_the_ground_and_not_under_it():
     _, clip = walking()
     height = sole.sole_motion(clip, ROBOT).height
     assert height.min() > -0.005
-    assert abs(np.median(height[foot_slip.inner_contacts(clip.contacts)])) < 0.005
+    assert abs(np.median(height[sole.inner_contacts(clip.contacts)])) < 0.005
     assert height.max() > 0.02, "the feet leave the ground"
 
 

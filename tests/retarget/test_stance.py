@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.errors import ClipError
 from pipeline.files import settings as settings_file
-from pipeline.retarget import proportions
+from pipeline.retarget import targets
+from pipeline.retarget.foot_plan import contacts_of, without_short_runs
 from pipeline.retarget.settings import RetargetSettings
-from pipeline.retarget.stance import contacts_of, without_short_runs
 from tests.factories.human_clips import HIP_HALF, SHANK, THIGH, walker
 from tests.factories.retarget_clips import scaled
 
@@ -49,7 +49,7 @@ def test_gaps_too_short_for_a_swing_are_closed_and_the_clips_ends_stay():
 
 def test_proportions_are_those_the_walker_was_built_with():
     clip = walker(seconds=3.0)
-    measured = proportions.measure(clip, clip.contacts)
+    measured = targets.measure(clip, clip.contacts)
     assert measured.leg == pytest.approx(THIGH + SHANK, abs=0.01)
     assert measured.hip_half_width == pytest.approx(HIP_HALF, abs=1e-6)
     np.testing.assert_allclose(measured.ankle_height, 0.08, atol=0.005)
@@ -58,4 +58,4 @@ def test_proportions_are_those_the_walker_was_built_with():
 def test_legs_that_no_person_has_are_refused():
     clip = scaled(walker(seconds=2.0), 100.0)
     with pytest.raises(ClipError, match=r"the legs are 89 m long"):
-        proportions.measure(clip, clip.contacts)
+        targets.measure(clip, clip.contacts)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.robot import Kinematics, Robot
-from pipeline.robot.mirror import mirrored_name
+from pipeline.robot.legs import mirrored_name
 
 IN_XZ_PLANE = np.array([1.0, -1.0, 1.0])
 QUAT_IN_XZ_PLANE = np.array([1.0, -1.0, 1.0, -1.0])

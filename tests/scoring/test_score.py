@@ -10,7 +10,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.robot import load_robot
 from pipeline.scoring import FIGURES, aligned, pooled, score
-from pipeline.scoring.stance_labels import STRICTNESSES, stance_labels
+from pipeline.scoring.align import STRICTNESSES, stance_labels
 from tests.factories.human_clips import Gait, walker
 from tests.factories.retarget_clips import person_of
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.catalog import CatalogSettings, catalogue, catalogue_file
-from pipeline.catalog.repeated_frames import times_stored
+from pipeline.catalog.measure import times_stored
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings as settings_file
-from pipeline.quality.gap_bridge import bridge, short_gaps
+from pipeline.quality.planar_motion import bridge, short_gaps
 from pipeline.readers import ReadMotion, Source, read_motion
 from pipeline.robot import Kinematics
 from pipeline.selection import TRANSITION, Curation, find_windows, process

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from pipeline.selection.segmentation import segment
+from pipeline.selection.skills import segment
 
 
 def cost_of(stretches, cost, cut_price):

@@ -11,14 +11,12 @@ from pipeline import rotation
 from pipeline.deployment import DeploymentTask, PolicyController, deployment_task
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
-from pipeline.simulation.events import Kick, Push, Throw
 from pipeline.simulation.mujoco_plant import Ball, MujocoOptions, MujocoPlant
-from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.plant import NoBallError, PlantState
+from pipeline.simulation.plant import Kick, NoBallError, PlantState, Push, Throw
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import RateError, fall_height, has_fallen, run
 from pipeline.simulation.sensors import NoisySensors, PerfectSensors, SensorNoise
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.policies import linear_policy, still_policy
 
 STILL = np.zeros(3)

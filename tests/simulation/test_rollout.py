@@ -8,9 +8,8 @@ import pytest
 
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.robot import Robot
-from pipeline.simulation.pd_control import PdControl
 from pipeline.simulation.self_collision import self_collision
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing
 

@@ -1,5 +1,6 @@
 """Rollouts on a CPU: reproducible, cut where tracking fails, with forces that obey Newton's second law."""
 
+import csv
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
@@ -14,12 +15,13 @@ from pipeline.errors import FileError
 from pipeline.feasibility.torque_criteria import centre_of_mass
 from pipeline.files import settings
 from pipeline.physics import GRAVITY
-from pipeline.robot import Robot
+from pipeline.robot import Robot, load_robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.tracking.disturbance import draw
 from pipeline.tracking.process import NOT_TRACKED, disturbed_count, disturbed_motion, motion_to_failure, process
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.tracker import load_tracker
+from pipeline.tracking.tracker_folder import CARD, CURVES, NETWORK, read_card
 from tests.factories.robot_clips import standing
 from tests.factories.tracking_bundle import tracker_file
 
@@ -153,6 +155,7 @@ def test_the_motion_to_a_failure_ends_with_it(robot: Robot, values: TrackingSett
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
+        ({"robot": np.array("k1")}, "is for another robot than 't1': 'k1'"),
         ({"joint_names": np.array(["knee"] * 23)}, "is for another robot than 't1'"),
         ({"controlled": np.array(["Head_pitch"])}, "observes or moves other links or joints"),
         ({"L1_w": np.zeros((7, 8)), "L1_b": np.zeros(7)}, "gives 7"),
@@ -172,10 +175,23 @@ def test_what_is_no_tracker_is_refused(tmp_path: Path, robot: Robot):
         load_tracker(tmp_path / "tracker.npz", robot)
 
 
-def test_the_shipped_card_names_its_clips(root: Path):
-    from pipeline.tracking.tracker_folder import read_card
-
-    card = read_card(root / "robots" / "t1" / "policies" / "tracker")
+@pytest.mark.parametrize(("name", "joint_error_deg"), [("t1", 3.5), ("k1", 5.5)])
+def test_a_shipped_tracker_fits_its_robot_and_its_card(root: Path, name: str, joint_error_deg: float):
+    folder = root / "robots" / name / "policies" / "tracker"
+    card = read_card(folder)
+    assert card.robot == name and load_tracker(folder / NETWORK, load_robot(name)).robot == name
     assert card.figures["survived"] >= 0.99 and card.figures["body_error_cm"] <= 2.0
-    assert card.figures["joint_error_deg"] <= 3.5
+    assert card.figures["joint_error_deg"] <= joint_error_deg
     assert len(card.clips) == card.figures["clips"] and set(card.licences) == {"CC0-1.0"}
+    assert card.training["minutes"] <= 30.0 and card.training["command"] and card.training["commit"]
+    assert set(card.files) == {NETWORK, CURVES}
+    *_, last = csv.DictReader((folder / CURVES).read_text().splitlines())
+    assert int(last["iteration"]) == card.training["iterations"]
+
+
+def test_a_changed_file_of_a_tracker_is_refused(root: Path, tmp_path: Path):
+    for name in (NETWORK, CURVES, CARD):
+        (tmp_path / name).write_bytes((root / "robots" / "t1" / "policies" / "tracker" / name).read_bytes())
+    (tmp_path / CURVES).write_text("iteration\n")
+    with pytest.raises(FileError, match=r"curves\.csv: is missing or not the file of its card"):
+        read_card(tmp_path)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.batch import ClipPool
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.files import settings
 from pipeline.learning.training_error import TrainingError
@@ -17,6 +18,7 @@ from pipeline.tracking.__main__ import main
 from pipeline.tracking.bundle import read_tracking_bundle
 from pipeline.tracking.clips_command import _bins
 from pipeline.tracking.environment import tracking_environment
+from pipeline.tracking.export_tracker import export_tracker
 from pipeline.tracking.observation import key_link_index, observe
 from pipeline.tracking.reference import reference_states
 from pipeline.tracking.settings import TrackingSettings
@@ -37,22 +39,42 @@ def environment(bundle: Path, tmp_path_factory):
     return env
 
 
-def train(bundle: Path, out: Path, iterations: int) -> int:
+def train(bundle: Path, out: Path, iterations: int, *further: str) -> int:
     given = ["--bundle", bundle, "--out", out, "--device", "cpu", "--num-envs", 4, "--iterations", iterations]
-    return main([str(each) for each in (*given, "--resume")])
+    return main([str(each) for each in (*given, *further)])
 
 
-def test_a_run_trains_and_resumes(bundle: Path, tmp_path: Path):
+def copied(bundle: Path, folder: Path) -> Path:
+    folder.mkdir()
+    for path in bundle.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    return folder
+
+
+def test_a_run_trains_resumes_and_is_not_overwritten(bundle: Path, tmp_path: Path, capsys):
     out = tmp_path / "run"
-    assert train(bundle, out, 1) == 0
+    assert train(bundle, out, 1, "--resume") == 0
     first = np.load(out / "tracker.npz")["L0_w"].copy()
     begun = (out / "curves.csv").read_text()
-    assert train(bundle, out, 2) == 0
+    assert train(bundle, out, 2, "--resume") == 0
     assert (out / "curves.csv").read_text().startswith(begun), "the first iteration was not run again"
     rows = list(csv.DictReader((out / "curves.csv").read_text().splitlines()))
     assert [int(row["iteration"]) for row in rows] == [1, 2]
     assert json.loads((out / "done.json").read_text())["iterations"] == 2
     assert not np.array_equal(first, np.load(out / "tracker.npz")["L0_w"]), "the second iteration changed the network"
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    capsys.readouterr()
+    assert train(bundle, out, 3) == 2
+    assert "has a run. Give --resume to continue it" in capsys.readouterr().err
+    other = copied(bundle, tmp_path / "other")
+    about = json.loads((other / "bundle.json").read_text())
+    (other / "bundle.json").write_text(json.dumps({**about, "licences": ["MIT"]}))
+    assert train(other, out, 3, "--resume") == 2
+    assert "is a run on another bundle" in capsys.readouterr().err
+    with pytest.raises(TrainingError, match="is a run on another bundle"):
+        export_tracker(out, other, bundle.parent / "robot", tmp_path / "tracker", {}, ClipPool(workers=1))
+    assert not (tmp_path / "tracker").exists()
+    assert before == {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}, "nothing was changed"
 
 
 def test_observations_equal_those_of_mjlab(environment, bundle: Path, robot: Robot):
@@ -114,10 +136,7 @@ def test_bins_cover_all_clips_and_start_no_episode_at_an_end():
 
 
 def test_a_changed_bundle_is_refused(bundle: Path, tmp_path: Path):
-    copy = tmp_path / "bundle"
-    copy.mkdir()
-    for path in bundle.iterdir():
-        (copy / path.name).write_bytes(path.read_bytes())
+    copy = copied(bundle, tmp_path / "bundle")
     (copy / "robot.xml").write_text((copy / "robot.xml").read_text() + " ")
     with pytest.raises(TrainingError, match=r"robot\.xml: its digest is not the one in bundle\.json"):
         read_tracking_bundle(copy)

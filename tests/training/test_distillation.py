@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from pipeline.learning.policy_file import Network
-from pipeline.robot.simulator_model import compiled
+from pipeline.robot.kinematics import compiled
 from pipeline.tracking.observation import key_link_index, observe
 from pipeline.tracking.reference import reference_states
 from pipeline.tracking.task import ACTION_SCALE

@@ -12,7 +12,7 @@ from mjlab.utils.lab_api.math import quat_apply_inverse
 from tensordict import TensorDict
 
 from pipeline.deployment import deployment_task
-from pipeline.deployment.observation import History, frame
+from pipeline.deployment.controller import History, frame
 from pipeline.expert.frames import expert_frames
 from pipeline.learning.policy_file import Network
 from pipeline.training.amp.features import frame_features

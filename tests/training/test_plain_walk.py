@@ -13,7 +13,7 @@ from pipeline.training.plain_walk import Walk, walked
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
 from pipeline.validation.measure import measure
-from pipeline.validation.push_cells import push_cell
+from pipeline.validation.suites import push_cell
 from tests.factories.training_bundle import small_bundle
 
 SHIPPED = Path("robots/t1/policies/walk/policy.npz")

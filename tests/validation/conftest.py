@@ -11,7 +11,7 @@ from pipeline.files.settings import read
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings, read_validation
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, with_ankle_kd
 from tests.factories.policies import still_policy
 

@@ -16,8 +16,17 @@ from pipeline.deployment import save_policy
 from pipeline.validation import cross_engine as comparison
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings
 from pipeline.validation.cross_engine import cross_engine
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
-from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures, command_of, start_state, walk
+from pipeline.validation.cross_engine_walk import (
+    DART,
+    MUJOCO,
+    Cell,
+    CrossEngineSettings,
+    Figures,
+    Segment,
+    command_of,
+    start_state,
+    walk,
+)
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.engine_plots import cross_engine_plots
 

@@ -16,9 +16,8 @@ from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult, cross_engine
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment
 from pipeline.validation.cross_engine_trials import failure_log, first_failures, missed_by, write_failures
-from pipeline.validation.cross_engine_walk import DART, MUJOCO, Figures
+from pipeline.validation.cross_engine_walk import DART, MUJOCO, Cell, CrossEngineSettings, Figures, Segment
 from pipeline.validation.deployed import Deployed
 from tests.factories.policies import still_policy
 

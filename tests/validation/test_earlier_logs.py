@@ -15,8 +15,7 @@ from pipeline.robot import Robot
 from pipeline.validation.bars import CellBars
 from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.earlier_logs import refuse_foreign, remove_earlier
-from pipeline.validation.failed_trials import failed_trial, log_path
+from pipeline.validation.failed_trials import failed_trial, log_path, refuse_foreign, remove_earlier
 from pipeline.validation.suites import named
 from pipeline.validation.verdict import CellVerdict
 from pipeline.validation.walk import Worlds

@@ -14,8 +14,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import UNKNOWN, CellBars, RobotBars, ValidationSettings, read_validation
 from pipeline.validation.cross_engine import CellResult, CrossEngineResult
-from pipeline.validation.cross_engine_settings import Cell, CrossEngineSettings, Segment, SimulationSettings
-from pipeline.validation.cross_engine_walk import Figures
+from pipeline.validation.cross_engine_walk import Cell, CrossEngineSettings, Figures, Segment, SimulationSettings
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.derive import ENGINES, PARTS, derive, main
 from pipeline.validation.derived_bars import engine_bars

@@ -12,8 +12,8 @@ import yaml
 
 from pipeline.errors import SettingsError
 from pipeline.files.settings import read
-from pipeline.validation.cross_engine_settings import CrossEngineSettings
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
+from pipeline.validation.limit_cycles import LimitCycleSettings
 
 
 def _walk(seconds: float, forward: float = 0.6) -> dict[str, Any]:

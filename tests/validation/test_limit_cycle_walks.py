@@ -16,7 +16,6 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import Bar, CellBars, read_validation
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import limit_cycle_bars
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import (
     SpeedCycles,
     limit_cycles,
@@ -24,7 +23,7 @@ from pipeline.validation.limit_cycle_walks import (
     trial_series,
     walk_series,
 )
-from pipeline.validation.limit_cycles import PLANES, compare, limit_cycle
+from pipeline.validation.limit_cycles import PLANES, LimitCycleSettings, compare, limit_cycle
 from pipeline.viewing.engine_plots import limit_cycle_plots
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.export.folder import Export, complete_export, read_export
-from pipeline.export.golden import read_golden, replay
+from pipeline.export.parity import read_golden, replay
 from pipeline.validation.bars import ValidationSettings, read_validation
 from pipeline.validation.cross_engine_faults import FAULTS
 from pipeline.validation.deployed import Deployed, deployed

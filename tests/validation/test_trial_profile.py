@@ -5,10 +5,9 @@ import pytest
 
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
-from pipeline.simulation.events import Kick, Push, Throw
 from pipeline.simulation.mujoco_plant import BALL_DISTANCE
-from pipeline.validation.push_cells import BALL, ball_speed, push_cells
-from pipeline.validation.suites import FULL, QUICK, cells_of, full, named, quick
+from pipeline.simulation.plant import Kick, Push, Throw
+from pipeline.validation.suites import BALL, FULL, QUICK, ball_speed, cells_of, full, named, push_cells, quick
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 
 

@@ -9,10 +9,9 @@ import pytest
 from pipeline.files.settings import read
 from pipeline.validation.bars import Bar, CellBars, ValidationSettings, read_validation
 from pipeline.validation.derived_bars import allowed_of, webots_bars
-from pipeline.validation.limit_cycle_settings import LimitCycleSettings
 from pipeline.validation.limit_cycle_walks import name_of
-from pipeline.webots.result import WalkedSegment, WalkResult
-from pipeline.webots.settings import WalkSegment, WebotsSettings
+from pipeline.validation.limit_cycles import LimitCycleSettings
+from pipeline.webots.result import WalkedSegment, WalkResult, WalkSegment, WebotsSettings
 
 WALK = WebotsSettings(
     timestep_ms=5.0,

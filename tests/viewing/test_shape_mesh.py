@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import UnknownNameError
-from pipeline.viewing.shape_mesh import shape_mesh
+from pipeline.viewing.robot_figure import shape_mesh
 
 SIZES = {
     "box": (0.1, 0.2, 0.3),

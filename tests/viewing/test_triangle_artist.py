@@ -8,8 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from pipeline.viewing.contact_sheet import contact_sheet
-from pipeline.viewing.projection import Triangles, one_above_the_other
-from pipeline.viewing.triangle_artist import TriangleArtist
+from pipeline.viewing.projection import TriangleArtist, Triangles, one_above_the_other
 from tests.factories.figures import gliding_human, tumbling_robot
 
 RED, BLUE = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ClipError
-from pipeline.viewing.playback import Playback
 from pipeline.viewing.playlist import Playlist, Shown
-from pipeline.viewing.scene import TILE
-from pipeline.viewing.viewer import Viewer
+from pipeline.viewing.viewer import TILE, Playback, Viewer
 from tests.factories.figures import gliding_human, standing_robot
 
 

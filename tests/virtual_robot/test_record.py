@@ -8,8 +8,7 @@ import pytest
 from pipeline import rotation
 from pipeline.hardware_logs import LogFacts, OperatorEvent, mcap_bytes
 from pipeline.simulation.record import Rollout
-from pipeline.virtual_robot.log_quality import SOUND, HeatModel
-from pipeline.virtual_robot.record import record, roll_pitch_yaw, temperatures
+from pipeline.virtual_robot.record import SOUND, HeatModel, record, roll_pitch_yaw, temperatures
 from tests.factories.log_trials import trial_of
 
 STEP_S = 0.002

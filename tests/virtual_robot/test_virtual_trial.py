@@ -9,8 +9,7 @@ from pipeline.cli.main import main
 from pipeline.errors import UnknownNameError
 from pipeline.hardware_logs import LogFacts
 from pipeline.virtual_robot.deviations import Deviations, envelope_of, motor_envelope
-from pipeline.virtual_robot.holding_hand import Hold
-from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, ScriptedController
+from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT, Hold, ScriptedController
 from pipeline.virtual_robot.trial import VirtualTrial, command_of, simulate
 from tests.factories.log_trials import ROOT, scripted_log, trials_in
 

@@ -14,7 +14,7 @@ from pipeline.robot import Robot
 from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.project import Project, write_project
-from pipeline.webots.settings import WalkSegment, WebotsSettings
+from pipeline.webots.result import WalkSegment, WebotsSettings
 
 
 @pytest.fixture(scope="session")

@@ -21,8 +21,8 @@ from pipeline.validation.bars import read_validation
 from pipeline.validation.derived_bars import allowed_of
 from pipeline.webots.launch import Outcome
 from pipeline.webots.project import Project, write_project
+from pipeline.webots.result import WebotsSettings
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.stand_in.mujoco_engine import MujocoEngine
 from pipeline.webots.stand_in.ode_engine import OdeEngine, OdeNotFoundError, load_ode
 from pipeline.webots.stand_in.serve import Simulation

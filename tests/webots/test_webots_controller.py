@@ -10,8 +10,7 @@ import pytest
 from pipeline import rotation
 from pipeline.deployment import DeploymentTask, deployment_task
 from pipeline.robot import Robot
-from pipeline.simulation.pd_control import PdControl
-from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.webots.booster_lab import Devices, Plan, Score, motors_of, walk
 
 NAMES = {"gyro": "gyro", "inertial_unit": "imu", "sensor_suffix": "_sensor"}

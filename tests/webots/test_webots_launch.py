@@ -16,7 +16,7 @@ from pipeline.webots import launch as launcher
 from pipeline.webots.booster_lab import RESULT_MARK, SCHEMA
 from pipeline.webots.launch import Outcome, find_webots, free_port, launch, launch_webots
 from pipeline.webots.project import Project
-from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.result import WebotsSettings
 from pipeline.webots.validate import WEBOTS, verdict
 from tests.factories.webots_bars import STILL
 

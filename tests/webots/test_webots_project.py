@@ -20,13 +20,12 @@ from pipeline.robot.load import read_description
 from pipeline.simulation.armature_on_links import put_armature_on_links
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.webots.checks import project_faults
-from pipeline.webots.project import Project, write_project
+from pipeline.webots.project import Project, TimestepError, robot_world, write_project
+from pipeline.webots.result import WebotsSettings
 from pipeline.webots.scene_model import read_scene
-from pipeline.webots.settings import WebotsSettings
 from pipeline.webots.sources import needed_modules
 from pipeline.webots.stand_in.mujoco_engine import mujoco_scene
 from pipeline.webots.vrml import from_text
-from pipeline.webots.world import TimestepError, robot_world
 from tests.factories.policies import still_policy
 
 

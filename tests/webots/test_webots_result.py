@@ -11,8 +11,7 @@ import pytest
 
 from pipeline.webots.booster_lab import SCHEMA
 from pipeline.webots.launch import Outcome
-from pipeline.webots.result import ResultError, parse_result
-from pipeline.webots.settings import WebotsSettings
+from pipeline.webots.result import ResultError, WebotsSettings, parse_result
 from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, WEBOTS, verdict
 from tests.factories.webots_bars import STILL
 

@@ -1,6 +1,6 @@
 """Observations of actor and critic.
 
-The actor's 72 x 10 numbers are those of `pipeline/deployment/observation.py`, time-major, the oldest frame first, zeros
+The actor's 72 x 10 numbers are those of `pipeline/deployment/controller.py`, time-major, the oldest frame first, zeros
 before the episode; joints in the network's order. The critic observes the newest frame without noise, the base's
 velocity and the feet's contacts.
 """

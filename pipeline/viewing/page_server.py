@@ -1,0 +1,62 @@
+"""A server of viser's page that answers no page of another origin.
+
+A browser lets any page open a web socket to 127.0.0.1, and viser looks at neither `Origin` nor `Host`: without this,
+a web site that is open on the machine could read what the viewer shows and move the controls of `booster-lab play`.
+"""
+
+from __future__ import annotations
+
+import http
+import threading
+from typing import Any
+from unittest import mock
+
+import viser
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request
+
+from pipeline import loopback
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+def page_server(host: str, port: int, label: str) -> viser.ViserServer:
+    """A server on the first free port from `port` on.
+
+    Args:
+        host: address to bind. On a loopback address the page is reached under names of this machine alone; on
+            another one under whatever name that has, and web sockets come from the page itself only
+        label: title of the page
+    """
+    local = loopback.is_loopback(f"[{host}]" if ":" in host else host)
+    serve, calls = websockets.asyncio.server.serve, []
+
+    def guarded(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def process(connection: ServerConnection, request: Request) -> Any:
+            if is_allowed(request, local):
+                return process_request(connection, request)
+            return connection.respond(http.HTTPStatus.FORBIDDEN, "a page of another origin is not answered\n")
+
+        calls.append(arguments)
+        return serve(*arguments, process_request=process, **options)
+
+    # viser hands no option on to `websockets`, which it asks for a server in a thread of its own while it is made
+    with _ONE_AT_A_TIME, mock.patch.object(websockets.asyncio.server, "serve", guarded):
+        server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+    if not calls:
+        server.stop()
+        raise RuntimeError("this version of viser makes its server in another way; its requests can't be checked")
+    return server
+
+
+def is_allowed(request: Request, local: bool) -> bool:
+    """Whether a request comes from a page of this server or from a program.
+
+    Args:
+        local: the server is this machine's alone, and so are the names that it has
+    """
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    if len(hosts) != 1 or len(origins) > 1 or (local and not loopback.is_loopback(hosts[0])):
+        return False
+    return loopback.is_same_origin(origins[0] if origins else None, hosts[0])

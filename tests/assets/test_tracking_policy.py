@@ -1,0 +1,120 @@
+"""`tracking_policy`: serves what ships, trains when a person asks, serves a full training and no trial."""
+
+import csv
+import dataclasses
+import json
+import logging
+import shutil
+from pathlib import Path
+from typing import Any
+
+import dagster as dg
+import pytest
+
+from assets import resources, tracking_policy
+from assets.plan import named_plans
+from assets.project import Project
+from assets.resources import ClipPoolResource, StoreIOManager
+from assets.training_process import TrainingFailedError
+from pipeline.actuators import adapt, write_adapted_robot
+from pipeline.batch import Entry, Manifest
+from pipeline.robot import Robot
+from pipeline.tracking.__main__ import main
+from pipeline.tracking.tracker import load_tracker
+from pipeline.tracking.tracker_folder import read_card
+from tests.factories.robot_clips import standing
+from tests.factories.sweeps import SETTINGS
+
+PLANS = named_plans("t1")
+
+
+@pytest.fixture
+def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch) -> Project:
+    """A project with the tracker that ships and two references."""
+    project = Project(tmp_path)
+    shutil.copytree(root / "robots" / "t1", tmp_path / "robots" / "t1")
+    write_adapted_robot(project.adapted_robot("t1"), root / "robots" / "t1", adapt(robot, [], SETTINGS))
+    clips = [standing(robot, seconds=1.0, name="test/a"), standing(robot, seconds=0.6, name="test/b")]
+    entries = tuple(
+        Entry(clip=clip.name, blob=project.store.put_clip(clip), numbers={"licence": "CC0-1.0"}) for clip in clips
+    )
+    project.store.save("reference_motions", Manifest(stage="reference_motions", entries=entries, judged=()))
+    project.store.save("adapted_robot", Manifest(stage="adapted_robot", entries=(), judged=()))
+    for module in (tracking_policy, resources):
+        monkeypatch.setattr(module, "PROJECT", project)
+    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 0)
+    return project
+
+
+def materialized(**config: Any) -> dict[str, Any]:
+    """Metadata of the asset materialized alone, with what is stored of its inputs."""
+    made = tracking_policy.tracking_policy(
+        *(PLANS[n] for n in ("tracking_policy", "reference_motions", "adapted_robot"))
+    )
+    result = dg.materialize(
+        [made, *(dg.AssetSpec(PLANS[name].key) for name in ("reference_motions", "adapted_robot"))],
+        resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
+        run_config={"ops": {"tracking_policy": {"config": config}}},
+    )
+    (event,) = result.asset_materializations_for_node("tracking_policy")
+    return {name: value.value for name, value in event.metadata.items()}
+
+
+def test_the_shipped_tracker_is_served_and_a_trial_is_not(project: Project):
+    assert materialized()["origin"] == tracking_policy.SHIPPED
+    assert not (project.policies("t1") / "tracker_runs").exists(), "nothing is trained unless a person asks"
+    found = materialized(train=True, num_envs=2)
+    assert (found["origin"], found["references that it was not trained on"]) == (tracking_policy.SHIPPED, 2)
+    (run,) = (project.policies("t1") / "tracker_runs").iterdir()
+    assert run.name.startswith("trial-seed1-")
+    assert json.loads((run / "config.json").read_text())["num_envs"] == 2
+    rows = list(csv.DictReader((run / "curves.csv").read_text().splitlines()))
+    assert [row["iteration"] for row in rows] == ["1", "2"]
+    assert not (project.policies("t1") / "tracker").exists()
+
+
+def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot: Robot, monkeypatch):
+    """The command of a GPU's run, with the CPU in its place."""
+    ran: list[list[str]] = []
+
+    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+        ran.append(run.command)
+        assert root == project.root and lock == project.training_lock
+        command = dataclasses.replace(run, device="cpu").command
+        assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
+
+    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
+    monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
+    found = materialized(train=True, num_envs=2, iterations=1)
+    (command,) = ran
+    assert command[:2] == ["-m", "pipeline.tracking"] and command[-1] == "--resume"
+    assert command[command.index("--device") + 1] == "cuda" and command[command.index("--minutes") + 1] == "30"
+    assert (found["origin"], found["trained on"]) == (tracking_policy.TRAINED, "2 clips")
+    assert found["references that it was not trained on"] == 0
+    card = read_card(project.policies("t1") / "tracker")
+    assert (card.clips, card.licences, card.training["iterations"]) == (("test/a", "test/b"), ("CC0-1.0",), 1)
+    assert card.training["command"].startswith("python -m pipeline.tracking --bundle data/policies/t1/tracking_bundle")
+    stored = tracking_policy.tracker_file(project, project.store.load("tracking_policy"))
+    assert stored is not None
+    assert load_tracker(stored[0], robot).controlled == robot.controlled
+    assert stored[0] == project.policies("t1") / "tracker" / "tracker.npz"
+
+
+def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Project, monkeypatch):
+    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 2)
+    config = tracking_policy.TrackerConfig(train=True, gpus=2)
+    run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
+    assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
+    assert (run.num_envs, run.iterations) == (4096, tracking_policy.ITERATIONS)
+    other = tracking_policy._run_of(config, project.root, project.root / "bundle", "other content")
+    assert other.folder != run.folder, "other references begin another run"
+    for device in ("auto", "cuda"):
+        asked = tracking_policy.TrackerConfig(train=True, device=device, gpus=4)
+        with pytest.raises(TrainingFailedError, match="4 GPUs are asked for, 2 are here"):
+            tracking_policy._run_of(asked, project.root, project.root / "bundle", "content")
+
+
+def test_a_robot_without_a_tracker_has_none_and_the_page_says_so(project: Project):
+    shutil.rmtree(project.shipped_policies("t1") / "tracker")
+    assert materialized()["origin"].startswith("there is no tracker of 't1'")
+    assert tracking_policy.tracker_file(project, project.store.load("tracking_policy")) is None
