@@ -8,8 +8,10 @@ not select is a row of its own.
 
 from __future__ import annotations
 
+import gc
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,13 +85,27 @@ def asset_of(stage: str, robot: str) -> str:
 
 def read_table(store: Store, robot: str) -> ClipTable:
     """The table of a robot's current manifests. Raises FileError for a manifest that can't be read."""
-    manifests = {
-        stage: store.load(asset_of(stage, robot))
-        for stage in STAGES
-        if store.manifest_path(asset_of(stage, robot)).is_file()
-    }
-    rows = {row.clip: row for row in _rows(manifests)}
+    with _no_collections():
+        manifests = {
+            stage: store.load(asset_of(stage, robot))
+            for stage in STAGES
+            if store.manifest_path(asset_of(stage, robot)).is_file()
+        }
+        rows = {row.clip: row for row in _rows(manifests)}
     return ClipTable(rows=tuple(rows[name] for name in sorted(rows)), manifests=manifests)
+
+
+@contextmanager
+def _no_collections() -> Iterator[None]:
+    """No garbage collection meanwhile: it would go through the millions of values again and again while they are read,
+    and none of them is garbage."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
 
 
 def _rows(manifests: Mapping[str, Manifest]) -> Iterator[ClipRow]:

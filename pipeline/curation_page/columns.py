@@ -17,6 +17,9 @@ from pipeline.selection.decisions import Decision
 FACETS = ("source", "skill", "licence")
 """Texts of a clip that can be filtered."""
 
+THRESHOLD_COLUMNS = ("criterion", "threshold")
+"""Columns of the table of criteria that are read here."""
+
 OTHER_FIGURES: Mapping[str, tuple[str, str]] = {
     "seconds": ("length", "s"),
     "weight": ("database", ""),
@@ -120,7 +123,7 @@ def _thresholds(criteria: pd.DataFrame | None) -> dict[str, tuple[float, float]]
     """Criterion -> smallest and largest threshold."""
     if criteria is None or criteria.empty:
         return {}
-    known = criteria[["criterion", "threshold"]].dropna()
+    known = criteria[list(THRESHOLD_COLUMNS)].dropna()
     place, names = pd.factorize(known["criterion"])
     limits = known["threshold"].to_numpy(dtype=float)
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)

@@ -15,7 +15,7 @@ import pandas as pd
 from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.clip_details import clip_details
 from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTable, NoClipError, asset_of, read_table
-from pipeline.curation_page.columns import columns
+from pipeline.curation_page.columns import THRESHOLD_COLUMNS, columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
 from pipeline.curation_page.motion_sources import MotionSources
@@ -40,8 +40,27 @@ class _Read:
 
     version: str
     table: ClipTable
-    criteria: pd.DataFrame | None
     sources: MotionSources
+    manifest: Path
+    """KP5's, which its table of criteria is beside."""
+
+    @cached_property
+    def criteria(self) -> pd.DataFrame | None:
+        """KP5's table of criteria, where it belongs to the manifest; read when the page of a clip first needs it."""
+        return self._criteria(None)
+
+    @cached_property
+    def thresholds(self) -> pd.DataFrame | None:
+        """The columns of the table of criteria that the gallery needs."""
+        return self._criteria(THRESHOLD_COLUMNS)
+
+    def _criteria(self, columns: tuple[str, ...] | None) -> pd.DataFrame | None:
+        if LAST not in self.table.manifests:
+            return None
+        try:
+            return criteria_table.read(criteria_table.path_beside(self.manifest), self.manifest, columns=columns)
+        except FileError:
+            return None
 
 
 class Workplace:
@@ -97,19 +116,9 @@ class Workplace:
             version = self.version()
             if self._read is None or self._read.version != version:
                 table = read_table(self.store, self.robot_name)
-                criteria = self._criteria(table)
-                self._read = _Read(version=version, table=table, criteria=criteria, sources=MotionSources(table))
+                manifest = self.store.manifest_path(asset_of(LAST, self.robot_name))
+                self._read = _Read(version=version, table=table, sources=MotionSources(table), manifest=manifest)
             return self._read
-
-    def _criteria(self, table: ClipTable) -> pd.DataFrame | None:
-        """KP5's table of criteria, where it belongs to the manifest."""
-        manifest = self.store.manifest_path(asset_of(LAST, self.robot_name))
-        if LAST not in table.manifests:
-            return None
-        try:
-            return criteria_table.read(criteria_table.path_beside(manifest), manifest)
-        except FileError:
-            return None
 
     def decisions(self) -> tuple[Decision, ...]:
         return read_decisions(self.curation)
@@ -126,7 +135,7 @@ class Workplace:
             "version": now.version,
             "robot": self.robot_name,
             "thumbnail": keys,
-            **columns(now.table, now.criteria, decisions),
+            **columns(now.table, now.thresholds, decisions),
         }
         made = json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
         with self._lock:

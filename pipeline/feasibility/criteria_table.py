@@ -7,7 +7,7 @@ further: clips that go on keep a number a criterion.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -109,14 +109,23 @@ def belongs(path: Path, manifest: Path) -> bool:
         return False
 
 
-def read(path: Path, manifest: Path, asset: str = "feasible_motions") -> pd.DataFrame:
-    """The table at `path`. Raises FileError, with the asset to materialize, where there is none of this manifest."""
+def read(
+    path: Path, manifest: Path, asset: str = "feasible_motions", columns: Sequence[str] | None = None
+) -> pd.DataFrame:
+    """The table at `path`. Raises FileError, with the asset to materialize, where there is none of this manifest.
+
+    Args:
+        path: file of the table
+        manifest: file of the manifest that it must belong to
+        asset: the asset that makes it
+        columns: names of the columns to read; None: all
+    """
     if not belongs(path, manifest):
         problem = (
             "the table of criteria is not of what is stored." if path.is_file() else "there is no table of criteria."
         )
         raise FileError(path, problem, f"Run: dagster asset materialize --select {asset}")
-    return pq.read_table(path).to_pandas()
+    return pq.read_table(path, columns=None if columns is None else list(columns)).to_pandas()
 
 
 def by_criterion(table: pd.DataFrame) -> pd.DataFrame:

@@ -8,6 +8,9 @@ import { Thumbnails } from "./thumbnails.js";
 
 const FACETS = ["source", "skill", "licence", "stage", "verdict", "reason", "decision"];
 
+const PAUSE_MS = 120;
+const PIECE_MS = 6;
+
 export class ClipsPage {
   constructor(table, query) {
     this.table = table;
@@ -93,18 +96,29 @@ export class ClipsPage {
     const { state, table } = this;
     const indices = table.chosen(state);
     const figure = table.byName.get(state.sort);
-    this.gallery.chosen = new Set([...this.gallery.chosen].filter((index) => indices.includes(index)));
+    if (this.gallery.chosen.size) this.gallery.chosen = new Set(indices.filter((index) => this.gallery.chosen.has(index)));
     this.gallery.show(indices, figure);
-    clearTimeout(this.filling);  // histograms and counts come after the frame that shows the clips
-    this.filling = setTimeout(() => {
-      const shown = indices.length === table.count ? null : indices;
-      this.histograms.forEach((each) => each.show(shown, state.ranges[each.figure.name], each.figure === figure));
-      for (const { facet, select } of this.selects) this.fillSelect(facet, select, indices);
-      this.remember();
-    }, 40);
+    this.later(indices, figure);
     this.sort.value = state.sort;
     this.turn.textContent = state.descending ? "↓" : "↑";
     this.showCounts();
+  }
+
+  // Histograms, counts and the address follow once the person pauses, one piece at a time: the next key or click never waits.
+  later(indices, figure) {
+    const shown = indices.length === this.table.count ? null : indices;
+    const pieces = [
+      ...this.histograms.map((each) => () => each.show(shown, this.state.ranges[each.figure.name], each.figure === figure)),
+      ...this.selects.map(({ facet, select }) => () => this.fillSelect(facet, select, indices)),
+      () => this.remember(),
+    ];
+    const work = () => {
+      const start = performance.now();
+      while (pieces.length && performance.now() - start < PIECE_MS) pieces.shift()();
+      if (pieces.length) this.filling = setTimeout(work, 0);
+    };
+    clearTimeout(this.filling);
+    this.filling = setTimeout(work, PAUSE_MS);
   }
 
   fillSelect(facet, select, indices) {
