@@ -4,6 +4,7 @@ import dagster as dg
 
 from assets.external import note_external
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
+from assets.groups import HARDWARE
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, TRIALS
 from assets.project import PROJECT
@@ -16,7 +17,7 @@ LOGS_TAG = "booster_lab/logs"
 
 ingest_logs = dg.define_asset_job(
     "ingest_logs",
-    selection=dg.AssetSelection.groups("field"),
+    selection=dg.AssetSelection.groups(HARDWARE),
     description="What the folder of logs holds as trials, and what is made of them. Nothing of it takes effect unseen.",
 )
 

@@ -85,7 +85,7 @@ def test_a_file_of_the_database_is_the_clip_in_it(project: Path, capsys):
     ("name", "said"),
     [
         ("mine/sink@0-99", "neither a file nor a clip that was judged; near it are: mine/sunk@0-99"),
-        ("other.json", "other.json: not a clip of an expert database (JSONDecodeError)."),
+        ("other.json", "other.json: not JSON ("),
         ("gone.bvh", "gone.bvh: the file does not exist"),
     ],
 )
