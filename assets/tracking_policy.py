@@ -13,7 +13,15 @@ from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
-from assets.training_process import TRIAL_ENVS, TRIAL_ITERATIONS, TrainingFailedError, commit_of, gpus_here, train
+from assets.training_process import (
+    TRIAL_ENVS,
+    TRIAL_ITERATIONS,
+    TrainingFailedError,
+    commit_of,
+    gpus_here,
+    started_module,
+    train,
+)
 from pipeline.batch import Manifest
 from pipeline.files import digest
 from pipeline.tracking.task import ITERATIONS
@@ -54,9 +62,7 @@ class TrackerRun:
     @property
     def command(self) -> list[str]:
         """The command, without the Python that runs it."""
-        module = ["-m", "pipeline.tracking"]
-        if self.gpus > 1:
-            module = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={self.gpus}", *module]
+        module = started_module("pipeline.tracking", self.gpus)
         given = {
             "bundle": self.bundle,
             "out": self.folder,

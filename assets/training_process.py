@@ -48,6 +48,13 @@ class TrainingConfig(dg.Config):
     """AMP + PPO ends after this time; 0: the preset's."""
 
 
+def started_module(name: str, gpus: int) -> list[str]:
+    """Arguments of Python that start a module, on several GPUs by torchrun."""
+    if gpus == 1:
+        return ["-m", name]
+    return ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m", name]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Run:
     """One training run as it is asked for."""
@@ -65,9 +72,7 @@ class Run:
     @property
     def command(self) -> list[str]:
         """The command, without the Python that runs it."""
-        module = ["-m", "pipeline.training"]
-        if self.gpus > 1:
-            module = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={self.gpus}", *module]
+        module = started_module("pipeline.training", self.gpus)
         given = {
             "bundle": self.bundle,
             "out": self.folder,

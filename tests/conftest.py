@@ -28,19 +28,19 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="session")
 def mocap() -> Path:
-    """The folder of real recordings beside the checkout; a test that asks for it bears the marker `shared`."""
+    """The folder of real recordings beside the checkout; a test that asks for it has the marker `shared`."""
     return _shared("mocap", "the real recordings")
 
 
 @pytest.fixture(scope="session")
 def policies() -> Path:
-    """The folder of published policies beside the checkout; a test that asks for it bears the marker `shared`."""
+    """The folder of published policies beside the checkout; a test that asks for it has the marker `shared`."""
     return _shared("policies", "the published policies")
 
 
 @pytest.fixture(scope="session")
 def cases() -> Path:
-    """The folder of small difficult inputs beside the checkout; a test that asks for it bears the marker `shared`."""
+    """The folder of small difficult inputs beside the checkout; a test that asks for it has the marker `shared`."""
     return _shared("cases", "the difficult inputs")
 
 

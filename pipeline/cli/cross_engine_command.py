@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 
-from pipeline.cli.arguments import CrossEngine
+from pipeline.cli.policy_arguments import CrossEngine
 from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import find_project
 from pipeline.cli.text_table import text_table

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Union
 import tyro
 
 from pipeline.cli import arguments as kinds
+from pipeline.cli import policy_arguments as policies
 from pipeline.errors import PipelineError
 
 DESCRIPTION = (
@@ -26,15 +27,15 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "retarget": (kinds.Retarget, "retarget_command:run"),
     "score": (kinds.Score, "score_command:run"),
     "export": (kinds.Export, "database_commands:export"),
-    "validate": (kinds.Validate, "validate_command:run"),
-    "cross-engine": (kinds.CrossEngine, "cross_engine_command:run"),
+    "validate": (policies.Validate, "validate_command:run"),
+    "cross-engine": (policies.CrossEngine, "cross_engine_command:run"),
     "curate": (kinds.Curate, "curate_command:run"),
     "database": (kinds.Database, "database_commands:database"),
-    "simulate-robot": (kinds.SimulateRobot, "simulate_robot_command:run"),
+    "simulate-robot": (policies.SimulateRobot, "simulate_robot_command:run"),
     "sources": (kinds.Sources, "database_commands:sources"),
     "view": (kinds.View, "view_command:run"),
-    "play": (kinds.Play, "play_command:run"),
-    "webots-project": (kinds.WebotsProject, "webots_command:run"),
+    "play": (policies.Play, "play_command:run"),
+    "webots-project": (policies.WebotsProject, "webots_command:run"),
     "import-robot": (kinds.ImportRobot, "robot_commands:import_robot"),
     "check-robot": (kinds.CheckRobot, "robot_commands:check_robot"),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import webbrowser
 
-from pipeline.cli.arguments import Play
+from pipeline.cli.policy_arguments import Play
 from pipeline.cli.project import find_project
 from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.validation.deployed import deployed, with_ankle_kd

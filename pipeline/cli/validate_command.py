@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pipeline.cli.arguments import Validate
+from pipeline.cli.policy_arguments import Validate
 from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from pipeline.cli.arguments import WebotsProject
+from pipeline.cli.policy_arguments import WebotsProject
 from pipeline.cli.project import find_project
 from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import deployment_task

@@ -1,4 +1,4 @@
-"""A server of viser's page that answers no page of another origin.
+"""A page of viser that moves, and its server, which answers no page of another origin.
 
 A browser lets any page open a web socket to 127.0.0.1, and viser looks at neither `Origin` nor `Host`: without this,
 a web site that is open on the machine could read what the viewer shows and move the controls of `booster-lab play`.
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import http
 import threading
-from typing import Any
+import time
+from abc import ABC, abstractmethod
+from typing import Any, NoReturn
 from unittest import mock
 
 import viser
@@ -18,7 +20,32 @@ from websockets.http11 import Request
 
 from pipeline import loopback
 
+TICK_S = 1.0 / 30.0
+"""Time between two pictures [s]."""
 _ONE_AT_A_TIME = threading.Lock()
+
+
+class TickedPage(ABC):
+    """A page whose scene moves. `step` does the work of a tick, so that a test drives it alone."""
+
+    server: viser.ViserServer
+
+    @abstractmethod
+    def step(self, passed_s: float) -> None:
+        """One tick: read the controls, advance by `passed_s` [s] of real time, move what is shown."""
+
+    def run(self) -> NoReturn:
+        """Tick until interrupted."""
+        last = time.monotonic()
+        while True:
+            time.sleep(TICK_S)
+            now = time.monotonic()
+            self.step(now - last)
+            last = now
+
+    def stop(self) -> None:
+        """End the server; its port is free again."""
+        self.server.stop()
 
 
 def page_server(host: str, port: int, label: str) -> viser.ViserServer:

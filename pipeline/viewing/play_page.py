@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from pipeline.files.shown_text import escaped
 from pipeline.robot import Kinematics
 from pipeline.validation.deployed import Deployed
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk, surface
-from pipeline.viewing.page_server import page_server
+from pipeline.viewing.page_server import TickedPage, page_server
 from pipeline.viewing.robot_figure import robot_parts
 from pipeline.viewing.viewer import add_shape
 
@@ -30,14 +29,13 @@ KEYS: dict[Key, tuple[int, float, str]] = {
 }
 """Key -> part of the command, step, and what it does."""
 DIRECTIONS = {"forward": 0.0, "backward": np.pi, "left": np.pi / 2.0, "right": -np.pi / 2.0}
-TICK_S = 1.0 / 30.0
 MOST_STEPS = 10
 """Control steps in one tick: a slow machine falls behind real time instead of further and further."""
 GROUND_M = ((-2.0, 12.0), (-3.0, 3.0))
 GROUND_STEP_M = 0.1
 
 
-class PlayPage:
+class PlayPage(TickedPage):
     """A server with the scene and its controls. `step` does the work of a tick, so that a test drives it alone."""
 
     def __init__(self, one: Deployed, name: str, port: int, host: str = "127.0.0.1") -> None:
@@ -73,19 +71,6 @@ class PlayPage:
                 if self.walk.fallen and self.stand_up.value:
                     self.walk.restart()
         self._show()
-
-    def run(self) -> NoReturn:
-        """Walk until interrupted."""
-        last = time.monotonic()
-        while True:
-            time.sleep(TICK_S)
-            now = time.monotonic()
-            self.step(now - last)
-            last = now
-
-    def stop(self) -> None:
-        """End the server; its port is free again."""
-        self.server.stop()
 
     def press(self, key: Key) -> None:
         """What a key of `KEYS` does."""

@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
-from typing import NoReturn
 
 import numpy as np
 import viser
@@ -17,7 +15,7 @@ from pipeline import time_series
 from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped
 from pipeline.viewing.figure import Color, Figure, Shape
-from pipeline.viewing.page_server import page_server
+from pipeline.viewing.page_server import TickedPage, page_server
 from pipeline.viewing.playlist import Playlist
 from pipeline.viewing.projection import CONTACT
 from pipeline.viewing.robot_figure import shape_mesh
@@ -143,9 +141,6 @@ class Playback:
         self.time_s = min(max(time_s, 0.0), self.duration_s)
 
 
-TICK_S = 1.0 / 30.0
-"""Time between two pictures [s]."""
-
 NO_MARK = "–"
 """Entry of the list of marks that leaves the time as it is."""
 
@@ -153,7 +148,7 @@ APART = 1.3
 """Distance of the two figures [m]."""
 
 
-class Viewer:
+class Viewer(TickedPage):
     """A server with one scene that plays a list of clips.
 
     The server is reached from this machine alone unless `host` says otherwise; when `port` is taken, the next free
@@ -206,19 +201,6 @@ class Viewer:
         else:
             self.playback.advance(passed_s)
         self._show()
-
-    def run(self) -> NoReturn:
-        """Play until interrupted."""
-        last = time.monotonic()
-        while True:
-            time.sleep(TICK_S)
-            now = time.monotonic()
-            self.step(now - last)
-            last = now
-
-    def stop(self) -> None:
-        """End the server; its port is free again."""
-        self.server.stop()
 
     def _try_to_choose(self, name: str) -> None:
         """Show another clip; if it can't be shown, keep the scene and display the reason."""

@@ -8,7 +8,7 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from pipeline.cli import arguments
+from pipeline.cli import arguments, policy_arguments
 from pipeline.cli.main import COMMANDS, main, parse
 from pipeline.dataset_export import FORMATS
 from pipeline.validation.suites import SUITES
@@ -87,7 +87,7 @@ def test_choices_are_those_of_the_stages():
         return set(get_args(get_type_hints(kind)[option]))
 
     assert choices(arguments.Export, "format") == set(FORMATS)
-    assert choices(arguments.Validate, "suite") == set(SUITES)
+    assert choices(policy_arguments.Validate, "suite") == set(SUITES)
 
 
 def test_every_option_arrives():

@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from typing import Any
 
 import torch
-from rsl_rl.algorithms import PPO
 from rsl_rl.modules.distribution import GaussianDistribution
 
+from pipeline.learning.ppo import StepwisePpo
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.discriminator import Discriminator, style_reward
 from pipeline.training.amp.symmetry import MirroredSamples
@@ -52,7 +52,7 @@ def _cpu_precision() -> str:
     return "medium" if off < LARGEST_ROUNDING else "highest"
 
 
-class AmpPpo(PPO):
+class AmpPpo(StepwisePpo):
     """rsl_rl's PPO; with style 0 it is that alone."""
 
     def __init__(
@@ -96,7 +96,6 @@ class AmpPpo(PPO):
         """Set by the runner."""
         self.run_share = 0.0
         """Share of the run that has passed, set by the runner."""
-        self._synchronized = False
 
     def act(self, obs) -> torch.Tensor:
         """Actions of the actor."""
@@ -182,15 +181,13 @@ class AmpPpo(PPO):
         return result
 
     def broadcast_parameters(self) -> None:
-        """Give every process the first one's parameters, once; the runner asks for it at each call."""
-        if self._synchronized:
-            return
+        """Give every process the first one's parameters, the discriminator's included, at the first call only."""
+        first = not self._synchronized
         super().broadcast_parameters()
-        if self.discriminator is not None:
+        if first and self.discriminator is not None:
             states = [self.discriminator.network.state_dict()]
             torch.distributed.broadcast_object_list(states, src=0)
             self.discriminator.network.load_state_dict(states[0])
-        self._synchronized = True
 
     def _mean_gradients(self, parameters: Iterable[torch.nn.Parameter]) -> None:
         for parameter in parameters:
