@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import torch
+from rsl_rl.algorithms import PPO
 
 from pipeline.batch import ClipPool
 from pipeline.feasibility import FeasibilitySettings
@@ -21,6 +22,7 @@ from pipeline.tracking.environment import tracking_environment
 from pipeline.tracking.export_tracker import export_tracker
 from pipeline.tracking.observation import key_link_index, observe
 from pipeline.tracking.reference import reference_states
+from pipeline.tracking.run import TrackingRequest, TrackingRun
 from pipeline.tracking.settings import TrackingSettings
 from tests.factories.tracking_bundle import tracking_bundle
 
@@ -75,6 +77,23 @@ def test_a_run_trains_resumes_and_is_not_overwritten(bundle: Path, tmp_path: Pat
         export_tracker(out, other, bundle.parent / "robot", tmp_path / "tracker", {}, ClipPool(workers=1))
     assert not (tmp_path / "tracker").exists()
     assert before == {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}, "nothing was changed"
+
+
+def test_processes_take_over_parameters_at_the_first_iteration_alone(bundle: Path, tmp_path: Path):
+    """rsl_rl asks for it at each call of `learn`; at the second one its own PPO can not write into the normalizer."""
+    torch.distributed.init_process_group("gloo", store=torch.distributed.HashStore(), rank=0, world_size=1)
+    try:
+        request = TrackingRequest(
+            out=tmp_path, num_envs=4, device="cpu", seed=1, iterations=1, minutes=None, resume=False
+        )
+        runner = TrackingRun(read_tracking_bundle(bundle), request).runner
+        runner.alg.broadcast_parameters()
+        runner.learn(1)
+        with pytest.raises(RuntimeError, match="nference"):
+            PPO.broadcast_parameters(runner.alg)
+        runner.alg.broadcast_parameters()
+    finally:
+        torch.distributed.destroy_process_group()
 
 
 def test_observations_equal_those_of_mjlab(environment, bundle: Path, robot: Robot):
