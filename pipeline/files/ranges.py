@@ -143,11 +143,17 @@ class Keys(Remark):
     values: Allowed | None = None
 
     def faults(self, where: str, value: Any) -> list[tuple[str, str]]:
-        problems = {key: self.keys.problem(key) for key in value}
+        problems = {key: self._problem_of_key(key) for key in value}
         return [
-            *((f"{where}.{key}", f"has a key that {problem}") for key, problem in problems.items() if problem),
+            *((f"{where}.{key}", problem) for key, problem in problems.items() if problem),
             *(self.values.faults(where, value) if self.values else ()),
         ]
+
+    def _problem_of_key(self, key: Any) -> str | None:
+        problem = self.keys.problem(key)
+        if problem and isinstance(self.keys, OneOf):
+            return f"{UNKNOWN}, there are: {', '.join(self.keys.names)}"
+        return problem and f"has a key that {problem}"
 
 
 def check(*faults: list[tuple[str, str]]) -> None:

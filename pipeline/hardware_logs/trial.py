@@ -190,8 +190,8 @@ def write_trial(path: Path, trial: Trial) -> None:
 def read_trial(path: Path) -> Trial:
     """The trial of a file. Raises FileError."""
     try:
-        with pq.ParquetFile(path) as file:  # read_table would load pyarrow.dataset
-            table, head = file.read(), json.loads(file.metadata.metadata[b"booster_lab"])
+        with pq.ParquetFile(path) as file:  # read_table would load pyarrow.dataset; a thread has memory of its own
+            table, head = file.read(use_threads=False), json.loads(file.metadata.metadata[b"booster_lab"])
         arrays: dict[str, Any] = {name: _from_column(table.column(name)) for name in ARRAYS}
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
         raise FileError(path, f"not a trial ({error}).", "Materialize hardware_trials again.") from error
@@ -219,6 +219,14 @@ def _plain(values: np.ndarray) -> pa.Array:
 def _from_column(column: pa.ChunkedArray) -> np.ndarray:
     """The numbers of a column by DLPack; `to_numpy` would load pandas. Raises pa.ArrowInvalid for nulls."""
     wide = pa.types.is_fixed_size_list(column.type)
-    chunks = [np.from_dlpack(chunk.flatten() if wide else chunk) for chunk in column.chunks if len(chunk)]
+    chunks = [np.from_dlpack(_inner(chunk) if wide else chunk) for chunk in column.chunks if len(chunk)]
     flat = np.concatenate(chunks) if chunks else np.zeros(0)
     return flat.reshape(-1, column.type.list_size) if wide else flat
+
+
+def _inner(lists: pa.FixedSizeListArray) -> pa.Array:
+    """The numbers of all lists one after the other; `flatten` would load pyarrow.compute (13 MB)."""
+    if lists.null_count:
+        raise pa.ArrowInvalid("has lists that are null")
+    size = lists.type.list_size
+    return lists.values.slice(lists.offset * size, len(lists) * size)

@@ -30,7 +30,7 @@ PLANTED = [
     ("curation", "label_hz: 30.0", "label_hz: 0", "'windows.label_hz' is 0, allowed is 5 to 1000"),
     ("curation", "shortest_s: 0.5 ", "shortest_s: -3 ", "'shortest_s' is -3, allowed is at least 0"),
     ("curation", "skills: [stand,", "skills: [stnad,", "'skills[0]' is 'stnad', there are: stand, turn_left"),
-    ("curation", "  back: 1200", "  bakc: 1200", "'most_seconds.bakc' has a key that is 'bakc', there are: stand"),
+    ("curation", "  back: 1200", "  bakc: 1200", "unknown key 'most_seconds.bakc', there are: stand"),
     ("curation", "  back: 1200", "  back: -1", "'most_seconds.back' is -1, allowed is at least 0"),
     ("curation", 'licences: ["*"]', 'licences: [""]', "'licences[0]' is '', allowed is a pattern"),
     ("curation", "excluded_clips: []", 'excluded_clips: ["mine/[ab*"]', "its '[' has no ']'"),

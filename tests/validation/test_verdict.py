@@ -177,7 +177,7 @@ def test_the_file_is_what_was_derived(tmp_path: Path):
 @pytest.mark.parametrize(
     ("right", "wrong", "told"),
     [
-        ("slip: {unit", "slipping: {unit", r"'cells.vx -0.6.bars.slipping' is 'slipping', there are: falls, survival"),
+        ("slip: {unit", "slipping: {unit", r"unknown key 'cells.vx -0.6.bars.slipping', there are: falls, survival"),
         (
             "at_most: 3.5833",
             "at_most: null",
