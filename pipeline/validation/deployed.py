@@ -29,7 +29,7 @@ class AnkleDampingError(PipelineError):
 
 @dataclass(frozen=True, kw_only=True)
 class Deployed:
-    """A policy on a robot, with gains and motors."""
+    """A policy on a robot, with gains and motors. Raises PolicyMisfitError if the policy's sizes are not the task's."""
 
     robot: Robot
     task: DeploymentTask
@@ -39,6 +39,9 @@ class Deployed:
     """Stateless sensors, shared by all rollouts."""
     armature: Float[np.ndarray, " j"] | None = None
     """Armature in MuJoCo if it differs from the robot's [kg m^2]."""
+
+    def __post_init__(self) -> None:
+        self.controller()  # a misfit is found here rather than in a worker
 
     def gains(self) -> dict[str, dict[str, float]]:
         """`kp` [N m/rad] and `kd` [N m s/rad] of each joint; a policy's digest does not cover them."""
