@@ -13,7 +13,7 @@ from tests.factories.curation_browser import PICTURES_VARIABLE, Browser, browser
 pytestmark = pytest.mark.command
 
 FEW = ("stand", "walk")
-PICTURED = (*FEW, "back", "run_easy", "side_left", "turn_left", "defect_teleport")
+PICTURED = (*FEW, "back", "run_easy", "side_left", "turn_left")
 """Motions where screenshots for the docs are wanted."""
 MARKUP = "<img src=x onerror=alert(1)>"
 """Name of a motion file: it must reach the page as text."""
