@@ -71,8 +71,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     """
     import numpy as np
 
-    from pipeline.export.folder import CURVES, Source, complete_export, export_policy
-    from pipeline.export.metadata import training_data, training_run
+    from pipeline.export.folder import complete_export, export_policy, source_of_run
     from pipeline.robot import load_robot
 
     facts = full_training(project, trained)
@@ -87,13 +86,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
         complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
         return folder, SHIPPED
     run = project.root / facts["folder"]
-    curves = run / CURVES
-    source = Source(
-        policy=run / facts["policy"],
-        run=training_run(run, commit=facts["commit"], command=facts["command"]),
-        data=training_data(run),
-        curves=curves if curves.is_file() else None,
-    )
+    source = source_of_run(run, run / facts["policy"])
     adapted = load_robot(project.robot_folder(robot))
     export_policy(folder, facts["run"], adapted, source, rng, shippable=shippable)
     return folder, TRAINED
