@@ -1,4 +1,4 @@
-"""The chain's last stage: a checkpoint is chosen and judged, the policy gets a card, and a kill costs one part of it."""
+"""The last stage of the chain: a checkpoint is chosen and judged, and a kill costs one part of it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import sys
 
 import pytest
 
-from pipeline.deployment import load_policy
 from pipeline.deployment import digest as digest_of
+from pipeline.deployment import load_policy
 from pipeline.export.folder import read_export
 from pipeline.files import settings
 from pipeline.robot import load_robot
