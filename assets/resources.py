@@ -16,15 +16,17 @@ from pipeline.batch import ClipPool, Manifest
 
 
 class ClipPoolResource(dg.ConfigurableResource):
-    """How the clips of an asset are spread over processes. A cluster is a backend."""
+    """How the clips of an asset are spread over processes, on this machine or on a Dask cluster (`ClipPool`)."""
 
     backend: str = "loky"
-    """joblib backend: `loky`, `sequential`, or one that a package registers (`dask`, `ray`)."""
+    """`loky`: processes on this machine; `sequential`: the run's own process; `dask`: workers of a cluster."""
     workers: int = 0
-    """Number of processes; 0 means one a core."""
+    """Number of processes on this machine; 0 means one a core."""
+    address: str = ""
+    """Of `dask`: the scheduler's address; empty for a cluster of worker processes on this machine."""
 
     def pool(self) -> ClipPool:
-        return ClipPool(backend=self.backend, workers=self.workers)
+        return ClipPool(backend=self.backend, workers=self.workers, address=self.address)
 
 
 class StoreIOManager(dg.ConfigurableIOManager):
