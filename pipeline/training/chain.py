@@ -22,24 +22,24 @@ import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mjlab
 import numpy as np
 import torch
 
-from pipeline.export.folder import export_policy, source_of_run
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
 from pipeline.learning.run_command import commit_of, device_name, started_module, write_json
 from pipeline.learning.training_error import TrainingError
-from pipeline.robot import load_robot
 from pipeline.training.bundle import Bundle
 from pipeline.training.config import changed_from, texts_of
 from pipeline.training.distillation.run import DistillationStage
 from pipeline.training.environment import chosen_physics
 from pipeline.training.runner import AmpStage
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY, Request
-from pipeline.training.validation_stage import ValidationStage
+
+if TYPE_CHECKING:
+    from pipeline.training.validation_stage import ValidationStage
 
 DISTILLATION, AMP, VALIDATION = "distillation", "amp", "validation"
 STAGES = (DISTILLATION, AMP, VALIDATION)
@@ -85,7 +85,7 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
         )
     first = int(os.getenv("RANK", "0")) == 0
     last = request.out / trained(stages)[-1]
-    validation = ValidationStage(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
+    validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
     config = _config(bundle, request, stages)
     _check_same_run(request.out, config)
     if first:
@@ -103,6 +103,18 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
             AmpStage(bundle, request, folder, _distilled(request, stages)).run()
     if first:
         _finish(bundle, request, stages, validation)
+
+
+def _validation(bundle: Bundle, folder: Path, last: Path) -> ValidationStage:
+    """The last stage. Raises TrainingError where something that it needs is missing, so that it shows at the start."""
+    try:  # what trains alone has mjlab's packages and no others
+        from pipeline.training.validation_stage import ValidationStage
+    except ImportError as error:
+        raise TrainingError(
+            f"validation needs the package {error.name}, which is not installed. Install the project, or leave "
+            "validation out (--stages distillation amp) and repeat the command with it where the project is installed."
+        ) from error
+    return ValidationStage(bundle, folder, last)
 
 
 def _distilled(request: Request, stages: Sequence[str]) -> dict[str, torch.Tensor] | None:
@@ -139,6 +151,9 @@ def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation:
     sums = {key: sum(done[key] for done in training) for key in ("seconds", "steps", "gpu_seconds")}
     done = {**training[-1], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9), "stages": each}
     if validation is not None:
+        from pipeline.export.folder import export_policy, source_of_run
+        from pipeline.robot import load_robot
+
         source = source_of_run(request.out, stated=done)
         robot, rng = load_robot(bundle.robot_folder), np.random.default_rng(0)
         export_policy(request.out / EXPORT, request.out.name, robot, source, rng, shippable=False)

@@ -147,11 +147,12 @@ def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_la
 def test_what_validation_needs_is_missed_before_training(bundle, tmp_path, monkeypatch, capsys, root, missing):
     monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("trained"))
     message = {
-        "dartpy": "dartpy can not be imported",
+        "dartpy": "validation needs the package dartpy, which is not installed",
         "thresholds": "'t1' has no thresholds for a policy",
         "robot": "adapted_robot/t1: there is no such folder. Write the bundle again",
     }[missing]
     if missing == "dartpy":
+        monkeypatch.delitem(sys.modules, "pipeline.training.validation_stage")
         monkeypatch.setitem(sys.modules, "dartpy", None)
     elif missing == "thresholds":
         monkeypatch.setattr(validation_stage, "ROOT", tmp_path)
