@@ -13,6 +13,7 @@ from assets.plainly import told_plainly
 from assets.project import PROJECT
 from assets.run_locks import alive, tell_dead_runs
 from pipeline.batch import ClipPool, Manifest
+from pipeline.batch.store import LOCK
 
 
 class ClipPoolResource(dg.ConfigurableResource):
@@ -65,7 +66,7 @@ class StoreIOManager(dg.ConfigurableIOManager):
 @contextmanager
 def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
     """A lock on the store, released by the system when the process dies."""
-    path = PROJECT.store.root / "lock"
+    path = PROJECT.store.root / LOCK
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+") as stream:
         held = (stream, f"run {context.run_id} (process {os.getpid()})")

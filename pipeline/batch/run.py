@@ -115,7 +115,7 @@ def _gather(
 ) -> Manifest:
     """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
     again = clips_again()
-    answers = {job.key: None if job.clip in again else store.recall(job.key) for job in jobs}
+    answers = {job.key: None if job.clip in again else store.recall(job.key, stage.name) for job in jobs}
     todo = [job for job in jobs if answers[job.key] is None]
     log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
     if todo and (where := pool.where()):
@@ -124,7 +124,7 @@ def _gather(
     for count, (job, answer) in enumerate(_worked_on(todo, work, pool, store), 1):
         answers[job.key] = answer
         if not answer["failed"]:
-            store.remember(job.key, answer)
+            store.remember(job.key, answer, stage.name)
         if time.monotonic() - last > PROGRESS_EVERY_S:
             last = time.monotonic()
             log.info("%s", progress(stage.name, count, len(todo), last - started))
