@@ -79,9 +79,10 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
+            do = f"dagster asset materialize --select {trained.key.to_user_string()}"
             raise NoPolicyError(
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
-                "trained here in full. On a machine with a GPU: dagster asset materialize --select amp_policy"
+                f"trained here in full. On a machine with a GPU: {do}"
             )
         complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
         return folder, SHIPPED

@@ -18,7 +18,7 @@ SCHEMA = "booster-lab training bundle 2"
 FPS = 50.0
 TRACKER, REFERENCES = "tracker.npz", "references.npz"
 """Files that distillation needs; a bundle of a project without a tracker lacks them."""
-CURE = "Write the bundle again: dagster asset materialize --select amp_policy."
+CURE = "Write the bundle again: dagster asset materialize --select t1/amp_policy, or of another robot."
 
 
 @dataclass(frozen=True, kw_only=True)

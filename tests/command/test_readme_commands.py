@@ -19,7 +19,7 @@ ELSEWHERE = {
     "make test": "CI runs it (.ci/run)",
     "dagster asset materialize --select expert_db": "tests/command/test_materialize.py",
     "dagster dev": "tests/command/test_web_ui.py",
-    "dagster asset materialize --select amp_policy": "tests/assets/test_amp_trial.py trains the same trial",
+    "dagster asset materialize --select t1/amp_policy": "tests/assets/test_amp_trial.py trains the same trial",
 }
 """Commands that other tests run."""
 

@@ -146,7 +146,7 @@ def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, r
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--device", "cpu"], "--bundle and --out are needed"),
+        (["--device", "cpu"], "--out is needed"),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
         (["--bundle", "b", "--out", "o", "--device", "cpu"], "bundle.json: the file is missing"),
         (["--bundle", "b", "--out", "o", "--device", "cuda"], "PyTorch finds no GPU here. Use --device cpu"),
