@@ -166,7 +166,7 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
     """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
     export, trained = ("export", "deployment"), ("training", "learning", "expert", "tracking")
     return (
-        Plan(name="amp_policy", packages=trained, robot=robot, names_robot=True),
+        Plan(name="amp_policy", packages=(*trained, "validation", "dart", *export), robot=robot, names_robot=True),
         Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),
         Plan(
             name="exported_policy",

@@ -13,13 +13,12 @@ Repeating the command continues with the first file that is missing. The sweep a
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-import dartpy  # noqa: F401  its lack shows before training, not after
 
 import pipeline
 from pipeline.batch.reporting_pool import ReportingPool
@@ -55,6 +54,8 @@ class ValidationStage:
     def __init__(self, bundle: Bundle, folder: Path, trained: Path):
         """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
         self.bundle, self.folder, self._trained = bundle, folder, trained
+        if importlib.util.find_spec("dartpy") is None:
+            raise TrainingError("validation walks the policy in DART, and the package dartpy is not installed.")
         if not bundle.robot_folder.is_dir():
             raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
         self._bars: ValidationSettings = read_validation(
