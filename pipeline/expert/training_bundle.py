@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.actuators.adapted_robot import read_actuators
+from pipeline.actuators.adapted_robot import motors_source, read_actuators
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
@@ -84,6 +84,7 @@ def write_training_bundle(
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
+        "motors": motors_source(read_actuators(robot_folder)),
         "database_digest": database_version(database_folder),
         "licence": database.manifest["licence"],
         "clips": len(database.clips),
