@@ -30,8 +30,11 @@ from pipeline.expert.frames import FPS
 from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
 from pipeline.files import atomic, digest
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
+from pipeline.robot.legs import legs_of
+from pipeline.simulation.run import fall_height
 
 SCHEMA = "booster-lab training bundle 1"
 COMMAND_WINDOW_S = 1.0
@@ -118,6 +121,10 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "policy_joints": breadth_first(robot),
         "default_joint_pos": robot.default_joint_pos.tolist(),
         "default_root_height": robot.default_root_height,
+        "fall_height": fall_height(robot),
+        "leg_length": robot.leg_length,
+        "weight": robot.total_mass * GRAVITY,
+        "leg_joints": [robot.joint_names[joint] for joint in legs_of(robot).all],
         "kp": robot.kp.tolist(),
         "kd": robot.kd.tolist(),
         "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],

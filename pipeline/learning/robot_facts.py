@@ -28,6 +28,13 @@ class RobotFacts:
     policy_joints: tuple[str, ...]
     default_joint_pos: np.ndarray
     default_root_height: float
+    """[m]"""
+    fall_height: float
+    """Height of the root [m] below which the robot has fallen."""
+    leg_length: float
+    """[m]"""
+    weight: float
+    """[N]"""
     kp: np.ndarray
     kd: np.ndarray
     effort_limit: np.ndarray
@@ -75,6 +82,9 @@ def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
         mjcf=mjcf,
         root_link=facts["root_link"],
         default_root_height=facts["default_root_height"],
+        fall_height=facts["fall_height"],
+        leg_length=facts["leg_length"],
+        weight=facts["weight"],
         mirror_index=np.array(facts["mirror_index"]),
         shapes=facts["shapes"],
         **taken,
