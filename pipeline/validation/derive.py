@@ -26,7 +26,15 @@ from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, digest, settings
 from pipeline.robot.legs import legs_of
 from pipeline.robot.load import read_description
-from pipeline.validation.bars import CellBars, Reference, RobotBars, ValidationRules, ValidationSettings, derived, scaled_to
+from pipeline.validation.bars import (
+    CellBars,
+    Reference,
+    RobotBars,
+    ValidationRules,
+    ValidationSettings,
+    derived,
+    scaled_to,
+)
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings

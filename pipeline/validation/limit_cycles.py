@@ -32,6 +32,7 @@ from jaxtyping import Float
 from pipeline.errors import PipelineError
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check, increasing
 
+
 @dataclass(frozen=True, kw_only=True)
 class LimitCycleSettings:
     """The whole file."""

@@ -1,6 +1,5 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
-import dataclasses
 import json
 import os
 import re

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import torch
@@ -37,7 +38,12 @@ WEIGHTS = {
 """Table "Summary of Task Reward Function" of the paper."""
 
 
-T1 = cast(RobotFacts, SimpleNamespace(weight=31.734 * 9.81, leg_length=0.5516))
+def robot_of(weight: float, leg_length: float) -> Any:
+    """A robot of a weight [N] and a leg length [m], and nothing else."""
+    return Mock(spec=RobotFacts, weight=weight, leg_length=leg_length)
+
+
+T1 = robot_of(31.734 * 9.81, 0.5516)
 
 
 def env(command=(0.0, 0.0, 0.0), **state: Any) -> Any:
@@ -134,7 +140,7 @@ def test_distances_and_stumbles_of_the_feet():
 
 
 def test_forces_and_distances_of_the_feet_are_the_papers_for_the_t1_and_scale_with_the_robot():
-    smaller = cast(RobotFacts, SimpleNamespace(weight=0.5 * T1.weight, leg_length=0.8 * T1.leg_length))
+    smaller = robot_of(0.5 * T1.weight, 0.8 * T1.leg_length)
     for robot, force, apart in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
         terms = rewards.reward_cfg(robot, PAPER)
         assert terms["feet_force"].params["soft"] == pytest.approx(force, rel=1e-3)
