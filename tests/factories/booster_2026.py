@@ -1,4 +1,4 @@
-"""The T1's model files as its maker writes them since 2026 (booster_assets 45588c7): other names, efforts and ranges."""
+"""The T1's model files as its maker writes them in 2026 (booster_assets 45588c7): other names, efforts and ranges."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ FINE_SIGMA2 = 0.05
 COMMANDED = 0.1
 """Least commanded speed [m/s] and yaw rate [rad/s] that progress counts."""
 FORCE_SOFT, FORCE_SPAN = 500.0 / 311.3, 400.0 / 311.3
-"""Foot force without cost, and the span beyond it in which the cost grows, over the robot's weight (paper: 500 and 400 N
-for the T1's 311.3 N)."""
+"""Foot force without cost, and the span beyond it in which the cost grows, over the robot's weight (paper: 500 and
+400 N for the T1's 311.3 N)."""
 FEET_APART = 0.2 / 0.5516
 """Distance of the feet over the robot's leg length (paper: 0.2 m for the T1's 0.5516 m)."""
 FULL_TORQUE = 0.85
