@@ -123,7 +123,7 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "default_root_height": robot.default_root_height,
         "fall_height": fall_height(robot),
         "leg_length": robot.leg_length,
-        "weight": robot.total_mass * GRAVITY,
+        "weight": round(robot.total_mass, 3) * GRAVITY,
         "leg_joints": [robot.joint_names[joint] for joint in legs_of(robot).all],
         "kp": robot.kp.tolist(),
         "kd": robot.kd.tolist(),

@@ -14,6 +14,9 @@ import numpy as np
 
 from pipeline.learning.training_error import TrainingError
 
+T1_WEIGHT_N, T1_LEG_M = 31.734 * 9.81, 0.5516
+"""Size of the robot that the figures of the paper and of the recipe are for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotFacts:
@@ -53,6 +56,16 @@ class RobotFacts:
     """Links whose pose the tracking task compares; the root link is one of them. Empty in bundles without them."""
     shapes: dict[str, list[str]]
     """Collision shapes: `feet`, `shanks`, `others`."""
+
+    @property
+    def weight_ratio(self) -> float:
+        """Weight over the T1's: forces that are given for the T1 are times this."""
+        return self.weight / T1_WEIGHT_N
+
+    @property
+    def leg_ratio(self) -> float:
+        """Leg length over the T1's: lengths that are given for the T1 are times this, speeds times its root."""
+        return self.leg_length / T1_LEG_M
 
     def index(self, names: tuple[str, ...]) -> np.ndarray:
         """Where `names` are among the joints."""

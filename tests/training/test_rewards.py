@@ -10,7 +10,7 @@ from unittest.mock import Mock
 import pytest
 import torch
 
-from pipeline.learning.robot_facts import RobotFacts
+from pipeline.learning.robot_facts import T1_LEG_M, T1_WEIGHT_N, RobotFacts
 from pipeline.training.config import PAPER, RECIPE
 from pipeline.training.mdp import rewards
 
@@ -40,7 +40,8 @@ WEIGHTS = {
 
 def robot_of(weight: float, leg_length: float) -> Any:
     """A robot of a weight [N] and a leg length [m], and nothing else."""
-    return Mock(spec=RobotFacts, weight=weight, leg_length=leg_length)
+    ratios = {"weight_ratio": weight / T1_WEIGHT_N, "leg_ratio": leg_length / T1_LEG_M}
+    return Mock(spec=RobotFacts, weight=weight, leg_length=leg_length, **ratios)
 
 
 T1 = robot_of(31.734 * 9.81, 0.5516)

@@ -24,11 +24,10 @@ FINE_SIGMA2 = 0.05
 """Width of the narrow one."""
 COMMANDED = 0.1
 """Least commanded speed [m/s] and yaw rate [rad/s] that progress counts."""
-FORCE_SOFT, FORCE_SPAN = 500.0 / 311.3, 400.0 / 311.3
-"""Foot force without cost, and the span beyond it in which the cost grows, over the robot's weight (paper: 500 and
-400 N for the T1's 311.3 N)."""
-FEET_APART = 0.2 / 0.5516
-"""Distance of the feet over the robot's leg length (paper: 0.2 m for the T1's 0.5516 m)."""
+FORCE_SOFT, FORCE_SPAN = 500.0, 400.0
+"""Foot force without cost, and the span beyond it in which the cost grows, of the T1 [N] (paper)."""
+FEET_APART = 0.2
+"""Distance of the T1's feet [m] (paper)."""
 FULL_TORQUE = 0.85
 """Share of the motor's torque at its speed that costs nothing."""
 
@@ -164,9 +163,9 @@ def feet_lateral_distance(env, apart: float) -> torch.Tensor:
 
 
 def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
-    """All terms; those of weight 0 are left out."""
-    soft, span = FORCE_SOFT * robot.weight, FORCE_SPAN * robot.weight
-    apart = {"apart": FEET_APART * robot.leg_length}
+    """All terms, forces and distances scaled to the robot; those of weight 0 are left out."""
+    force = {"soft": FORCE_SOFT * robot.weight_ratio, "span": FORCE_SPAN * robot.weight_ratio}
+    apart = {"apart": FEET_APART * robot.leg_ratio}
     weights, term = config.rewards, RewardTermCfg
     limits = joints_beyond_limits if weights.joint_limits == "indicator" else mdp.joint_pos_limits
     terms = {
@@ -192,7 +191,7 @@ def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
         "stalled": term(func=stalled, weight=-100.0),
         "undesired_contacts": term(func=undesired_contacts, weight=-1.0),
         "feet_slide": term(func=feet_slide, weight=weights.feet_slide),
-        "feet_force": term(func=feet_force, weight=-3e-3, params={"soft": soft, "span": span}),
+        "feet_force": term(func=feet_force, weight=-3e-3, params=force),
         "feet_too_near": term(func=feet_too_near, weight=-2.0, params=apart),
         "feet_stumble": term(func=feet_stumble, weight=-2.0),
         "feet_lateral_distance": term(func=feet_lateral_distance, weight=-2.0, params=apart),
