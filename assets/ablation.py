@@ -180,10 +180,9 @@ def label_of(ways: Sequence[str]) -> str:
 def figures_of(policy: Path, robot: str, pool: ClipPoolResource) -> dict[str, float]:
     """Command and push figures of a policy in the sweep without noise in plain MuJoCo."""
     from pipeline.deployment import load_policy
-    from pipeline.validation.checkpoint_choice import error_of
     from pipeline.validation.deployed import deployed
-    from pipeline.validation.measure import measure
-    from pipeline.validation.sweep import sweep_cells
+    from pipeline.validation.figures import measure
+    from pipeline.validation.sweep import error_of, sweep_cells
 
     one = deployed(PROJECT.adapted_robot(robot), load_policy(policy))
     figures = {}
@@ -219,7 +218,7 @@ def read_ablation(project: Project, folder: Path) -> dict[str, Any]:
 
 def ablation_metadata(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
     """Both arms' curves in one picture, and their figures side by side."""
-    from pipeline.viewing.training_curves import discriminator_curves
+    from pipeline.viewing.tracking_plots import discriminator_curves
 
     names = {"augmented": f"augmented ({facts['label']})", "original": "original clips only"}
     curves = {

@@ -149,7 +149,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
         from assets.model_report import models_agree
         from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
-        from pipeline.feedback.motor_limits import check_limits, lowered
+        from pipeline.feedback.cell_weights import check_limits, lowered
         from pipeline.feedback.rules import FeedbackRules
         from pipeline.robot import load_robot
 

@@ -158,8 +158,8 @@ def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) 
         why = "a trial" if run.trial else "asked for"
         return newest, {"checkpoint": f"the newest, not swept: {why}"}
     from pipeline.deployment import load_policy
-    from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
     from pipeline.validation.deployed import deployed
+    from pipeline.validation.sweep import best, sweep_checkpoints
 
     states = sorted((run.folder / "amp" / "checkpoints").glob("model_*.pt"))[-count:]
     files = {int(path.stem.split("_")[1]): policy_of_checkpoint(run, path, PROJECT.root) for path in states}

@@ -40,7 +40,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_trials import write_failures
         from pipeline.validation.cross_engine_walk import CrossEngineSettings
-        from pipeline.viewing.engine_plots import cross_engine_plots
+        from pipeline.viewing.validation_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
         robot = plan.robot or DEFAULT_ROBOT

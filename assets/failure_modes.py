@@ -148,7 +148,7 @@ def policy_path(robot: str, wanted: str) -> Path | None:
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
-    from pipeline.failures.missed import NOTED
+    from pipeline.failures.trial_report import NOTED
 
     rows, kinds = [], {}
     reports = reports_of(manifest)

@@ -35,7 +35,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         from pipeline.validation.bars import read_validation
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
         from pipeline.validation.limit_cycles import LimitCycleSettings
-        from pipeline.viewing.engine_plots import limit_cycle_plots
+        from pipeline.viewing.validation_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT

@@ -20,10 +20,10 @@ from pipeline.hardware_logs.log_folder import (
     LogFile,
     closed_folders,
     complete_logs,
+    note_refusals,
     packed_files,
     without_copies,
 )
-from pipeline.hardware_logs.quarantine import note_refusals
 
 Answer = dict[str, Any]
 

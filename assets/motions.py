@@ -97,7 +97,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process
-    from pipeline.viewing.worst_clips import worst_clips
+    from pipeline.viewing.contact_sheet import worst_clips
 
     values = settings.read(PROJECT.settings("repair.yaml"), RepairSettings)
     stage = stage_of(REPAIRED, partial(process, settings=values), values, prepare=partial(prepare, settings=values))

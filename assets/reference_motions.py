@@ -37,7 +37,7 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
     ):
         """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
         from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.settings import KINDS
+        from pipeline.augment.process import KINDS
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
@@ -77,7 +77,7 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         from pipeline.feasibility import FeasibilitySettings, process
         from pipeline.feasibility.criteria_table import split
         from pipeline.robot import load_robot
-        from pipeline.viewing.worst_clips import worst_clips
+        from pipeline.viewing.contact_sheet import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)

@@ -210,8 +210,7 @@ def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
     from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
     from pipeline.simulation.run import run
     from pipeline.validation.deployed import deployed
-    from pipeline.viewing.contact_sheet import contact_sheet
-    from pipeline.viewing.walk_gif import walk_gif
+    from pipeline.viewing.contact_sheet import contact_sheet, walk_gif
 
     one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
     pictures = []

@@ -149,8 +149,8 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         from pipeline.robot import load_robot
         from pipeline.robot.size import scaled
         from pipeline.selection import Curation, without_excluded
+        from pipeline.viewing.contact_sheet import worst_clips
         from pipeline.viewing.plots import command_seconds, lost_seconds
-        from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)

@@ -10,7 +10,7 @@ from assets.report import picture, table_of
 
 def curves_of(folder: Path) -> dict[str, Any]:
     """A run's curves as a picture, and its last figures as numbers that plot over materializations."""
-    from pipeline.viewing.training_curves import training_curves
+    from pipeline.viewing.tracking_plots import training_curves
 
     path = folder / "curves.csv"
     if not path.is_file():

@@ -58,7 +58,7 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         from pipeline.validation.bars import read_validation
         from pipeline.validation.deployed import deployed
         from pipeline.validation.failed_trials import write_failed_trials
-        from pipeline.validation.measure import measure
+        from pipeline.validation.figures import measure
         from pipeline.validation.suites import cells_of
         from pipeline.validation.verdict import judge
 

@@ -42,9 +42,8 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
         from pipeline.validation.bars import read_validation
         from pipeline.validation.derived_bars import allowed_of
-        from pipeline.webots.checks import project_faults
         from pipeline.webots.result import WebotsSettings
-        from pipeline.webots.validate import WEBOTS, validate
+        from pipeline.webots.validate import WEBOTS, project_faults, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
         robot = plan.robot or DEFAULT_ROBOT

@@ -50,10 +50,10 @@ from pipeline.learning.training_error import TrainingError  # noqa: E402
 from pipeline.training.plain_walk import Walk, walked  # noqa: E402
 from pipeline.training.style_distance import SPEEDS, style_distances  # noqa: E402
 from pipeline.validation.bars import read_validation  # noqa: E402
-from pipeline.validation.checkpoint_choice import error_of  # noqa: E402
 from pipeline.validation.deployed import deployed  # noqa: E402
-from pipeline.validation.measure import Measured, measure  # noqa: E402
+from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import SUITES, cells_of  # noqa: E402
+from pipeline.validation.sweep import error_of  # noqa: E402
 from pipeline.validation.verdict import judge  # noqa: E402
 
 WALKED = (0.6, 0.8, 1.0)

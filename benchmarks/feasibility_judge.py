@@ -15,7 +15,7 @@ from pipeline.deployment import load_policy
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, assess, process
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.repair.robot_motion import label_robot_contacts
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant

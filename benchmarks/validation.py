@@ -31,7 +31,7 @@ from pipeline.validation.cells import Cell, command_cells  # noqa: E402
 from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
 from pipeline.validation.derive import measured_or_kept  # noqa: E402
-from pipeline.validation.measure import Measured, measure  # noqa: E402
+from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import (  # noqa: E402
     FULL,
     QUICK,

@@ -11,7 +11,7 @@ from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Store
 from pipeline.errors import FileError
 from pipeline.files import digest, settings
-from pipeline.files.csv_text import MAX_BYTES, csv_records, read_csv_text
+from pipeline.files.csv_json import MAX_BYTES, csv_records, read_csv_text
 
 TABLE = "published_curves.csv"
 COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [rad/s]")

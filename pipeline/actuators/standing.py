@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 

@@ -17,11 +17,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.augment.leg_limits import lift_in_swings, offset_by_stance, within_limits
-from pipeline.augment.leg_solver import Leg, legs_of, reach
+from pipeline.augment.leg_solver import Leg, legs_of, lift_in_swings, offset_by_stance, reach, within_limits
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.quality.command_velocity import STRIDE_S
+from pipeline.quality.planar_motion import STRIDE_S
 from pipeline.quality.sole import ContactSettings, contact_from_sole, sole_motion
 from pipeline.robot import Kinematics, LinkPoses, Robot
 
@@ -68,7 +67,7 @@ class Course:
 def perturb(
     clip: RobotClip, robot: Robot, kind: str, strength: float, name: str, contact: ContactSettings
 ) -> RobotClip | Reason:
-    """The clip with a perturbation of `pipeline.augment.settings.KINDS`, or why there is none.
+    """The clip with a perturbation of `pipeline.augment.process.KINDS`, or why there is none.
 
     `contact` is what contact is in a clip that does not say its own.
     """

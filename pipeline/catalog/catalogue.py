@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.catalog.flight import Person
+from pipeline.catalog.gait import Person
 from pipeline.catalog.measure import bridged, each_once, measure, times_stored
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.catalog.time_base import TimeBase, judge

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.catalog.flight import Person
+from pipeline.catalog.gait import Person
 from pipeline.catalog.settings import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number

@@ -13,8 +13,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.catalog.flight import Flights, Person
-from pipeline.catalog.gait import Steps, steps_ahead
+from pipeline.catalog.gait import Flights, Person, Steps, steps_ahead
 from pipeline.catalog.settings import TimeBaseSettings
 from pipeline.physics import GRAVITY
 

@@ -6,9 +6,8 @@ import dataclasses
 import json
 
 from pipeline.cli.policy_arguments import CrossEngine
-from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import find_project
-from pipeline.cli.text_table import text_table
+from pipeline.cli.text_table import ReportingPool, text_table
 from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import digest
 from pipeline.errors import UnknownNameError

@@ -12,7 +12,7 @@ from pipeline.dataset_export.export import CARD, LEROBOT
 from pipeline.errors import FileError, PipelineError
 from pipeline.expert import history, manifest
 from pipeline.expert.swap import current
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 from pipeline.readers.remembered import forget, read_remembered
 
 

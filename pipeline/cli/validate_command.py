@@ -6,16 +6,15 @@ import json
 from pathlib import Path
 
 from pipeline.cli.policy_arguments import Validate
-from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import Project, find_project
-from pipeline.cli.text_table import text_table
+from pipeline.cli.text_table import ReportingPool, text_table
 from pipeline.deployment import Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.robot import load_robot
 from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of
 from pipeline.validation.verdict import as_text, judge, table
 

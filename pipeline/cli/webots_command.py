@@ -16,11 +16,19 @@ from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.derived_bars import allowed_of
-from pipeline.webots.checks import project_faults
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.result import Allowed, WebotsSettings
-from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict, run_stand_in, verdict
+from pipeline.webots.validate import (
+    LABELS,
+    MUJOCO_STAND_IN,
+    ODE_STAND_IN,
+    WEBOTS,
+    WebotsVerdict,
+    project_faults,
+    run_stand_in,
+    verdict,
+)
 
 FAILED = 3
 """Exit code of a walk that fails or was not run; 1 is of one that could not be done."""

@@ -1,4 +1,4 @@
-"""What a stage says of one clip: what goes on, what does not, and why, with the numbers."""
+"""The result of a stage for one clip: the pieces that are kept, the reasons, and the numbers; labels of skills."""
 
 from __future__ import annotations
 
@@ -59,3 +59,23 @@ class Outcome:
     @property
     def accepted(self) -> bool:
         return len(self.pieces) > 0
+
+
+SKILLS: tuple[str, ...] = (
+    "stand",
+    "turn_left",
+    "turn_right",
+    "side_left",
+    "side_right",
+    "back",
+    "walk_slow",
+    "walk",
+    "walk_fast_jog",
+    "run",
+)
+"""What a window can show."""
+
+TRANSITION = "transition"
+"""What lies between two skills and is neither."""
+
+LABELS: tuple[str, ...] = (*SKILLS, TRANSITION)

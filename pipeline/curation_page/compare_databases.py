@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.curation_page.clip_table import ClipTable
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import history, index
-from pipeline.selection.decisions import Decision, exclusions
+from pipeline.selection.curation import Decision, exclusions
 
 CURRENT = "current"
 COLUMNS = ("clip", "sha256", "seconds", "weight", "skill", "source")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from pipeline.curation_page.materialization import Materialization
-from pipeline.curation_page.rerun import Rerun
+from pipeline.curation_page.materialization import Materialization, Rerun
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError
 

@@ -18,17 +18,17 @@ from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTabl
 from pipeline.curation_page.columns import THRESHOLD_COLUMNS, columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
+from pipeline.curation_page.materialization import Rerun, rerun_of
 from pipeline.curation_page.motion_sources import MotionSources
-from pipeline.curation_page.rerun import Rerun, rerun_of
 from pipeline.curation_page.thumbnails import ThumbnailStore
 from pipeline.errors import FileError
 from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest, settings
 from pipeline.robot import Robot, load_robot
+from pipeline.selection.curation import Decision
 from pipeline.selection.curation_file import decide, read_decisions, take_back
-from pipeline.selection.decisions import Decision
-from pipeline.viewing.motion_source import MotionSource
+from pipeline.viewing.playlist import MotionSource
 
 FIRST_SCREEN = 24
 """Clips that are seen at once."""

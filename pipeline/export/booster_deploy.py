@@ -18,7 +18,7 @@ from typing import Annotated
 
 from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import SettingsError
-from pipeline.export.torch_script import write_torch_script
+from pipeline.export.networks import write_torch_script
 from pipeline.files import atomic, settings
 from pipeline.files.ranges import Allowed
 from pipeline.robot.load import ROBOTS

@@ -24,7 +24,7 @@ from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
 from pipeline.export.metadata import ExportError, metadata, refuse_unless_allowed, shipping, trained_task
-from pipeline.export.onnx_model import write_onnx
+from pipeline.export.networks import write_onnx
 from pipeline.export.parity import (
     GoldenVectors,
     Parity,

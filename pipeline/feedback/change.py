@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from pipeline.clips.skill import SKILLS
+from pipeline.clips.outcome import SKILLS
 from pipeline.errors import PipelineError
 from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE, FeedbackRules
 from pipeline.files import digest

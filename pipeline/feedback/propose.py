@@ -18,9 +18,8 @@ from pipeline.failures.failure import Failure
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell_of
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
-from pipeline.feedback.recordings import Heard, recorded
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
-from pipeline.feedback.trust import NamedBy, Pair, doubt_of, grouped, trusted, witnesses_of
+from pipeline.feedback.trust import Heard, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")

@@ -16,7 +16,7 @@ from pipeline import time_series
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files.ranges import Range, check, increasing
 from pipeline.files.sourced import Unit
-from pipeline.quality.smoothness import percentile_of_least
+from pipeline.quality.retargeting import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
 

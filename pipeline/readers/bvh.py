@@ -18,11 +18,10 @@ from jaxtyping import Float
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.readers.frame_rate import printed_rate
-from pipeline.readers.joint_channels import CHANNELS, ChannelPoses
+from pipeline.readers.poses import CHANNELS, ChannelPoses
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows, to_float
-from pipeline.readers.text_stream import blocks, open_text
+from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, blocks, open_text, read_number, read_rows, to_float
+from pipeline.readers.velocity_rate import printed_rate
 
 MAX_JOINTS = 1000
 MAX_DEPTH = 200

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, read_csv_text
+from pipeline.files.csv_json import csv_records, read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
 
 ALIASES = "aliases.csv"

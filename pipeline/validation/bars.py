@@ -14,8 +14,7 @@ from typing import Annotated
 from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.files.ranges import NOT_NEGATIVE, SHARE, Keys, OneOf, check
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import FIGURES, Measured
 
 
 @dataclass(frozen=True, kw_only=True)

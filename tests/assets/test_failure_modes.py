@@ -9,8 +9,7 @@ import pytest
 from assets import failure_modes
 from assets.project import Project
 from pipeline.batch import Manifest
-from pipeline.failures.missed import NOTED
-from pipeline.failures.trial_report import TrialReport
+from pipeline.failures.trial_report import NOTED, TrialReport
 from pipeline.hardware_logs import write_trial
 from pipeline.hardware_logs.missed_bars import MissedBar
 from tests.factories.log_trials import ROOT, trials_in

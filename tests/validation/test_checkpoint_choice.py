@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from pipeline.validation.cells import SURVIVING, Cell, command_cells
-from pipeline.validation.checkpoint_choice import Swept, best, error_of, swept
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured
+from pipeline.validation.sweep import Swept, best, error_of, swept
 
 COMMANDS = {cell.name: cell for cell in command_cells((0,))}
 

@@ -28,7 +28,7 @@ from pipeline.validation.cross_engine_walk import (
     walk,
 )
 from pipeline.validation.deployed import Deployed
-from pipeline.viewing.engine_plots import cross_engine_plots
+from pipeline.viewing.validation_plots import cross_engine_plots
 
 
 def walked(**changes: float | None) -> Figures:

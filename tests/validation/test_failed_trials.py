@@ -17,8 +17,7 @@ from pipeline.validation.bars import Bar, CellBars
 from pipeline.validation.cells import STANDING, STAYING_UP, SURVIVING, TRACKING, Cell
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.failed_trials import failed_trial, file_name, missed_by, worst_trial, write_failed_trials
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import measure_trials
+from pipeline.validation.figures import FIGURES, measure_trials
 from pipeline.validation.suites import push_cells
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 from pipeline.validation.verdict import CellVerdict, Reason, Verdict
