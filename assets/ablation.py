@@ -11,14 +11,12 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.amp_policy import bundle_of, run_facts, train_beside_others
-from assets.asked_for import asked_for
-from assets.plainly import told_plainly
 from assets.plan import Plan
 from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, table_of
+from assets.report import picture, table_of, told_plainly
 from assets.resources import ClipPoolResource
-from assets.training_process import TrainingConfig, commit_of, gpus_here, run_of
+from assets.training_process import TrainingConfig, asked_for, commit_of, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs

@@ -7,11 +7,9 @@ import dagster as dg
 import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
-from assets.groups import group_of
-from assets.plainly import plainly
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, table_of
+from assets.report import picture, plainly, table_of
 from pipeline.batch import Manifest
 from pipeline.files import digest, settings
 
@@ -147,7 +145,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     @plainly
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-        from assets.model_report import models_agree
+        from assets.report import models_agree
         from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
         from pipeline.feedback.cell_weights import check_limits, lowered
         from pipeline.feedback.rules import FeedbackRules

@@ -11,24 +11,23 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.approved import approved_key, approved_part
-from assets.asked_for import asked_for
-from assets.plainly import told_plainly
 from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import table_of
+from assets.report import table_of, told_plainly
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.tracking_policy import tracker_file
 from assets.training_process import (
     Run,
     TrainingConfig,
     TrainingFailedError,
+    asked_for,
     commit_of,
+    curves_of,
     policy_of_checkpoint,
     run_of,
     train,
 )
-from assets.training_report import curves_of
 from pipeline.batch import Manifest
 from pipeline.files import digest
 

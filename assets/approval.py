@@ -1,12 +1,49 @@
 """The jobs by which a person lets proposed changes take effect, or takes them back."""
 
+import hmac
+import secrets
+
 import dagster as dg
 
-from assets.approval_token import use_token
-from assets.external import note_external
-from assets.plainly import told_plainly
-from assets.project import PROJECT
+from assets.bootstrap import note_external
+from assets.project import PROJECT, Project
+from assets.report import told_plainly
+from pipeline.errors import PipelineError
 from pipeline.feedback.approve import approve_proposal, take_back_sections
+from pipeline.files import atomic
+
+OWNER_ALONE = 0o600
+
+
+class TokenError(PipelineError):
+    """A launch without the token of this project."""
+
+
+def ensure_token(project: Project) -> None:
+    """Write a token where there is none."""
+    if not project.approval_token.is_file():
+        _renew(project)
+
+
+def use_token(project: Project, token: str) -> None:
+    """Take the project's token, which a new one replaces. Raises TokenError where it is another one, or none yet."""
+    path = project.approval_token
+    try:
+        expected = path.read_text().strip()
+    except (OSError, UnicodeDecodeError):
+        expected = ""
+    if not expected or not hmac.compare_digest(expected.encode(), token.strip().encode()):
+        ensure_token(project)
+        raise TokenError(
+            f"the token is not the one in {path.relative_to(project.root)}; nothing was changed. State the content of "
+            "that file as 'token': it shows that you may write in this project. Each one counts once."
+        )
+    _renew(project)
+
+
+def _renew(project: Project) -> None:
+    """A new token, which only the file's owner may read."""
+    atomic.write_bytes(project.approval_token, f"{secrets.token_hex(16)}\n".encode(), mode=OWNER_ALONE)
 
 
 class Approval(dg.Config):

@@ -14,7 +14,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.groups import group_of
+from assets.plan import group_of
 from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError

@@ -11,10 +11,9 @@ import dagster as dg
 import pandas as pd
 
 from assets.checks import check_specs
-from assets.plainly import plainly
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, stage_metadata, table_of
+from assets.report import picture, plainly, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.tracking_policy import no_tracker, tracker_file

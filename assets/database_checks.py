@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 from dagster._core.storage.asset_check_execution_record import AssetCheckExecutionRecordStatus
 
-from assets.chosen_windows import short_of_wanted
+from assets.motions import short_of_wanted
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.realizability import realizability_spec

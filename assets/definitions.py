@@ -4,26 +4,73 @@ from typing import Any
 
 import dagster as dg
 
+from assets.ablation import augmentation_ablation
+from assets.amp_policy import amp_policy
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.bootstrap import serve
-from assets.dataset_exports import dataset_exports
-from assets.engine_assets import engine_assets
+from assets.cross_engine import cross_engine_validation
+from assets.database import dataset_exports
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
-from assets.log_sensor import hardware_log_sensor, ingest_logs
+from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
-from assets.page_renewal import renew_feedback_page
-from assets.plan import named_plans
-from assets.policy_assets import policy_assets, training_jobs
-from assets.project import PROJECT
-from assets.recuration import approved_feedback_sensor, nightly_recuration, recurate
+from assets.plan import engine_plans, named_plans, policy_plans, robot_plans
+from assets.policy import exported_policy
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.release import release_report, released
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
+from assets.sensors import (
+    approved_feedback_sensor,
+    hardware_log_sensor,
+    ingest_logs,
+    nightly_recuration,
+    recurate,
+    renew_feedback_page,
+)
 from assets.sources import raw_motions
 from assets.tracking_policy import tracker_jobs
 from assets.validation import validation_assets
+from assets.webots import webots_validation
+
+
+def policy_assets(robot: str) -> list[Any]:
+    """Training, ablation, export, limit cycles and release report of the robot in `robots/<robot>`."""
+    of_robot = {plan.name: plan for plan in robot_plans(robot)}
+    trained, ablation, exported, cycles, release = policy_plans(robot)
+    database, adapted, model = (of_robot[name] for name in ("expert_db", "adapted_robot", "robot_model"))
+    known = released(robot)
+    trials = known.get("hardware_trials")
+    return [
+        amp_policy(trained, database, adapted),
+        augmentation_ablation(ablation, database, adapted),
+        exported_policy(exported, trained, model),
+        limit_cycles(cycles, exported, adapted, trials.key if trials else None),
+        release_report(release, known),
+    ]
+
+
+def training_jobs(robots: tuple[str, ...]) -> list[Any]:
+    """The job `train` of each robot (`train_k1` of another one): started by a person, never by itself."""
+    return [
+        dg.define_asset_job(
+            "train" if robot == DEFAULT_ROBOT else f"train_{robot}",
+            selection=dg.AssetSelection.assets(policy_plans(robot)[0].key),
+            description="Trains a policy on the expert database, which is brought up to date first.",
+        )
+        for robot in robots
+    ]
+
+
+def engine_assets(robot: str) -> list[Any]:
+    """Cross-engine and Webots validation of the robot in `robots/<robot>`."""
+    adapted = next(plan for plan in robot_plans(robot) if plan.name == "adapted_robot")
+    exported = next(plan for plan in policy_plans(robot) if plan.name == "exported_policy")
+    engines, webots = engine_plans(robot)
+    return [cross_engine_validation(engines, exported, adapted), webots_validation(webots, exported, adapted)]
+
 
 _assets: list[Any] = [
     raw_motions,

@@ -7,12 +7,10 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.groups import group_of
 from assets.hardware import trials_of
-from assets.plainly import plainly, told_plainly
-from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_plans
+from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, group_of, robot_plans
 from assets.project import PROJECT
-from assets.report import table_of
+from assets.report import plainly, table_of, told_plainly
 from pipeline.batch import Manifest
 from pipeline.errors import FileError, PipelineError
 from pipeline.failures.failure import NOT_OF_POLICY

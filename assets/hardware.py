@@ -7,11 +7,9 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.groups import HARDWARE
-from assets.plainly import plainly
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, TRIALS
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, HARDWARE, TRIALS
 from assets.project import PROJECT, Project
-from assets.report import table_of
+from assets.report import plainly, table_of
 from pipeline.batch import Manifest
 from pipeline.files import digest, settings
 

@@ -7,12 +7,10 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.judged_policy import JudgedPolicyConfig, judged_policy
-from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of, served
+from assets.policy import JudgedPolicyConfig, judged_policy, result_of, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, table_of
+from assets.report import picture, plainly, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
 

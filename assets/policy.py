@@ -1,15 +1,16 @@
 """`exported_policy`: the policy that validation and robot take, trained here or shipped with the project."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
 
 from assets.actuators import declared
-from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.training_report import curves_of
+from assets.report import plainly
+from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
 
@@ -184,3 +185,27 @@ def result_of(
         data_version=dg.DataVersion(manifest.digest),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
     )
+
+
+class JudgedPolicyConfig(dg.Config):
+    """What is judged."""
+
+    policy: str = ""
+    """An npz to judge in place of the exported policy. The release report then calls it another policy's result."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgedPolicy:
+    """A policy on the adapted robot, and the digest of what walks, whatever its manifest says."""
+
+    deployed: Any
+    digest: str
+
+
+def judged_policy(config: JudgedPolicyConfig, exported: Manifest, robot: str) -> JudgedPolicy:
+    """The policy that is meant. Raises FileError."""
+    from pipeline.deployment import digest, load_policy
+    from pipeline.validation.deployed import deployed
+
+    policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
+    return JudgedPolicy(deployed=deployed(PROJECT.adapted_robot(robot), policy), digest=digest(policy))

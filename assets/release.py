@@ -9,11 +9,10 @@ import dagster as dg
 
 from assets.actuators import declared
 from assets.bootstrap import cause, stale_now
-from assets.curator_link import page_link
-from assets.plainly import plainly
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import result_of, served, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import page_link, plainly
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError

@@ -9,8 +9,8 @@ from typing import IO, Any
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
-from assets.plainly import told_plainly
 from assets.project import PROJECT
+from assets.report import told_plainly
 from assets.run_locks import alive, tell_dead_runs
 from pipeline.batch import ClipPool, Manifest
 

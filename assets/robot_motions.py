@@ -12,16 +12,14 @@ from assets.actuators import actuator_calibration, actuator_measurements, adapte
 from assets.approved import approval_metadata, approved_part, approved_specs, noting
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
-from assets.criteria import references_of, thresholds, write_table
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
-from assets.plainly import plainly, told_plainly
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import picture, stage_metadata, table_of
+from assets.report import picture, plainly, stage_metadata, table_of, told_plainly
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracking_policy import no_tracker, tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.files import digest, settings
@@ -72,7 +70,7 @@ def _robot_model(plan: Plan) -> Any:
     @plainly
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-        from assets.model_report import joint_table, models_agree
+        from assets.report import joint_table, models_agree
         from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))

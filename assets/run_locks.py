@@ -4,14 +4,18 @@ A killed run stays STARTED in Dagster's history for ever; the next run marks it 
 """
 
 import fcntl
+import itertools
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG
+from assets.project import Project
 
 
 @contextmanager
@@ -55,3 +59,48 @@ def _is_dead(path: Path) -> bool:
     except (BlockingIOError, FileNotFoundError):
         return False
     return True
+
+
+MAX_TRIES = 3
+"""Runs in a row that may come to nothing before a person has to look."""
+START_S = 600.0
+"""In this time a run that was asked for holds its lock."""
+LOOK_BACK = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tries:
+    """What became of the newest runs for one thing."""
+
+    at_work: bool
+    in_vain: int
+    """How many of the newest, in a row, came to nothing."""
+    cancelled: bool
+    """Whether a person cancelled the newest of these: it is not tried again until something changes."""
+    last_run: str
+    """Id of the newest; empty where there is none."""
+
+
+def tries(
+    instance: dg.DagsterInstance, project: Project, runs: dg.RunsFilter, in_vain: Callable[[dg.DagsterRun], bool]
+) -> Tries:
+    """Look at the newest of some runs; those whose process is gone are marked as failed first.
+
+    Args:
+        in_vain: whether a run that is over came to nothing
+    """
+    folder = project.store.root / "runs"
+    tell_dead_runs(instance, folder)
+    records = instance.get_run_records(filters=runs, limit=LOOK_BACK)
+    over = [record.dagster_run for record in records]
+    at_work = False
+    for record in records:
+        run = record.dagster_run
+        age_s = time.time() - record.create_timestamp.timestamp()
+        waits = run.status == dg.DagsterRunStatus.QUEUED or age_s < START_S or is_held(folder / run.run_id)
+        if not run.is_finished and waits:
+            at_work = True
+            over.remove(run)
+    failed = list(itertools.takewhile(in_vain, over))
+    cancelled = bool(failed) and failed[0].status == dg.DagsterRunStatus.CANCELED
+    return Tries(at_work=at_work, in_vain=len(failed), cancelled=cancelled, last_run=over[0].run_id if over else "")

@@ -7,10 +7,10 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import plainly
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
 from assets.training_process import (

@@ -13,7 +13,10 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 import dagster as dg
+import pandas as pd
 
+from assets.plan import SHARED, Plan
+from assets.report import picture, table_of
 from pipeline.errors import PipelineError
 from pipeline.files import digest
 from pipeline.training.config import DEFAULT
@@ -241,3 +244,35 @@ def commit_of(root: Path) -> str:
     except (OSError, subprocess.CalledProcessError):
         return ""
     return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
+
+
+def asked_for(context: Any, plan: Plan) -> bool:
+    """False, with a warning that says what to do, in a run that makes the motions as well as this training."""
+    made = context.run.asset_selection or context.job_def.asset_layer.executable_asset_keys
+    if SHARED[0].key not in made:
+        return True
+    name = plan.key.to_user_string()
+    context.log.warning(
+        f"'{name}' is not trained, and what is made of it is skipped: this run materializes everything. To train, "
+        f"materialize '{name}' alone, or start its job."
+    )
+    return False
+
+
+def curves_of(folder: Path) -> dict[str, Any]:
+    """A run's curves as a picture, and its last figures as numbers that plot over materializations."""
+    from pipeline.viewing.tracking_plots import training_curves
+
+    path = folder / "curves.csv"
+    if not path.is_file():
+        return {}
+    table = pd.read_csv(path)
+    last = table.iloc[-1]
+    shown = ("task_reward", "style_reward", "d_expert", "d_policy", "episode_s", "steps_per_s")
+    numbers = {name: float(last[name]) for name in shown if name in table and last[name] == last[name]}
+    bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
+    speeds = pd.DataFrame(
+        [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in ("commanded", "achieved")}} for name in bins]
+    )
+    achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
+    return {**numbers, "curves": picture(training_curves({"": table})), **achieved}

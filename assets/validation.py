@@ -7,11 +7,10 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.plainly import plainly
 from assets.plan import Plan, policy_plans, robot_plans, validation_plan
 from assets.policy import result_of, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, table_of
+from assets.report import picture, plainly, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files.shown_text import markdown_list

@@ -6,12 +6,10 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.judged_policy import JudgedPolicyConfig, judged_policy
-from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of
+from assets.policy import JudgedPolicyConfig, judged_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import table_of
+from assets.report import plainly, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
 

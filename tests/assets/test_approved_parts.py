@@ -20,7 +20,7 @@ from assets.approved import (
 from assets.bootstrap import _upstream
 from assets.plan import robot_plans
 from assets.project import Project
-from assets.variants import with_further_variants
+from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
 from pipeline.feedback.approved import EMPTY, entries_of, write_entries

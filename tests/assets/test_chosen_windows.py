@@ -11,8 +11,8 @@ import pytest
 
 from assets import motions
 from assets.approved import approved_part
-from assets.chosen_windows import BOUNDS, chosen_windows, short_of_wanted
 from assets.database_checks import COVERED, _every_skill
+from assets.motions import BOUNDS, chosen_windows, short_of_wanted
 from assets.plan import Plan
 from assets.project import Project
 from assets.resources import ClipPoolResource

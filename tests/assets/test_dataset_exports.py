@@ -5,8 +5,8 @@ import shutil
 import dagster as dg
 import pytest
 
-from assets import dataset_exports, policy
-from assets.dataset_exports import dataset_exports as export_assets
+from assets import database, policy
+from assets.database import dataset_exports as export_assets
 from assets.freshness import stored_version
 from assets.plan import EXPORTS, SHARED, export_plans, named_plans
 from assets.project import Project
@@ -36,7 +36,7 @@ def project(tmp_path, root, robot, monkeypatch):
         for index in range(2)
     ]
     write_database(project.expert_db("t1"), entries, robot, stages={})
-    for module in (dataset_exports, policy):
+    for module in (database, policy):
         monkeypatch.setattr(module, "PROJECT", project)
     return project
 

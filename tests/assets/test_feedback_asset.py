@@ -7,9 +7,9 @@ import pytest
 
 from assets import feedback
 from assets.approved import approvals_of
-from assets.page_renewal import page_request, renew_feedback_page
 from assets.project import Project
-from assets.run_tries import MAX_TRIES
+from assets.run_locks import MAX_TRIES
+from assets.sensors import page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections

@@ -6,10 +6,11 @@ from contextlib import contextmanager
 import dagster as dg
 import pytest
 
-from assets import recuration, run_tries
+from assets import run_locks, sensors
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
-from assets.recuration import (
+from assets.run_locks import MAX_TRIES, alive
+from assets.sensors import (
     APPROVED_TAG,
     MAX_NIGHTLY_TRIES,
     approved_feedback_sensor,
@@ -17,8 +18,6 @@ from assets.recuration import (
     nightly_recuration,
     recurate,
 )
-from assets.run_locks import alive
-from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.change import proposal_digest
@@ -34,7 +33,7 @@ def project(root, tmp_path, monkeypatch) -> Project:
     """A project with a proposal; sensor and schedule look at it."""
     made = feedback_project(root, tmp_path)
     propose_into(made, *two_falls())
-    monkeypatch.setattr(recuration, "PROJECT", made)
+    monkeypatch.setattr(sensors, "PROJECT", made)
     return made
 
 
@@ -234,7 +233,7 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTING)
         assert "a run was started" in tick(instance)
-        monkeypatch.setattr(run_tries, "START_S", 0.0)
+        monkeypatch.setattr(run_locks, "START_S", 0.0)
         assert isinstance(tick(instance), dg.RunRequest)
         with alive(project.store.root / "runs", run.run_id):
             assert "a run was started" in tick(instance), "it has its lock"

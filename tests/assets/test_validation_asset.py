@@ -6,7 +6,7 @@ from pathlib import Path
 import dagster as dg
 import pytest
 
-from assets import judged_policy, policy, validation
+from assets import policy, validation
 from assets.plan import policy_plans, robot_plans, validation_plan
 from assets.project import Project
 from assets.resources import ClipPoolResource
@@ -78,8 +78,8 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
     project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(judged_policy, "PROJECT", project)
-    monkeypatch.setattr(judged_policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "PROJECT", project)
+    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
-    found = judged_policy.judged_policy(judged_policy.JudgedPolicyConfig(), exported, "t1")
+    found = policy.judged_policy(policy.JudgedPolicyConfig(), exported, "t1")
     assert found.digest == digest(still)

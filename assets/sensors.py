@@ -9,15 +9,44 @@ import json
 
 import dagster as dg
 
-from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_key, approved_versions
+from assets.approved import (
+    PAGE_TAG,
+    PARTS,
+    PROPOSAL,
+    SHARED_PARTS,
+    approvals_of,
+    approved_key,
+    approved_versions,
+    shown_state,
+)
+from assets.bootstrap import note_external
 from assets.freshness import INPUT_VERSION_PREFIX, last_tags
-from assets.page_renewal import page_request, renew_feedback_page
-from assets.plan import FINGERPRINT_DIGITS, SHARED, robot_plans
+from assets.hardware import HARDWARE_LOGS, logs_version
+from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.project import PROJECT, Project
-from assets.run_tries import MAX_TRIES, Tries, tries
+from assets.run_locks import MAX_TRIES, Tries, tries
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
+
+renew_feedback_page = dg.define_asset_job(
+    "renew_feedback_page",
+    selection=dg.AssetSelection.assets(PROPOSAL),
+    description="The page of curation_feedback with what is approved now.",
+)
+
+
+def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
+    """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
+    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project), project.feedback.declined_changes())
+    if tags is None or tags.get(PAGE_TAG) == state:
+        return None
+    runs = dg.RunsFilter(job_name=renew_feedback_page.name)
+    found = tries(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
+    if found.at_work or found.cancelled or found.in_vain >= MAX_TRIES:
+        return None
+    return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})
+
 
 EVERY_S = 30
 HEEDED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
@@ -128,3 +157,52 @@ def approved_feedback_sensor(context: dg.SensorEvaluationContext) -> dg.RunReque
 def nightly_recuration(context: dg.ScheduleEvaluationContext) -> dg.RunRequest | dg.SkipReason:
     """Skips where nothing changed."""
     return requested(context.instance, PROJECT, MAX_NIGHTLY_TRIES)
+
+
+LOGS_EVERY_S = 30
+LOGS_TAG = "booster_lab/logs"
+"""Tag of a run: the content of the folder that it was started for."""
+
+ingest_logs = dg.define_asset_job(
+    "ingest_logs",
+    selection=dg.AssetSelection.groups(HARDWARE),
+    description="What the folder of logs holds as trials, and what is made of them. Nothing of it takes effect unseen.",
+)
+
+
+@dg.sensor(
+    job=ingest_logs,
+    minimum_interval_seconds=LOGS_EVERY_S,
+    default_status=dg.DefaultSensorStatus.RUNNING,
+    description="Ingests new logs of data/hardware_logs, once each; what is still being copied waits.",
+)
+def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """One run for each new content of the folder; one that failed, as its machine may have, is tried again, one that
+    a person cancelled is not."""
+    try:
+        version, facts = logs_version(PROJECT)
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(f"the folder of logs can't be looked at: {error}")
+    count, waiting = facts["files"], facts["still being written"]
+    tags = last_tags(context.instance, TRIALS.key)
+    known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
+    mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
+    runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
+    found = tries(context.instance, PROJECT, runs, lambda run: not run.is_success)
+    if found.at_work:
+        return dg.SkipReason(f"a run was started for these {count} logs")
+    if known and not found.in_vain:
+        return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
+    if found.cancelled:
+        return dg.SkipReason(
+            f"run {found.last_run} for these {count} logs was cancelled; a new log starts one, or start one by hand"
+        )
+    if found.in_vain >= MAX_TRIES:
+        return dg.SkipReason(
+            f"{found.in_vain} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
+        )
+    try:
+        note_external(context.instance, PROJECT)
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(f"no run can be started for these {count} logs: {error}")
+    return dg.RunRequest(tags=mark)
