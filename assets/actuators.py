@@ -9,9 +9,23 @@ import pandas as pd
 from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, plainly, table_of
+from assets.report import models_agree, picture, plain_errors, table_of
+from pipeline.actuators import (
+    ActuatorSettings,
+    Calibration,
+    adapt,
+    calibrate_folder,
+    read_standing_pose,
+    stand,
+    torque_envelope,
+    write_adapted_robot,
+)
+from pipeline.actuators.folder import read_published
 from pipeline.batch import Manifest
+from pipeline.feedback.cell_weights import check_limits, lowered
+from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
+from pipeline.robot import load_robot
 
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
@@ -60,10 +74,9 @@ def actuator_calibration(plan: Plan) -> Any:
     )
 
     @dg.asset(**declared(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-        from pipeline.actuators import ActuatorSettings, calibrate_folder
 
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
@@ -86,7 +99,6 @@ def actuator_calibration(plan: Plan) -> Any:
 
 
 def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
-    from pipeline.actuators.folder import read_published
     from pipeline.viewing.actuator_plots import calibration_curves
 
     curves = read_published(folder)
@@ -142,14 +154,9 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     ]
 
     @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[approved_key("motors", plan.robot)]), check_specs=specs)
-    @plainly
+    @plain_errors
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-        from assets.report import models_agree
-        from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
-        from pipeline.feedback.cell_weights import check_limits, lowered
-        from pipeline.feedback.rules import FeedbackRules
-        from pipeline.robot import load_robot
 
         name = plan.robot or DEFAULT_ROBOT
         nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
@@ -183,7 +190,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
     """The robot held in its standing pose, with its armatures and without."""
-    from pipeline.actuators import read_standing_pose, stand, torque_envelope
 
     pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
     if pose is None:

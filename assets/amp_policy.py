@@ -14,7 +14,7 @@ from assets.approved import approved_key, approved_part
 from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import table_of, told_plainly
+from assets.report import as_failure, table_of
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.tracking_policy import tracker_file
 from assets.training_process import (
@@ -29,7 +29,13 @@ from assets.training_process import (
     train,
 )
 from pipeline.batch import Manifest
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.deployment import load_policy
+from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
+from pipeline.training.config import preset
+from pipeline.validation.deployed import deployed
+from pipeline.validation.sweep import best, sweep_checkpoints
 
 
 class AmpConfig(TrainingConfig):
@@ -51,7 +57,7 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     ) -> Iterator[dg.MaterializeResult]:
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
         if asked_for(context, plan):
-            with told_plainly():
+            with as_failure():
                 yield _trained(plan, config, clip_pool, context.log)
 
     return amp_policy
@@ -85,7 +91,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
     The largest kick grows by the same share as the approved one, since presets have different ones.
     """
-    from pipeline.training.config import preset
 
     values = preset(preset_name).values()
     ends: dict[str, tuple[float, float]] = {}
@@ -99,7 +104,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
     """Write the files that training takes, from database, adapted robot and tracker; the folder, and what they are."""
-    from pipeline.expert.training_bundle import write_training_bundle
 
     folder = project.policies(robot) / "bundle"
     tracker = tracker_files(project, robot)
@@ -109,8 +113,6 @@ def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
 def tracker_files(project: Project, robot: str) -> Any:
     """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
     nothing was rolled out."""
-    from pipeline.clips.robot_clip import RobotClip
-    from pipeline.expert.training_bundle import TrackedClip, TrackerFiles
 
     keys = {plan.name: plan.key.to_user_string() for plan in robot_plans(robot)}
     names = [keys[name] for name in TRACKED]
@@ -156,9 +158,6 @@ def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) 
     if run.trial or count == 0:
         why = "a trial" if run.trial else "asked for"
         return newest, {"checkpoint": f"the newest, not swept: {why}"}
-    from pipeline.deployment import load_policy
-    from pipeline.validation.deployed import deployed
-    from pipeline.validation.sweep import best, sweep_checkpoints
 
     states = sorted((run.folder / "amp" / "checkpoints").glob("model_*.pt"))[-count:]
     files = {int(path.stem.split("_")[1]): policy_of_checkpoint(run, path, PROJECT.root) for path in states}

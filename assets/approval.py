@@ -1,4 +1,9 @@
-"""The jobs by which a person lets proposed changes take effect, or takes them back."""
+"""The jobs by which a person lets proposed changes take effect, or takes them back, and the token that they require.
+
+Dagster's webserver takes a launch from any page that a browser on this machine has open. So a job that lets something
+take effect asks for what is in `data/feedback/approval_token`, which only a person with access to the project's files
+can read. A token counts once: Dagster keeps what a run was launched with, where its webserver shows it.
+"""
 
 import hmac
 import secrets
@@ -7,7 +12,7 @@ import dagster as dg
 
 from assets.bootstrap import note_external
 from assets.project import PROJECT, Project
-from assets.report import told_plainly
+from assets.report import as_failure
 from pipeline.errors import PipelineError
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.files import atomic
@@ -75,7 +80,7 @@ class TakingBack(dg.Config):
 @dg.op(out={}, description="Add the proposal of that digest, or a part of it, to data/feedback/approved.yaml.")
 def approve(context: dg.OpExecutionContext, config: Approval):
     """Let the changes of a proposal take effect."""
-    with told_plainly():
+    with as_failure():
         use_token(PROJECT, config.token)
         policies, sections = tuple(config.policies), tuple(config.sections)
         count = approve_proposal(PROJECT.feedback, config.proposal, config.by, policies=policies, sections=sections)
@@ -86,7 +91,7 @@ def approve(context: dg.OpExecutionContext, config: Approval):
 @dg.op(out={}, description="Take sections out of data/feedback/approved.yaml.")
 def take_back(context: dg.OpExecutionContext, config: TakingBack):
     """Let approved changes take no effect any longer."""
-    with told_plainly():
+    with as_failure():
         use_token(PROJECT, config.token)
         count = take_back_sections(PROJECT.feedback, tuple(config.sections), config.by)
         context.log.info(f"{', '.join(config.sections)}: {count} changes taken back by {config.by}")

@@ -1,7 +1,7 @@
 """Bring the inputs of a run up to date, in a run of their own, before the run's first step.
 
 So `dagster asset materialize --select expert_db` is enough on a fresh clone and after any change: the history shows a
-second run with what was missing or stale.
+second run with what was missing or stale. Versions of what comes from outside the graph are recorded first.
 """
 
 import logging

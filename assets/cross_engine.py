@@ -9,11 +9,12 @@ from assets.actuators import declared
 from assets.plan import Plan
 from assets.policy import JudgedPolicyConfig, judged_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plainly, table_of
+from assets.report import picture, plain_errors, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.validation.bars import read_validation
 
 HOLDS = "holds_in_both_engines"
 VERDICT = "verdict"
@@ -26,7 +27,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "dart", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def cross_engine_validation(
         context: dg.AssetExecutionContext,
         config: JudgedPolicyConfig,
@@ -34,7 +35,6 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_trials import write_failures
         from pipeline.validation.cross_engine_walk import CrossEngineSettings

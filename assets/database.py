@@ -1,4 +1,4 @@
-"""`expert_db`: written when something it depends on changed, left alone when nothing did."""
+"""`expert_db`, written when something it depends on changed, and the database in the forms that other programs load."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,9 +13,16 @@ from assets.plan import FINGERPRINT_TAG, Plan, export_plans, named_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.realizability import realizability_check
-from assets.report import curator_link, picture, plainly, table_of
+from assets.report import curator_link, picture, plain_errors, table_of
 from pipeline.batch import Manifest
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.dataset_export import export_database
+from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
+from pipeline.expert.index import database_version
+from pipeline.expert.swap import replace_folder
+from pipeline.feasibility.command_space import by_command
 from pipeline.files import digest, settings
+from pipeline.robot import load_robot
 
 
 def materialize_database(
@@ -25,9 +32,6 @@ def materialize_database(
 
     Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
     """
-    from pipeline.expert import DatabaseSettings, write_database
-    from pipeline.expert.index import database_version
-    from pipeline.robot import load_robot
 
     why = stale_now(context.instance, PROJECT).get(plan.key)
     if why is None:
@@ -58,8 +62,6 @@ def materialize_database(
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
-    from pipeline.clips.robot_clip import RobotClip
-    from pipeline.expert import ExpertEntry
 
     for entry in feasible.entries:
         clip = PROJECT.store.get_clip(entry.blob, entry.clip)
@@ -75,7 +77,6 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
 
 
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
-    from pipeline.feasibility.command_space import by_command
     from pipeline.viewing.plots import command_seconds
 
     title = f"{manifest['robot']} expert database"
@@ -110,11 +111,8 @@ def _export(plan: Plan, kind: str, database: Plan) -> Any:
         **declared(plan, kind, deps=[database.key]),
         description=f"The expert database as `booster-lab export --format {kind}` writes it, with its dataset card.",
     )
-    @plainly
+    @plain_errors
     def dataset_export(context: dg.AssetExecutionContext):
-        from pipeline.dataset_export import export_database
-        from pipeline.expert.swap import replace_folder
-        from pipeline.robot import load_robot
 
         robot = plan.robot or DEFAULT_ROBOT
         folder = PROJECT.exports(robot, kind)

@@ -12,6 +12,8 @@ from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.realizability import realizability_spec
 from assets.report import table_of
+from pipeline.expert import DatabaseError, check_database
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 from pipeline.files import settings
 
 WHOLE = "whole_database"
@@ -47,7 +49,6 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
 
 def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
     """A verdict a check on the database as it lies on the disk."""
-    from pipeline.expert import DatabaseError, check_database
 
     try:
         database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
@@ -117,7 +118,6 @@ def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> 
 
 
 def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
-    from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage
 
     values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
     found = coverage(index, values.balance, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))

@@ -1,4 +1,4 @@
-"""Assembles the graph: sources, the shared stages, the stages of each robot, resources. Nothing else."""
+"""Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources. Nothing else."""
 
 from typing import Any
 

@@ -16,14 +16,17 @@ from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
 from assets.failure_modes import declared, reports_of, result_of
 from assets.plan import FIELD
 from assets.project import PROJECT
-from assets.report import curator_link, plainly, table_of
+from assets.report import curator_link, plain_errors, table_of
 from pipeline.batch import Manifest
-from pipeline.feedback.approved import Approvals
-from pipeline.feedback.change import Change, place_of
-from pipeline.feedback.propose import Proposal
+from pipeline.feasibility import CommandSettings
+from pipeline.feedback.approved import Approvals, entries_of, write_entries
+from pipeline.feedback.change import Change, place_of, proposal_digest
+from pipeline.feedback.propose import Proposal, propose
+from pipeline.feedback.rules import FeedbackRules
 from pipeline.feedback.trust import is_demonstration
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.selection import Curation
 
 SHOWN = (
     "rests on the logs of data/hardware_logs/demo alone, which ship to show the loop: approve it to try the loop, or "
@@ -146,19 +149,13 @@ NOTHING_PENDING = "nothing_pending"
         )
     ],
 )
-@plainly
+@plain_errors
 def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest):
     """Changes that the failures ask for, by data/feedback_rules.yaml: each bounded, with the logs that it rests on.
 
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
     data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
-    from pipeline.feasibility import CommandSettings
-    from pipeline.feedback.approved import entries_of, write_entries
-    from pipeline.feedback.change import proposal_digest
-    from pipeline.feedback.propose import propose
-    from pipeline.feedback.rules import FeedbackRules
-    from pipeline.selection import Curation
 
     rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
     commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
@@ -192,8 +189,6 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-    from pipeline.feedback.approved import entries_of, write_entries
-    from pipeline.feedback.trust import is_demonstration
 
     approved = approvals_of(PROJECT).changes
     kept = [each for each in changes if not is_demonstration(each) or each in approved]
@@ -201,7 +196,7 @@ def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
 
 
 @dg.asset(**declared(REPORT, "mujoco"), ins={"failure_modes": dg.AssetIn(FAILURES.key)})
-@plainly
+@plain_errors
 def sim_to_real_report(failure_modes: Manifest):
     """Each trial beside MuJoCo with the same policy, gains and command: tracking, and the limit cycles of the legs."""
     rows, notes = [], []

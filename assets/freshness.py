@@ -12,6 +12,8 @@ from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
+from pipeline.expert.index import database_version
+from pipeline.feasibility.criteria_table import belongs, path_beside
 from pipeline.files import digest
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
@@ -92,8 +94,6 @@ def stored_version(project: Project, plan: Plan) -> str | None:
     """Data version of what is on disk for an asset; None where nothing readable is, or not all that it names."""
     try:
         if plan.name == "expert_db":
-            from pipeline.expert.index import database_version
-
             return database_version(project.expert_db(plan.robot or ""))
         if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):
             return None
@@ -114,7 +114,6 @@ def _whole(project: Project, plan: Plan) -> bool:
 
 def _has_criteria(project: Project, plan: Plan) -> bool:
     """The table of criteria beside the manifest is that of this manifest."""
-    from pipeline.feasibility.criteria_table import belongs, path_beside
 
     manifest = project.store.manifest_path(plan.key.to_user_string())
     return belongs(path_beside(manifest), manifest)

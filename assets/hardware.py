@@ -7,11 +7,14 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.log_ingest import ingest_folder
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, HARDWARE, TRIALS
 from assets.project import PROJECT, Project
-from assets.report import plainly, table_of
+from assets.report import plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.files import digest, settings
+from pipeline.hardware_logs import LogSettings
+from pipeline.hardware_logs.log_folder import complete_logs
 
 HARDWARE_LOGS = dg.AssetKey(["hardware_logs"])
 READABLE = "every_log_readable"
@@ -31,7 +34,6 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 
     A copy of a log changes nothing. Files that cannot be looked at are passed over: no other asset waits for logs.
     """
-    from pipeline.hardware_logs.log_folder import complete_logs
 
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)
     version = digest.of_json(sorted({log.question for log in logs}))
@@ -49,11 +51,9 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
         dg.AssetCheckSpec(VERIFIED, asset=TRIALS.key, description="Every log has checksums, which hold."),
     ],
 )
-@plainly
+@plain_errors
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
-    from assets.log_ingest import ingest_folder
-    from pipeline.hardware_logs import LogSettings
 
     values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)
     found = ingest_folder(PROJECT, TRIALS, values, context.log)

@@ -7,12 +7,16 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
+from assets.hardware import trials_of as files_of
 from assets.plan import Plan
 from assets.policy import JudgedPolicyConfig, judged_policy, result_of, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plainly, table_of
+from assets.report import picture, plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.hardware_logs.trial import read_trial
+from pipeline.validation.bars import read_validation
+from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
 VERDICT = "verdict"
@@ -27,12 +31,10 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     @dg.asset(
         **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
     )
-    @plainly
+    @plain_errors
     def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
-        from pipeline.validation.limit_cycles import LimitCycleSettings
         from pipeline.viewing.validation_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
@@ -84,8 +86,6 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
 
 def trials_of(trials: dg.AssetKey | None, robot: str, policies: set[str]) -> Iterator[Any]:
     """The trials of a robot that a policy of these digests walked; none where no log was read."""
-    from assets.hardware import trials_of as files_of
-    from pipeline.hardware_logs.trial import read_trial
 
     if trials is None or not PROJECT.store.manifest_path(trials.to_user_string()).is_file():
         return

@@ -24,6 +24,7 @@ from pipeline.hardware_logs.log_folder import (
     packed_files,
     without_copies,
 )
+from pipeline.robot import load_robot
 
 Answer = dict[str, Any]
 
@@ -84,7 +85,6 @@ def _names_before(project: Project, plan: Plan) -> dict[str, str]:
 
 def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
     """The answer on a log, and whether a fault of the machine kept us from reading it."""
-    from pipeline.robot import load_robot
 
     aside: Path | None = None
     try:

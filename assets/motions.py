@@ -1,4 +1,7 @@
-"""The stages that are the same for every robot: catalogue, KP1, KP2."""
+"""The stages that are the same for every robot: catalogue, KP1, KP2.
+
+KP1's windows include those that approved feedback asks for; what is short of it is reported.
+"""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -11,15 +14,17 @@ from assets.approved import approval_metadata, approved_key, approved_part, noti
 from assets.checks import check_specs
 from assets.plan import SHARED, group_of
 from assets.project import PROJECT
-from assets.report import picture, plainly, stage_metadata
+from assets.report import picture, plain_errors, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.sources import RAW_MOTIONS, find_motions, remember_sources, source_notes
 from assets.stage import materialized, stage_of
 from pipeline.batch import Manifest, run_files, run_stage
+from pipeline.clips.outcome import Reason
+from pipeline.feedback.approved import wanted_seconds
 from pipeline.feedback.change import Change
 from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
-from pipeline.selection import Curation, RaisedBound, choose, raised_bounds
+from pipeline.selection import Curation, RaisedBound, choose, idle_patterns, process, raised_bounds
 
 BOUNDS = "bounds raised by feedback"
 """Stage name under which a manifest says what raised bounds brought."""
@@ -32,8 +37,6 @@ def chosen_windows(
 
     The manifest names the changes and what they brought; without changes it is as the curation alone makes it.
     """
-    from pipeline.clips.outcome import Reason
-    from pipeline.feedback.approved import wanted_seconds
 
     rows, wanted = windows.entry_table(), wanted_seconds(curation, feedback)
     dropped = {
@@ -67,7 +70,7 @@ CATALOG, SELECTED, REPAIRED = SHARED
     code_version=CATALOG.code_version(),
     check_specs=check_specs(CATALOG),
 )
-@plainly
+@plain_errors
 def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource):
     """Every motion file read and measured: format, skeleton, unit, true rate, speeds, defects of the whole file."""
     from pipeline.catalog import CatalogSettings, catalogue_file
@@ -96,10 +99,9 @@ def motion_catalog(context: dg.AssetExecutionContext, clip_pool: ClipPoolResourc
     code_version=SELECTED.code_version(),
     check_specs=check_specs(SELECTED),
 )
-@plainly
+@plain_errors
 def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, motion_catalog: Manifest):
     """KP1: windows of one skill by measured motion, and which of them are taken and why (data/curation.yaml)."""
-    from pipeline.selection import Curation, idle_patterns, process
     from pipeline.viewing.plots import command_coverage
 
     curation = settings.read(PROJECT.settings("curation.yaml"), Curation)
@@ -129,7 +131,7 @@ def selected_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResou
     code_version=REPAIRED.code_version(),
     check_specs=check_specs(REPAIRED),
 )
-@plainly
+@plain_errors
 def repaired_motions(context: dg.AssetExecutionContext, clip_pool: ClipPoolResource, selected_motions: Manifest):
     """KP2: corrupted frames filled or cut, heading and floor aligned, smoothed without lag, contacts labelled."""
     from pipeline.repair import RepairSettings, prepare, process

@@ -1,4 +1,7 @@
-"""What each asset's answer depends on besides its inputs: code, settings, robot. No heavy imports here."""
+"""What each asset's result depends on besides its inputs (code, settings, robot), and its group in Dagster's graph.
+
+No heavy imports here.
+"""
 
 from dataclasses import dataclass
 

@@ -1,18 +1,28 @@
-"""`exported_policy`: the policy that validation and robot take, trained here or shipped with the project."""
+"""`exported_policy`: the policy that validation and robot take, trained here or shipped with the project.
+
+`judged_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
+import numpy as np
 
 from assets.actuators import declared
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plainly
+from assets.report import plain_errors
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
+from pipeline.deployment import digest as policy_digest
+from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
+from pipeline.export.card import page
+from pipeline.export.metadata import training_data, training_run
+from pipeline.robot import load_robot
+from pipeline.validation.deployed import deployed as deployed_policy
 
 EXACT = "gives_the_networks_actions"
 MAY_SHIP = "may_ship"
@@ -39,7 +49,7 @@ def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
     ]
 
     @dg.asset(**declared(plan, "onnx", deps=[trained.key, model.key]), check_specs=specs)
-    @plainly
+    @plain_errors
     def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
         """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
         robot = plan.robot or DEFAULT_ROBOT
@@ -70,11 +80,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
 
     Raises NoPolicyError where there is neither, ExportError where it is to be marked shippable and may not.
     """
-    import numpy as np
-
     from pipeline.export.folder import CURVES, Source, complete_export, export_policy
-    from pipeline.export.metadata import training_data, training_run
-    from pipeline.robot import load_robot
 
     facts = full_training(project, trained)
     folder, rng = project.exported_policy(robot), np.random.default_rng(0)
@@ -113,7 +119,6 @@ def full_training(project: Project, trained: Plan) -> dict[str, Any] | None:
 def read_served_folder(folder: Path, robot: str) -> Any:
     """The whole export in a folder. Raises FileError where a file isn't the one its card states."""
     from pipeline.export.folder import read_export
-    from pipeline.robot import load_robot
 
     return read_export(folder, load_robot(PROJECT.robot_folder(robot)))
 
@@ -126,14 +131,12 @@ def served(manifest: Manifest) -> dict[str, Any]:
 
 def served_policy(manifest: Manifest) -> Any:
     """The network that `exported_policy` serves (`pipeline.deployment.Policy`)."""
-    from pipeline.deployment import load_policy
     from pipeline.export.folder import POLICY
 
     return load_policy(PROJECT.root / served(manifest)["folder"] / POLICY)
 
 
 def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
-    from pipeline.export.card import page
 
     card = export.card
     metadata: dict[str, Any] = {
@@ -204,8 +207,5 @@ class JudgedPolicy:
 
 def judged_policy(config: JudgedPolicyConfig, exported: Manifest, robot: str) -> JudgedPolicy:
     """The policy that is meant. Raises FileError."""
-    from pipeline.deployment import digest, load_policy
-    from pipeline.validation.deployed import deployed
-
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    return JudgedPolicy(deployed=deployed(PROJECT.adapted_robot(robot), policy), digest=digest(policy))
+    return JudgedPolicy(deployed=deployed_policy(PROJECT.adapted_robot(robot), policy), digest=policy_digest(policy))

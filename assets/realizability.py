@@ -10,8 +10,14 @@ import dagster as dg
 from assets.plan import Plan, named_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.tracking_policy import tracker_file
+from pipeline.actuators import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
+from pipeline.errors import FileError
+from pipeline.expert.realizability import SECONDS, TooFewMotionsError, accuracy_against_rollouts
 from pipeline.files import settings
+from pipeline.robot import load_robot
+from pipeline.tracking.process import disturbed_motion
+from pipeline.tracking.settings import TrackingSettings
 
 REALIZABLE = "realizability"
 WARN_ABOVE = 0.75
@@ -34,8 +40,6 @@ def realizability_check(
     plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
 ) -> tuple[dg.AssetCheckResult, float | None]:
     """The check's result, and the accuracy; None where the database has too few motions to hold some out."""
-    from pipeline.errors import FileError
-    from pipeline.expert.realizability import TooFewMotionsError
 
     try:
         accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
@@ -47,12 +51,6 @@ def realizability_check(
 
 def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
-    from pipeline.actuators import read_actuators, torque_envelope
-    from pipeline.errors import FileError
-    from pipeline.expert.realizability import SECONDS, accuracy_against_rollouts
-    from pipeline.robot import load_robot
-    from pipeline.tracking.process import disturbed_motion
-    from pipeline.tracking.settings import TrackingSettings
 
     plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)

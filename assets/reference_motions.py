@@ -1,4 +1,4 @@
-"""KP4's references: variants of the retargeted motions, and which of them are worth tracking."""
+"""KP4's references: variants of the retargeted motions, of all clips or some skills, and which are worth tracking."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -11,12 +11,20 @@ from assets.approved import approval_metadata, approved_part, noting
 from assets.checks import check_specs
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plainly, stage_metadata
+from assets.report import picture, plain_errors, stage_metadata
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
+from pipeline.augment import AugmentSettings, process
+from pipeline.augment.mirror import mirror_skill
+from pipeline.augment.process import KINDS
 from pipeline.batch import Entry, Manifest, run_stage
+from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility import process as feasibility
+from pipeline.feasibility.criteria_table import split
+from pipeline.feedback.approved import further_variants
 from pipeline.feedback.change import Change
 from pipeline.files import settings
+from pipeline.robot import load_robot
 
 MakeVariants = Callable[[Any, Sequence[Entry]], Manifest]
 """`make(settings, entries)`: the stage with these settings on these entries, on all where there are none."""
@@ -27,8 +35,6 @@ def all_variants(retargeted: Manifest, values: Any, feedback: Sequence[Change], 
 
     A variant of a mirror image is of the mirrored skill, so the clips on the skill's other side are worked on too.
     """
-    from pipeline.augment.mirror import mirror_skill
-    from pipeline.feedback.approved import further_variants
 
     manifest = make(values, ())
     for skill, further in further_variants(feedback, values).items():
@@ -71,7 +77,7 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         **declared_motions(plan, "numpy", "4", inputs, "augmentation"),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def motion_variants(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -79,9 +85,6 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         robot_model: Manifest,
     ):
         """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
-        from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.process import KINDS
-        from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
@@ -109,7 +112,7 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         **declared_motions(plan, "mujoco", "4", inputs_of(motion_variants=variants, adapted_robot=adapted)),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def reference_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -117,14 +120,11 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         adapted_robot: Manifest,
     ):
         """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
-        from pipeline.feasibility import FeasibilitySettings, process
-        from pipeline.feasibility.criteria_table import split
-        from pipeline.robot import load_robot
         from pipeline.viewing.contact_sheet import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-        function = partial(process, settings=values, robot=robot, references=references_of(motion_variants))
+        function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())

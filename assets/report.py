@@ -1,4 +1,7 @@
-"""What a person sees of a stage: numbers that plot over time, a table of clips, pictures."""
+"""What a person sees of a stage: metadata, tables, pictures, links, and errors of one sentence.
+
+`plain_errors`: a PipelineError or TrainingError becomes a Failure with that sentence, without a traceback of ours.
+"""
 
 import base64
 import functools
@@ -9,6 +12,7 @@ from typing import Any
 from urllib.parse import quote
 
 import dagster as dg
+import mujoco
 import pandas as pd
 
 from pipeline.batch import Manifest
@@ -110,7 +114,6 @@ class Agreement:
 
 def models_agree(robot: Robot) -> Agreement:
     """Compile both model files with their own tools and compare mass and joints."""
-    import mujoco
     import pinocchio
 
     mjcf = mujoco.MjModel.from_xml_string(robot.mjcf)
@@ -141,7 +144,7 @@ def joint_table(robot: Robot) -> pd.DataFrame:
 
 
 @contextmanager
-def told_plainly() -> Iterator[None]:
+def as_failure() -> Iterator[None]:
     """Turn a PipelineError or TrainingError into a Failure that says its sentence and is not tried again."""
     try:
         yield
@@ -149,12 +152,12 @@ def told_plainly() -> Iterator[None]:
         raise dg.Failure(str(error), allow_retries=False) from None
 
 
-def plainly(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`told_plainly` around the body of an asset."""
+def plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`as_failure` around the body of an asset."""
 
     @functools.wraps(function)
     def wrapped(*arguments: Any, **named: Any) -> Any:
-        with told_plainly():
+        with as_failure():
             return function(*arguments, **named)
 
     return wrapped

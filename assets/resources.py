@@ -10,8 +10,8 @@ import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
 from assets.project import PROJECT
-from assets.report import told_plainly
-from assets.run_locks import alive, tell_dead_runs
+from assets.report import as_failure
+from assets.runs import alive, fail_dead_runs
 from pipeline.batch import ClipPool, Manifest
 
 
@@ -45,8 +45,8 @@ class StoreIOManager(dg.ConfigurableIOManager):
             return
         runs = PROJECT.store.root / "runs"
         with alive(runs, run.run_id), _one_run_at_a_time(context):
-            with told_plainly():
-                tell_dead_runs(instance, runs)
+            with as_failure():
+                fail_dead_runs(instance, runs)
                 if self.bootstrap:
                     bring_up_to_date(instance, run, PROJECT, context.log)
             yield self

@@ -17,12 +17,21 @@ from assets.database_checks import database_check_specs
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import picture, plainly, stage_metadata, table_of, told_plainly
+from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracking_policy import no_tracker, tracking_policy
 from pipeline.batch import Manifest, run_stage
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
+from pipeline.feasibility.command_space import by_command
+from pipeline.feasibility.criteria_table import split
+from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
+from pipeline.robot import load_robot
+from pipeline.robot.size import scaled
+from pipeline.selection import Curation, without_excluded
+from pipeline.tracking.neighbours import AT_FAULT
+from pipeline.tracking.variations import accepted_variations, distances
 
 EFFECTIVE_SECONDS = (
     *("axis", "low", "high", "low_2", "high_2", "seconds", "clips", "families"),
@@ -67,11 +76,9 @@ def _robot_model(plan: Plan) -> Any:
             )
         ],
     )
-    @plainly
+    @plain_errors
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-        from assets.report import joint_table, models_agree
-        from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
@@ -93,7 +100,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         **declared_motions(plan, "placo", "3", inputs),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def retargeted_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -103,7 +110,6 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
         from pipeline.retarget import RetargetSettings
         from pipeline.retarget.process import onto_robot
-        from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
@@ -131,7 +137,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         **declared_motions(plan, "mujoco", "5", inputs, "weights"),
         check_specs=[*check_specs(plan), stored],
     )
-    @plainly
+    @plain_errors
     def feasible_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -141,12 +147,6 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
 
-        from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage, process
-        from pipeline.feasibility.command_space import by_command
-        from pipeline.feasibility.criteria_table import split
-        from pipeline.robot import load_robot
-        from pipeline.robot.size import scaled
-        from pipeline.selection import Curation, without_excluded
         from pipeline.viewing.contact_sheet import worst_clips
         from pipeline.viewing.plots import command_seconds, lost_seconds
 
@@ -203,7 +203,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
     A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
     """
-    from pipeline.tracking.neighbours import AT_FAULT
 
     if kind == "rollouts":
         return rollouts
@@ -221,7 +220,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-    from pipeline.tracking.variations import accepted_variations, distances
 
     found = accepted_variations(rollouts, feasible)
     if found.empty:
@@ -237,7 +235,6 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
-    from pipeline.feasibility import balance
 
     made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
         index=False
@@ -253,7 +250,6 @@ def _reweighed(
     """KP5's result with approved factors on command cells, and what became of each cell; as it is without any."""
     if not feedback or not manifest.entries:
         return manifest, {}
-    from pipeline.feedback.cell_weights import reweigh
 
     factors = {change.what: change.value for change in feedback}
     found = reweigh(manifest.entry_table(), factors, values.balance, commands)
@@ -278,7 +274,7 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
         robot_model: Manifest,
     ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
-        with told_plainly():
+        with as_failure():
             yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
 
     return expert_db

@@ -1,8 +1,8 @@
-"""From what is approved to a new database: what re-curates when something was approved or taken back.
+"""Sensors and schedules: new logs are ingested; approved changes reach the page of curation_feedback and the database.
 
-A sensor looks every half minute for approved changes that have not reached the page of curation_feedback, which is
-made at once, or a database; a schedule once a night, for what was approved while nobody watched. A run that dies on the
-way is tried again, a few times. Neither trains.
+One sensor looks for logs in data/hardware_logs that are complete. Another one looks every half minute for approved
+changes that have not reached the page, which is made at once, or a database; a schedule does so once a night, for
+changes that were approved while no sensor ran. A failed run is repeated up to `MAX_TRIES` times. None of them trains.
 """
 
 import json
@@ -24,7 +24,7 @@ from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.project import PROJECT, Project
-from assets.run_locks import MAX_TRIES, Tries, tries
+from assets.runs import MAX_TRIES, Tries, tries
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest

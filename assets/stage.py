@@ -12,8 +12,13 @@ from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, digest_of_robot, grou
 from assets.project import PROJECT
 from assets.report import curator_link, table_of
 from pipeline.batch import Manifest, Stage
+from pipeline.errors import PipelineError
+from pipeline.feasibility import criteria_table
+from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criterion, worst_margins
+from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
+from pipeline.readers.tracked import load_reference, named_reference
 
 
 def stage_of(
@@ -90,8 +95,6 @@ def thresholds() -> dict[str, Origin]:
 
 def write_table(plan: Plan, table: pd.DataFrame, manifest: Manifest) -> dict[str, Any]:
     """Write the table of a manifest that is about to be stored; what of it the asset's page shows."""
-    from pipeline.feasibility import criteria_table
-    from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criterion, worst_margins
 
     path = criteria_table.path_beside(PROJECT.store.manifest_path(plan.key.to_user_string()))
     criteria_table.write(path, table, manifest)
@@ -107,7 +110,6 @@ def references_of(manifest: Manifest, reference_motions: Manifest | None = None)
 
     `reference_motions` has those of KP4's own rollouts, by name.
     """
-    from pipeline.feasibility.reference import CONTENT, StoredReferences
 
     wanted = {str(entry.numbers[CONTENT]): entry.numbers for entry in manifest.entries if entry.numbers.get(CONTENT)}
     blobs = {entry.clip: entry.blob for entry in reference_motions.entries} if reference_motions else {}
@@ -120,8 +122,6 @@ def references_of(manifest: Manifest, reference_motions: Manifest | None = None)
 
 def _reference(source_name: str, file: str) -> Any:
     """The motion that a source's file names, as it is now; None where it is none any more."""
-    from pipeline.errors import PipelineError
-    from pipeline.readers.tracked import load_reference, named_reference
 
     try:
         source = next(source for source in PROJECT.sources().all if source.name == source_name)

@@ -1,4 +1,7 @@
-"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues."""
+"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues.
+
+The button `Materialize all` makes everything else and trains nothing (`asked_for`).
+"""
 
 import fcntl
 import os

@@ -10,10 +10,18 @@ from assets.actuators import declared
 from assets.plan import Plan, policy_plans, robot_plans, validation_plan
 from assets.policy import result_of, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plainly, table_of
+from assets.report import picture, plain_errors, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
+from pipeline.deployment import digest, load_policy
 from pipeline.files.shown_text import markdown_list
+from pipeline.validation.bars import read_validation
+from pipeline.validation.deployed import deployed
+from pipeline.validation.failed_trials import write_failed_trials
+from pipeline.validation.figures import measure
+from pipeline.validation.suites import cells_of, named
+from pipeline.validation.verdict import judge, table
+from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
 VERDICT = "verdict"
@@ -45,7 +53,7 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def mujoco_validation(
         context: dg.AssetExecutionContext,
         config: ValidationConfig,
@@ -53,13 +61,6 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
-        from pipeline.deployment import digest, load_policy
-        from pipeline.validation.bars import read_validation
-        from pipeline.validation.deployed import deployed
-        from pipeline.validation.failed_trials import write_failed_trials
-        from pipeline.validation.figures import measure
-        from pipeline.validation.suites import cells_of
-        from pipeline.validation.verdict import judge
 
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
@@ -98,9 +99,6 @@ def _note(verdict: Any) -> dict[str, str]:
 
 
 def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
-    from pipeline.validation.suites import named
-    from pipeline.validation.verdict import table
-    from pipeline.validation.walk import Worlds, walk
     from pipeline.viewing.validation_plots import command_tracking, foot_contacts, survival_heatmap, torque_speed
 
     worlds = Worlds(one)

@@ -9,9 +9,14 @@ from assets.actuators import declared
 from assets.plan import Plan
 from assets.policy import JudgedPolicyConfig, judged_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plainly, table_of
+from assets.report import plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.robot.load import read_description
+from pipeline.validation.bars import read_validation
+from pipeline.webots.project import write_project
+from pipeline.webots.result import WebotsSettings
+from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 IS_THE_ROBOT = "project_is_the_robot"
 WALKS = "walks_in_webots"
@@ -35,13 +40,10 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "webots", ins=inputs, deps=[adapted.key]), check_specs=specs)
-    @plainly
+    @plain_errors
     def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.derived_bars import allowed_of
-        from pipeline.webots.result import WebotsSettings
-        from pipeline.webots.validate import WEBOTS, project_faults, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
         robot = plan.robot or DEFAULT_ROBOT
@@ -91,8 +93,6 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
 
 def _written(robot: str, one: Any, values: Any) -> Any:
     """The project's folder."""
-    from pipeline.robot.load import read_description
-    from pipeline.webots.project import write_project
 
     source = read_description(PROJECT.adapted_robot(robot))
     return write_project(webots_folder(PROJECT, robot), source, one.task, one.envelope, one.policy, values)

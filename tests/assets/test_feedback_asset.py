@@ -8,7 +8,7 @@ import pytest
 from assets import feedback
 from assets.approved import approvals_of
 from assets.project import Project
-from assets.run_locks import MAX_TRIES
+from assets.runs import MAX_TRIES
 from assets.sensors import page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport

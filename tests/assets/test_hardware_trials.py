@@ -21,7 +21,7 @@ from assets.log_ingest import IngestedLogs, ingest_folder
 from assets.plan import TRIALS
 from assets.project import Project
 from assets.resources import StoreIOManager
-from assets.run_locks import alive
+from assets.runs import alive
 from assets.sensors import hardware_log_sensor, ingest_logs
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial

@@ -6,10 +6,10 @@ from contextlib import contextmanager
 import dagster as dg
 import pytest
 
-from assets import run_locks, sensors
+from assets import runs, sensors
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
-from assets.run_locks import MAX_TRIES, alive
+from assets.runs import MAX_TRIES, alive
 from assets.sensors import (
     APPROVED_TAG,
     MAX_NIGHTLY_TRIES,
@@ -233,7 +233,7 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTING)
         assert "a run was started" in tick(instance)
-        monkeypatch.setattr(run_locks, "START_S", 0.0)
+        monkeypatch.setattr(runs, "START_S", 0.0)
         assert isinstance(tick(instance), dg.RunRequest)
         with alive(project.store.root / "runs", run.run_id):
             assert "a run was started" in tick(instance), "it has its lock"

@@ -1,6 +1,8 @@
-"""Which runs are alive: each holds a lock on a file of its own, which the system releases when its process dies.
+"""Which runs are alive, and how often the runs that a sensor or a schedule started have failed in a row.
 
-A killed run stays STARTED in Dagster's history for ever; the next run marks it as FAILURE.
+Each run holds a lock on a file of its own, which the system releases when its process ends. A killed run stays STARTED
+in Dagster's history; the next run marks it as FAILURE. A run that is recorded as started but holds no lock after
+`START_S` is dead.
 """
 
 import fcntl
@@ -34,7 +36,7 @@ def alive(folder: Path, run_id: str) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
-def tell_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
+def fail_dead_runs(instance: dg.DagsterInstance, folder: Path) -> list[str]:
     """Report as failed the started runs whose process is gone, and what they had started; their ids."""
     dead = {path.name for path in folder.glob("*") if not path.name.startswith(".") and _is_dead(path)}
     started = instance.get_runs(filters=dg.RunsFilter(statuses=[dg.DagsterRunStatus.STARTED]))
@@ -90,7 +92,7 @@ def tries(
         in_vain: whether a run that is over came to nothing
     """
     folder = project.store.root / "runs"
-    tell_dead_runs(instance, folder)
+    fail_dead_runs(instance, folder)
     records = instance.get_run_records(filters=runs, limit=LOOK_BACK)
     over = [record.dagster_run for record in records]
     at_work = False
