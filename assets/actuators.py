@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import models_agree, picture, plain_errors, table_of
 from pipeline.actuators import (
@@ -36,7 +36,7 @@ MAX_TILT_DEG = 1.0
 
 def measurements_key(robot: str) -> dg.AssetKey:
     """Key of the external asset that a robot's measurement folder is."""
-    return Plan(name="actuator_measurements", packages=(), robot=robot).key
+    return Plan("actuator_measurements", ROBOT, (), robot=robot).key
 
 
 def measurements_version(project: Project, robot: str) -> str:

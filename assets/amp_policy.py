@@ -49,7 +49,8 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
 
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
-    deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
+    plans = robot_plans(plan.robot or DEFAULT_ROBOT)
+    deps += [plans[name].key for name in TRACKED]
 
     @dg.asset(**declared(plan, "pytorch", deps=deps), output_required=False)
     def amp_policy(
@@ -114,8 +115,8 @@ def tracker_files(project: Project, robot: str) -> Any:
     """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
     nothing was rolled out."""
 
-    keys = {plan.name: plan.key.to_user_string() for plan in robot_plans(robot)}
-    names = [keys[name] for name in TRACKED]
+    plans = robot_plans(robot)
+    names = [plans[name].key.to_user_string() for name in TRACKED]
     if not all(project.store.manifest_path(name).is_file() for name in names):
         return None
     references, rollouts, policy = (project.store.load(name) for name in names)

@@ -9,7 +9,7 @@ import pandas as pd
 from assets.actuators import declared
 from assets.bootstrap import stale_now
 from assets.database_checks import judge_database, last_verdicts
-from assets.plan import FINGERPRINT_TAG, Plan, export_plans, named_plans
+from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.realizability import realizability_check
@@ -102,8 +102,8 @@ EXPORT = "export"
 
 def dataset_exports(robot: str) -> list[Any]:
     """An asset for each format of `booster-lab export`."""
-    database = named_plans(robot)["expert_db"]
-    return [_export(plan, kind, database) for kind, plan in export_plans(robot).items()]
+    plans = robot_plans(robot)
+    return [_export(plans[name], kind, plans["expert_db"]) for kind, name in EXPORTS.items()]
 
 
 def _export(plan: Plan, kind: str, database: Plan) -> Any:

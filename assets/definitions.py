@@ -16,7 +16,7 @@ from assets.feedback import curation_feedback, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
 from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
-from assets.plan import engine_plans, named_plans, policy_plans, robot_plans
+from assets.plan import robot_plans
 from assets.policy import exported_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.release import release_report, released
@@ -32,23 +32,22 @@ from assets.sensors import (
 )
 from assets.sources import raw_motions
 from assets.tracking_policy import tracker_jobs
-from assets.validation import validation_assets
+from assets.validation import mujoco_validation
 from assets.webots import webots_validation
 
 
 def policy_assets(robot: str) -> list[Any]:
     """Training, ablation, export, limit cycles and release report of the robot in `robots/<robot>`."""
-    of_robot = {plan.name: plan for plan in robot_plans(robot)}
-    trained, ablation, exported, cycles, release = policy_plans(robot)
-    database, adapted, model = (of_robot[name] for name in ("expert_db", "adapted_robot", "robot_model"))
+    plans = robot_plans(robot)
+    database, adapted, exported = (plans[name] for name in ("expert_db", "adapted_robot", "exported_policy"))
     known = released(robot)
     trials = known.get("hardware_trials")
     return [
-        amp_policy(trained, database, adapted),
-        augmentation_ablation(ablation, database, adapted),
-        exported_policy(exported, trained, model),
-        limit_cycles(cycles, exported, adapted, trials.key if trials else None),
-        release_report(release, known),
+        amp_policy(plans["amp_policy"], database, adapted),
+        augmentation_ablation(plans["augmentation_ablation"], database, adapted),
+        exported_policy(exported, plans["amp_policy"], plans["robot_model"]),
+        limit_cycles(plans["limit_cycles"], exported, adapted, trials.key if trials else None),
+        release_report(plans["release_report"], known),
     ]
 
 
@@ -57,19 +56,22 @@ def training_jobs(robots: tuple[str, ...]) -> list[Any]:
     return [
         dg.define_asset_job(
             "train" if robot == DEFAULT_ROBOT else f"train_{robot}",
-            selection=dg.AssetSelection.assets(policy_plans(robot)[0].key),
+            selection=dg.AssetSelection.assets(robot_plans(robot)["amp_policy"].key),
             description="Trains a policy on the expert database, which is brought up to date first.",
         )
         for robot in robots
     ]
 
 
-def engine_assets(robot: str) -> list[Any]:
-    """Cross-engine and Webots validation of the robot in `robots/<robot>`."""
-    adapted = next(plan for plan in robot_plans(robot) if plan.name == "adapted_robot")
-    exported = next(plan for plan in policy_plans(robot) if plan.name == "exported_policy")
-    engines, webots = engine_plans(robot)
-    return [cross_engine_validation(engines, exported, adapted), webots_validation(webots, exported, adapted)]
+def validation_assets(robot: str) -> list[Any]:
+    """MuJoCo, cross-engine and Webots validation of the robot in `robots/<robot>`."""
+    plans = robot_plans(robot)
+    judged = plans["exported_policy"], plans["adapted_robot"]
+    return [
+        mujoco_validation(plans["mujoco_validation"], *judged),
+        cross_engine_validation(plans["cross_engine_validation"], *judged),
+        webots_validation(plans["webots_validation"], *judged),
+    ]
 
 
 _assets: list[Any] = [
@@ -90,7 +92,6 @@ for _robot in PROJECT.robots:
         *dataset_exports(_robot),
         *policy_assets(_robot),
         *validation_assets(_robot),
-        *engine_assets(_robot),
     ]
 
 defs = serve(
@@ -103,7 +104,7 @@ defs = serve(
             approve_feedback,
             take_back_feedback,
             *training_jobs(PROJECT.robots),
-            *tracker_jobs(PROJECT.robots, {robot: named_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
+            *tracker_jobs(PROJECT.robots, {robot: robot_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
         ],
         sensors=[hardware_log_sensor, approved_feedback_sensor],
         schedules=[nightly_recuration],

@@ -45,7 +45,7 @@ def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
 
 def _calibrations() -> dict[str, Plan]:
     """Each robot's calibration: what its motors can do by measurement, before any log."""
-    return {robot: robot_plans(robot)[1] for robot in PROJECT.robots}
+    return {robot: robot_plans(robot)["actuator_calibration"] for robot in PROJECT.robots}
 
 
 @dg.asset(

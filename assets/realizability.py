@@ -7,7 +7,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plan import Plan, named_plans
+from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.tracking_policy import tracker_file
 from pipeline.actuators import read_actuators, torque_envelope
@@ -52,7 +52,7 @@ def realizability_check(
 def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
 
-    plans, folder = named_plans(robot_name), PROJECT.adapted_robot(robot_name)
+    plans, folder = robot_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
     found = tracker_file(PROJECT, PROJECT.store.load(plans["tracking_policy"].key.to_user_string()))

@@ -45,9 +45,12 @@ COMMANDS = "commands that weights are spread over"
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
-    model, calibration, adapted, retargeted, variants, references, tracker, rollouts, feasible, database = robot_plans(
-        robot
+    plans = robot_plans(robot)
+    model, calibration, adapted = (plans[name] for name in ("robot_model", "actuator_calibration", "adapted_robot"))
+    retargeted, variants, references = (
+        plans[name] for name in ("retargeted_motions", "motion_variants", "reference_motions")
     )
+    tracker, rollouts, feasible = (plans[name] for name in ("tracking_policy", "augmented_motions", "feasible_motions"))
     return [
         *approved_specs(robot),
         actuator_measurements(robot),
@@ -60,7 +63,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
         tracking_policy(tracker, references, adapted),
         augmented_motions(rollouts, references, tracker, adapted),
         _feasible_motions(feasible, rollouts, references, adapted),
-        _expert_db(database, feasible, model),
+        _expert_db(plans["expert_db"], feasible, model),
     ]
 
 

@@ -57,7 +57,7 @@ APPROVED_TAG = "booster_lab/approved"
 MAX_NIGHTLY_TRIES = 2 * MAX_TRIES
 """The sensor gives up first; by night the machine may have room again."""
 
-DATABASES = tuple(robot_plans(robot)[-1].key for robot in PROJECT.robots)
+DATABASES = tuple(robot_plans(robot)["expert_db"].key for robot in PROJECT.robots)
 
 recurate = dg.define_asset_job(
     "recurate",
@@ -75,7 +75,7 @@ def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, 
     versions = {key: version for key, (version, _) in approved_versions(project).items()}
     late: dict[dg.AssetKey, str] = {}
     for robot in project.robots:
-        plans = {plan.name: plan for plan in (*SHARED, *robot_plans(robot))}
+        plans = {plan.name: plan for plan in SHARED} | robot_plans(robot)
         in_database = _in_database(project, robot)
         for section in PARTS:
             name = "selected_motions" if section in SHARED_PARTS else HEEDED_BY.get(section)

@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.plan import Plan, policy_plans, robot_plans, validation_plan
+from assets.plan import Plan
 from assets.policy import result_of, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, plain_errors, table_of
@@ -36,13 +36,6 @@ class ValidationConfig(dg.Config):
     suite: Literal["quick", "full"] = "full"
     policy: str = ""
     """An npz to validate in place of the exported policy. The release report then calls it another policy's result."""
-
-
-def validation_assets(robot: str) -> list[Any]:
-    """The asset of the robot in `robots/<robot>`."""
-    adapted = next(plan for plan in robot_plans(robot) if plan.name == "adapted_robot")
-    exported = next(plan for plan in policy_plans(robot) if plan.name == "exported_policy")
-    return [mujoco_validation(validation_plan(robot), exported, adapted)]
 
 
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:

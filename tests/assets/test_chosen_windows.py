@@ -154,7 +154,7 @@ def test_what_a_bound_brought_is_not_taken_for_an_approved_part(project, asset):
 
 
 def test_the_check_of_the_database_tells_of_a_skill_that_feedback_wants_more_of(project, asset):
-    plan = Plan(name="expert_db", packages=())
+    plan = Plan("expert_db", "database", ())
     before, _ = asset()
     index = before.entry_table().assign(variant="original")
     assert "wanted by feedback" not in _every_skill(plan, index, before.settings).metadata

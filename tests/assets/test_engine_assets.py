@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from assets import cross_engine, limit_cycles, policy
-from assets.plan import engine_plans, policy_plans, robot_plans
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
@@ -18,7 +18,7 @@ from pipeline.deployment import deployment_task, digest
 from pipeline.robot import Robot
 from tests.factories.policies import still_policy
 
-PLANS = {plan.name: plan for plan in (*policy_plans("t1"), *engine_plans("t1"), *robot_plans("t1"))}
+PLANS = robot_plans("t1")
 EXPORTED, ADAPTED = PLANS["exported_policy"], PLANS["adapted_robot"]
 WALK = {"segments": [{"seconds": 1.0, "command": [0.6, 0, 0]}], "measured_s": 0.5}
 

@@ -6,11 +6,11 @@ import dagster as dg
 import pytest
 
 from assets import realizability
-from assets.plan import named_plans
+from assets.plan import robot_plans
 from pipeline.batch import Manifest
 from pipeline.expert.realizability import TooFewMotionsError
 
-PLAN = named_plans("t1")["expert_db"]
+PLAN = robot_plans("t1")["expert_db"]
 CLIPS = Manifest(stage="feasible_motions", entries=(), judged=())
 
 

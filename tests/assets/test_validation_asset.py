@@ -7,7 +7,7 @@ import dagster as dg
 import pytest
 
 from assets import policy, validation
-from assets.plan import policy_plans, robot_plans, validation_plan
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
@@ -17,8 +17,8 @@ from pipeline.validation import suites
 from tests.factories.policies import still_policy
 
 FEW = {"push force standing 20 Ns": 1, "push force standing 60 Ns": 1}
-EXPORTED = next(plan for plan in policy_plans("t1") if plan.name == "exported_policy")
-ADAPTED = next(plan for plan in robot_plans("t1") if plan.name == "adapted_robot")
+PLANS = robot_plans("t1")
+EXPORTED, ADAPTED = PLANS["exported_policy"], PLANS["adapted_robot"]
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
         [
             exported_policy,
             dg.AssetSpec(ADAPTED.key),
-            validation.mujoco_validation(validation_plan("t1"), EXPORTED, ADAPTED),
+            validation.mujoco_validation(PLANS["mujoco_validation"], EXPORTED, ADAPTED),
         ],
         resources={"clip_pool": ClipPoolResource(workers=1), "io_manager": dg.mem_io_manager},
     )
