@@ -20,8 +20,6 @@ WHOLE = "whole_database"
 COVERED = "every_skill_has_seconds"
 COMMANDS = "command_coverage"
 MIN_SKILL_SECONDS = 4.0
-TOLD = {AssetCheckExecutionRecordStatus.SUCCEEDED, AssetCheckExecutionRecordStatus.FAILED}
-"""A check that was evaluated; the third status is one that a run planned and never evaluated."""
 
 
 def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:

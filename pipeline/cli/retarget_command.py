@@ -45,9 +45,6 @@ def encode_csv(clip: RobotClip, comments: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-CSV_FPS = 30.0
-"""Rate of the result when none is asked for [Hz]: as most recordings have it."""
-
 FRAME_NOTE = "world, z up; the clip starts above the origin, facing +x"
 
 

@@ -27,8 +27,6 @@ after a fall; its motors were off for a moment, or gave next to nothing of what 
 
 HELD, STOPPED = "held by hand", "stopped by the operator"
 DAMPED, MOTORS_OFF = "damped after a fall", "its motors did not answer"
-EXCUSES: tuple[str, ...] = (HELD, STOPPED, DAMPED, MOTORS_OFF)
-"""Why something is not the policy's."""
 
 
 @dataclass(frozen=True, kw_only=True)

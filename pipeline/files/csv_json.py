@@ -16,10 +16,10 @@ MAX_BYTES = 50_000_000
 """Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
 
 
-def read_csv_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+def read_csv_text(path: Path) -> str:
     """The text of a file. Raises FileError: too large, or with the line of the first bytes that are no UTF-8."""
-    if path.stat().st_size > max_bytes:
-        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {max_bytes} allowed.")
+    if path.stat().st_size > MAX_BYTES:
+        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {MAX_BYTES} allowed.")
     data = path.read_bytes()
     try:
         return data.decode("utf-8-sig")

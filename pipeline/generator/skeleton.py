@@ -36,8 +36,6 @@ BALL_HEIGHT = 0.025
 TOE_LENGTH = FOOT_LENGTH - HEEL_BACK - BALL_AHEAD
 PELVIS_ABOVE_HIPS = 0.05
 """Origin of the pelvis above the line of the hip joints [m]."""
-HIP_HEIGHT = ANKLE_HEIGHT + SHANK + THIGH
-"""Hip joints above the floor with straight legs [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

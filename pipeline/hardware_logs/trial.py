@@ -26,9 +26,6 @@ FORMAT = "booster-lab trial 1"
 ROUNDING_S = 1e-7
 """Less than the time between two samples by far."""
 
-INTEGRITY = ("complete", "recovered", "unverified")
-"""All of the log was read and its checksums hold; parts of it were lost and the rest holds; it has no checksums."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:

@@ -49,7 +49,7 @@ FASTWRITE = Storage(compression="", chunk_bytes=0, chunk_crc=False)
 class McapWriter:
     """An MCAP file that is being written in memory: channels, messages in the order of receipt, metadata."""
 
-    def __init__(self, storage: Storage = ZSTD_SMALL, profile: str = "ros2"):
+    def __init__(self, storage: Storage = ZSTD_SMALL):
         self._stream, self._counts = io.BytesIO(), Counter()
         self._writer = Writer(
             self._stream,
@@ -58,7 +58,7 @@ class McapWriter:
             use_chunking=storage.chunk_bytes > 0,
             enable_crcs=storage.chunk_crc,
         )
-        self._writer.start(profile, LIBRARY)
+        self._writer.start("ros2", LIBRARY)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """A metadata record."""

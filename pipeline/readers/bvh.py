@@ -54,8 +54,8 @@ class _Header:
     pending: int | None = None
     """The joint whose `{` comes next."""
 
-    def fail(self, problem: str, line: int, do: str = "") -> FileError:
-        return FileError(self.path, problem, do, line)
+    def fail(self, problem: str, line: int) -> FileError:
+        return FileError(self.path, problem, line=line)
 
     def take(self, words: list[str], line: int) -> None:
         """One line of the hierarchy."""

@@ -79,8 +79,6 @@ def side_and_part(name: str) -> tuple[str, str]:
     return "", flat
 
 
-LEGS = ("hip", "knee", "ankle")
-ARMS = ("shoulder", "elbow", "wrist")
 NO_BONE = 1e-6
 """Joints closer to their parent than this share of the leg are at the same place."""
 

@@ -23,7 +23,6 @@ CLIP_HZ = 100.0
 """Rate at which slip and contacts are evaluated: that of the recorded forces."""
 SATURATED = 0.999
 """Share of the torque envelope above which a joint counts as saturated."""
-CONTACT_N = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

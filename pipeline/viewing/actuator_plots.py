@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from pipeline.actuators import Calibration, JointActuator, JointLog, torque_envelope
+from pipeline.actuators import Calibration
 from pipeline.actuators.folder import PublishedCurve
 from pipeline.viewing.plots import png
 
@@ -36,22 +36,6 @@ def calibration_curves(calibrations: Sequence[Calibration], published: Mapping[s
         good = "#000000" if each.accepted else "#d62728"
         place.set_title(f"{each.motor}{'' if each.accepted else ': refused'}", fontsize=8, color=good)
         place.set_ylim(bottom=0.0, top=1.6 * float(torque.max()) if len(torque) else 1.0)
-    figure.supxlabel("joint speed [rad/s]", fontsize=8)
-    figure.supylabel("torque [N m]", fontsize=8)
-    return png(figure)
-
-
-def log_curves(actuators: Sequence[JointActuator], logs: Sequence[JointLog]) -> bytes:
-    """Range of each joint in a log over the calibrated envelope; red beyond it."""
-    figure, axes = _grid(len(logs))
-    envelope = torque_envelope(actuators)
-    for index, (actuator, log, place) in enumerate(zip(actuators, logs, axes, strict=False)):
-        speed = np.linspace(0.0, 1.3 * max(actuator.box_velocity_limit, log.max_speed), 60)
-        limit = envelope.bounds(np.tile(speed[:, None], (1, len(actuators))))[1][:, index]
-        place.plot(speed, limit, color="#000000", linewidth=1.0)
-        place.axvline(actuator.box_velocity_limit, color="#bbbbbb", linewidth=0.8)
-        place.step(log.bin_speed, log.reached_torque, where="mid", color="#1f77b4" if log.holds else "#d62728")
-        place.set_title(log.joint, fontsize=7)
     figure.supxlabel("joint speed [rad/s]", fontsize=8)
     figure.supylabel("torque [N m]", fontsize=8)
     return png(figure)

@@ -236,10 +236,10 @@ GIF_DOTS_PER_M = 130
 GIF_FPS = 12.5
 
 
-def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0, seconds: float = 2.0) -> bytes:
-    """GIF of `seconds` of a clip from `start_s` on, at its own speed; the same clip gives the same bytes."""
+def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
+    """GIF of two seconds of a clip from `start_s` on, at its own speed; the same clip gives the same bytes."""
     figure = robot_figure(clip, robot)
-    stop_s = min(start_s + seconds, figure.duration_s)
+    stop_s = min(start_s + 2.0, figure.duration_s)
     frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]
     height = ROBOT_HEIGHT_SHARE * robot.default_root_height + 0.1
     heading = float(figure.heading[frames[0]])

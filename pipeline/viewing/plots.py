@@ -95,14 +95,14 @@ def _box_edges(middles: np.ndarray, shown: tuple[float, float], width: float) ->
     return width * np.arange(np.floor(low / width), np.ceil(high / width) + 1)
 
 
-def lost_seconds(judged: pd.DataFrame, title: str, most: int = 20) -> bytes:
-    """The clips that lost the most seconds in a stage, and how much of each was kept.
+def lost_seconds(judged: pd.DataFrame, title: str) -> bytes:
+    """The 20 clips that lost the most seconds in a stage, and how much of each was kept.
 
     Args:
         judged: one row an input clip with `clip, seconds_in, seconds_out`
     """
     table = judged.assign(lost=judged["seconds_in"].fillna(0.0) - judged["seconds_out"].fillna(0.0))
-    worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(most)[::-1]
+    worst = table.query("lost > 0.0").sort_values(["lost", "clip"], ascending=[False, True]).head(20)[::-1]
     figure = Figure(figsize=(8.0, 0.6 + 0.22 * max(len(worst), 3)), dpi=80, layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(worst))

@@ -26,7 +26,7 @@ from pipeline.repair import process as repair
 from pipeline.retarget import RetargetSettings
 from pipeline.retarget.process import onto_robot
 from pipeline.robot import Robot
-from pipeline.simulation.rollout import Rollout
+from pipeline.simulation.record import Rollout
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked, waving
 
