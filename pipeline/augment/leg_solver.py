@@ -23,7 +23,7 @@ from pipeline import rotation, time_series
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
-from pipeline.robot.tree import Tree
+from pipeline.robot.robot import Tree
 
 TOLERANCE = 1e-6
 """A foot is where it is wanted if it misses its place [m] and its orientation [rad] by less."""
