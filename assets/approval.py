@@ -66,7 +66,7 @@ class Approval(dg.Config):
     """Parts of the proposal that are approved, as `weights`. Empty: all."""
 
 
-class TakingBack(dg.Config):
+class TakeBackConfig(dg.Config):
     """Who takes which approved sections back."""
 
     sections: list[str]
@@ -89,7 +89,7 @@ def approve(context: dg.OpExecutionContext, config: Approval):
 
 
 @dg.op(out={}, description="Take sections out of data/feedback/approved.yaml.")
-def take_back(context: dg.OpExecutionContext, config: TakingBack):
+def take_back(context: dg.OpExecutionContext, config: TakeBackConfig):
     """Let approved changes take no effect any longer."""
     with as_failure():
         use_token(PROJECT, config.token)

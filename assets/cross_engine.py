@@ -7,7 +7,7 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import JudgedPolicyConfig, judged_policy, result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, plain_errors, table_of
 from assets.resources import ClipPoolResource
@@ -30,7 +30,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     @plain_errors
     def cross_engine_validation(
         context: dg.AssetExecutionContext,
-        config: JudgedPolicyConfig,
+        config: EvaluatedPolicyConfig,
         clip_pool: ClipPoolResource,
         exported_policy: Manifest,
     ):
@@ -43,7 +43,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
         folder = PROJECT.simulated_failures(robot, "cross_engine")
         logs = write_failures(judged.deployed, found, grid, folder)

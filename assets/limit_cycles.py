@@ -9,7 +9,7 @@ import pandas as pd
 from assets.actuators import declared
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
-from assets.policy import JudgedPolicyConfig, judged_policy, result_of, served
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of, served
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, plain_errors, table_of
 from pipeline.batch import Manifest
@@ -32,7 +32,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
     )
     @plain_errors
-    def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
+    def limit_cycles(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
         from pipeline.viewing.validation_plots import limit_cycle_plots
@@ -40,7 +40,7 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         names = {judged.digest, *_file_of(exported_policy, judged.digest)}
         found = find(judged.deployed, trials_of(trials, robot, names), values, rules.limit_cycles)
         reasons = [reason for each in found if each.required for reason in each.reasons]

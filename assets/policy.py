@@ -1,6 +1,6 @@
 """`exported_policy`: the policy that validation and robot take, trained here or shipped with the project.
 
-`judged_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
+`evaluated_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
 """
 
 from dataclasses import dataclass
@@ -190,7 +190,7 @@ def result_of(
     )
 
 
-class JudgedPolicyConfig(dg.Config):
+class EvaluatedPolicyConfig(dg.Config):
     """What is judged."""
 
     policy: str = ""
@@ -198,14 +198,14 @@ class JudgedPolicyConfig(dg.Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedPolicy:
+class EvaluatedPolicy:
     """A policy on the adapted robot, and the digest of what walks, whatever its manifest says."""
 
     deployed: Any
     digest: str
 
 
-def judged_policy(config: JudgedPolicyConfig, exported: Manifest, robot: str) -> JudgedPolicy:
+def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> EvaluatedPolicy:
     """The policy that is meant. Raises FileError."""
     policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
-    return JudgedPolicy(deployed=deployed_policy(PROJECT.adapted_robot(robot), policy), digest=policy_digest(policy))
+    return EvaluatedPolicy(deployed=deployed_policy(PROJECT.adapted_robot(robot), policy), digest=policy_digest(policy))

@@ -22,7 +22,7 @@ from assets.project import Project
 
 @contextmanager
 def alive(folder: Path, run_id: str) -> Iterator[None]:
-    """Say that a run is alive for as long as the context lasts. Its file is locked from when it has its name."""
+    """Mark a run as alive while the context lasts. Its file is locked before it gets its name."""
     folder.mkdir(parents=True, exist_ok=True)
     path, draft = folder / run_id, folder / f".{run_id}"
     with draft.open("w") as stream:
@@ -54,7 +54,7 @@ def is_held(path: Path) -> bool:
 
 
 def _is_dead(path: Path) -> bool:
-    """Whether a file is there that nobody holds; one that just went is of a run that just ended."""
+    """Whether a file exists that no process holds; a file that disappears meanwhile is of a run that just ended."""
     try:
         with path.open() as stream:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -63,46 +63,48 @@ def _is_dead(path: Path) -> bool:
     return True
 
 
-MAX_TRIES = 3
-"""Runs in a row that may come to nothing before a person has to look."""
+MAX_FAILURES = 3
+"""Failed runs in a row after which a person has to look."""
 START_S = 600.0
-"""In this time a run that was asked for holds its lock."""
+"""A run holds its lock at the latest this long after it was requested [s]."""
 LOOK_BACK = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tries:
-    """What became of the newest runs for one thing."""
+class RecentRuns:
+    """The newest runs that a sensor or schedule started for the same reason."""
 
-    at_work: bool
-    in_vain: int
-    """How many of the newest, in a row, came to nothing."""
+    running: bool
+    failures: int
+    """Failed runs in a row, counted from the newest."""
     cancelled: bool
     """Whether a person cancelled the newest of these: it is not tried again until something changes."""
     last_run: str
     """Id of the newest; empty where there is none."""
 
 
-def tries(
-    instance: dg.DagsterInstance, project: Project, runs: dg.RunsFilter, in_vain: Callable[[dg.DagsterRun], bool]
-) -> Tries:
-    """Look at the newest of some runs; those whose process is gone are marked as failed first.
+def recent_runs(
+    instance: dg.DagsterInstance, project: Project, runs: dg.RunsFilter, is_failure: Callable[[dg.DagsterRun], bool]
+) -> RecentRuns:
+    """The newest of some runs; those whose process is gone are marked as failed first.
 
     Args:
-        in_vain: whether a run that is over came to nothing
+        is_failure: whether a run that ended came to nothing
     """
     folder = project.store.root / "runs"
     fail_dead_runs(instance, folder)
     records = instance.get_run_records(filters=runs, limit=LOOK_BACK)
     over = [record.dagster_run for record in records]
-    at_work = False
+    running = False
     for record in records:
         run = record.dagster_run
         age_s = time.time() - record.create_timestamp.timestamp()
         waits = run.status == dg.DagsterRunStatus.QUEUED or age_s < START_S or is_held(folder / run.run_id)
         if not run.is_finished and waits:
-            at_work = True
+            running = True
             over.remove(run)
-    failed = list(itertools.takewhile(in_vain, over))
+    failed = list(itertools.takewhile(is_failure, over))
     cancelled = bool(failed) and failed[0].status == dg.DagsterRunStatus.CANCELED
-    return Tries(at_work=at_work, in_vain=len(failed), cancelled=cancelled, last_run=over[0].run_id if over else "")
+    return RecentRuns(
+        running=running, failures=len(failed), cancelled=cancelled, last_run=over[0].run_id if over else ""
+    )

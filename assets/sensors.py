@@ -2,7 +2,8 @@
 
 One sensor looks for logs in data/hardware_logs that are complete. Another one looks every half minute for approved
 changes that have not reached the page, which is made at once, or a database; a schedule does so once a night, for
-changes that were approved while no sensor ran. A failed run is repeated up to `MAX_TRIES` times. None of them trains.
+changes that were approved while no sensor ran. A failed run is repeated up to `MAX_FAILURES` times.
+None of them trains.
 """
 
 import json
@@ -24,7 +25,7 @@ from assets.freshness import INPUT_VERSION_PREFIX, last_tags
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
 from assets.project import PROJECT, Project
-from assets.runs import MAX_TRIES, Tries, tries
+from assets.runs import MAX_FAILURES, RecentRuns, recent_runs
 from pipeline.errors import PipelineError
 from pipeline.feedback.approved import EMPTY, heard
 from pipeline.files import digest
@@ -42,19 +43,19 @@ def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunReques
     if tags is None or tags.get(PAGE_TAG) == state:
         return None
     runs = dg.RunsFilter(job_name=renew_feedback_page.name)
-    found = tries(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
-    if found.at_work or found.cancelled or found.in_vain >= MAX_TRIES:
+    found = recent_runs(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
+    if found.running or found.cancelled or found.failures >= MAX_FAILURES:
         return None
     return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})
 
 
 EVERY_S = 30
-HEEDED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
-"""Section of a robot's feedback -> its asset that heeds it. Training does too, but nothing here starts it."""
+USED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
+"""Section of a robot's feedback -> its asset that uses it. Training does too, but is not started here."""
 
 APPROVED_TAG = "booster_lab/approved"
 """Tag of a run: what was approved when it was asked for."""
-MAX_NIGHTLY_TRIES = 2 * MAX_TRIES
+MAX_NIGHTLY_TRIES = 2 * MAX_FAILURES
 """The sensor gives up first; by night the machine may have room again."""
 
 DATABASES = tuple(robot_plans(robot)["expert_db"].key for robot in PROJECT.robots)
@@ -78,7 +79,7 @@ def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, 
         plans = {plan.name: plan for plan in SHARED} | robot_plans(robot)
         in_database = _in_database(project, robot)
         for section in PARTS:
-            name = "selected_motions" if section in SHARED_PARTS else HEEDED_BY.get(section)
+            name = "selected_motions" if section in SHARED_PARTS else USED_BY.get(section)
             if name is None:
                 continue
             key = approved_key(section, robot)
@@ -103,7 +104,7 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
     """The run that brings what is approved into the databases, or why there is none."""
     try:
         for section, fault in approvals_of(project).faults.items():
-            if section in SHARED_PARTS or section in HEEDED_BY:  # a file that can't be read faults all sections
+            if section in SHARED_PARTS or section in USED_BY:  # a file that can't be read faults all sections
                 return dg.SkipReason(str(fault))
         late = behind(instance, project)
         state = digest.of_json({key.to_user_string(): each[0] for key, each in approved_versions(project).items()})
@@ -113,26 +114,26 @@ def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.R
         return dg.SkipReason("no database is behind what is approved")
     reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
     mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
-    found = _tries(instance, project, mark)
-    if found.at_work:
+    found = _runs_for(instance, project, mark)
+    if found.running:
         return dg.SkipReason(f"a run was started for what is approved now ({reasons})")
     if found.cancelled:
         return dg.SkipReason(
             f"run {found.last_run} for what is approved now was cancelled ({reasons}); something else that is approved "
             "starts one, or start the job recurate by hand"
         )
-    if found.in_vain >= most:
+    if found.failures >= most:
         return dg.SkipReason(
-            f"{found.in_vain} runs for what is approved now came to nothing ({reasons}); "
+            f"{found.failures} runs for what is approved now came to nothing ({reasons}); "
             f"look at run {found.last_run}, then start the job recurate by hand"
         )
     return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
 
 
-def _tries(instance: dg.DagsterInstance, project: Project, mark: dict[str, str]) -> Tries:
-    """Runs since something else was approved, or somebody started one by hand. As databases are behind: in vain."""
+def _runs_for(instance: dg.DagsterInstance, project: Project, mark: dict[str, str]) -> RecentRuns:
+    """Runs for the current approvals. Databases are still behind, so each that ended counts as failed."""
     runs = dg.RunsFilter(job_name=recurate.name)
-    return tries(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
+    return recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
 
 
 @dg.sensor(
@@ -145,7 +146,7 @@ def _tries(instance: dg.DagsterInstance, project: Project, mark: dict[str, str])
 )
 def approved_feedback_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
     """The page first, which takes seconds; then a run while a database is behind and none is at work."""
-    return page_request(context.instance, PROJECT) or requested(context.instance, PROJECT, MAX_TRIES)
+    return page_request(context.instance, PROJECT) or requested(context.instance, PROJECT, MAX_FAILURES)
 
 
 @dg.schedule(
@@ -188,18 +189,18 @@ def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | 
     known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
     mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
     runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
-    found = tries(context.instance, PROJECT, runs, lambda run: not run.is_success)
-    if found.at_work:
+    found = recent_runs(context.instance, PROJECT, runs, lambda run: not run.is_success)
+    if found.running:
         return dg.SkipReason(f"a run was started for these {count} logs")
-    if known and not found.in_vain:
+    if known and not found.failures:
         return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
     if found.cancelled:
         return dg.SkipReason(
             f"run {found.last_run} for these {count} logs was cancelled; a new log starts one, or start one by hand"
         )
-    if found.in_vain >= MAX_TRIES:
+    if found.failures >= MAX_FAILURES:
         return dg.SkipReason(
-            f"{found.in_vain} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
+            f"{found.failures} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
         )
     try:
         note_external(context.instance, PROJECT)

@@ -7,7 +7,7 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import JudgedPolicyConfig, judged_policy, result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import plain_errors, table_of
 from pipeline.batch import Manifest
@@ -41,14 +41,14 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
     @dg.asset(**declared(plan, "webots", ins=inputs, deps=[adapted.key]), check_specs=specs)
     @plain_errors
-    def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
+    def webots_validation(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
         from pipeline.validation.derived_bars import allowed_of
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         project = _written(robot, judged.deployed, values)
         faults = project_faults(project.world, judged.deployed.robot)
         verdicts = validate(project, values, allowed_of(rules.webots))

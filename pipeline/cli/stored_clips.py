@@ -46,7 +46,7 @@ NUMBERS = ("skill", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Shelf:
+class _StoredClips:
     """All clips of the manifests by name, the latest state of each."""
 
     store: Store
@@ -125,7 +125,7 @@ def reference_of(project: Project, rollout: RobotClip, robot: Robot) -> RobotCli
     return shelf.reference(shelf.robot.get(rollout.name), rollout)
 
 
-def _shelf(store: Store, robot: str) -> _Shelf:
+def _shelf(store: Store, robot: str) -> _StoredClips:
     prefix = "" if robot == BARE_ROBOT else f"{robot}/"
     human: dict[str, Entry] = {}
     machine: dict[str, Entry] = {}
@@ -136,7 +136,7 @@ def _shelf(store: Store, robot: str) -> _Shelf:
         for row in manifest.judged:
             reasons.setdefault(row.clip, []).extend(row.reasons)
     references = {entry.clip: entry for entry in _manifest(store, f"{prefix}{REFERENCES}").entries}
-    return _Shelf(store=store, human=human, robot=machine, references=references, reasons=reasons)
+    return _StoredClips(store=store, human=human, robot=machine, references=references, reasons=reasons)
 
 
 def _manifest(store: Store, asset: str) -> Manifest:

@@ -19,7 +19,7 @@ from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell_of
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
-from pipeline.feedback.trust import Heard, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
+from pipeline.feedback.trust import CountedTrial, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")
@@ -88,7 +88,7 @@ def _skill_namer(bounds: SkillBounds) -> NamedBy:
 
 
 def _factors(
-    section: str, pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
+    section: str, pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
 ) -> list[Change]:
     """Factors on command cells or skills."""
     rule = rules.weights if section == "weights" else rules.selection
@@ -97,7 +97,7 @@ def _factors(
 
 
 def _perturbations(
-    pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
+    pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
 ) -> tuple[list[Change], list[str]]:
     """Perturbations of the clips of skills, of each kind that a rule answers the failures of the skill with.
 

@@ -31,7 +31,7 @@ PIECES_APART_S = 1.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Heard:
+class CountedTrial:
     """A trial that counts."""
 
     report: TrialReport
@@ -44,7 +44,7 @@ class Heard:
         return experiment_of(self.report.policy, self.recording, simulated=self.report.simulated)
 
 
-def recorded(reports: Sequence[TrialReport]) -> tuple[list[Heard], list[str]]:
+def recorded(reports: Sequence[TrialReport]) -> tuple[list[CountedTrial], list[str]]:
     """The trials of each recording, by name, and what is left out of copies.
 
     Of copies the one is heard that has most, and of the others what fails outside of its time: a fall that a torn copy
@@ -63,7 +63,7 @@ def recorded(reports: Sequence[TrialReport]) -> tuple[list[Heard], list[str]]:
             )
         heard.append(dataclasses.replace(report, failures=kept))
     ordered = sorted(heard, key=lambda each: each.trial)
-    return [Heard(report=each, recording=recordings[each.sha256]) for each in ordered], sorted(silent)
+    return [CountedTrial(report=each, recording=recordings[each.sha256]) for each in ordered], sorted(silent)
 
 
 def _recording_of_each(reports: Sequence[TrialReport]) -> dict[str, str]:
@@ -118,13 +118,13 @@ def _covers(copy: TrialReport, report: TrialReport, failure: Failure) -> bool:
     return span[0] <= report.start_ns + round(failure.time_s * 1e9) <= span[1]
 
 
-Pair = tuple[Heard, Failure]
+Pair = tuple[CountedTrial, Failure]
 NamedBy = Callable[[tuple[float, float, float]], str]
 """What a command is called: its cell, its skill."""
 
 
 def grouped(
-    pairs: Iterable[Pair], trials: Sequence[Heard], kinds: tuple[str, ...], least_share: float, name: NamedBy
+    pairs: Iterable[Pair], trials: Sequence[CountedTrial], kinds: tuple[str, ...], least_share: float, name: NamedBy
 ) -> dict[str, list[Pair]]:
     """Failures by what their command is called, where enough of what was commanded so has one.
 
@@ -134,7 +134,7 @@ def grouped(
     for heard, failure in pairs:
         if failure.kind in kinds and heard.report.command_known and failure.command_known:
             groups.setdefault(name(failure.command), []).append((heard, failure))
-    tried: dict[str, list[Heard]] = {}
+    tried: dict[str, list[CountedTrial]] = {}
     for heard in trials:
         for *command, _ in heard.report.commands:
             tried.setdefault(name((command[0], command[1], command[2])), []).append(heard)
@@ -145,14 +145,14 @@ def grouped(
     }
 
 
-def _fails_enough(failed: Sequence[Heard], tried: Sequence[Heard], least_share: float) -> bool:
+def _fails_enough(failed: Sequence[CountedTrial], tried: Sequence[CountedTrial], least_share: float) -> bool:
     """Whether the mean share of failed recordings over the experiments is large enough."""
     had, all_of = _recordings_of(failed), _recordings_of([*failed, *tried])
     shares = [len(had.get(experiment, set())) / len(recordings) for experiment, recordings in all_of.items()]
     return math.fsum(shares) >= least_share * len(shares)
 
 
-def _recordings_of(heard: Iterable[Heard]) -> dict[str, set[str]]:
+def _recordings_of(heard: Iterable[CountedTrial]) -> dict[str, set[str]]:
     """Experiment -> its recordings."""
     found: dict[str, set[str]] = {}
     for each in heard:

@@ -96,7 +96,7 @@ FALL, ERROR, PUSHES = 10.0, 1.0 / 0.05, 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Swept:
+class SweepResult:
     """A checkpoint's figures in the sweep."""
 
     iteration: int
@@ -116,7 +116,7 @@ class Swept:
         return {**vars(self), "score": round(self.score, 6)}
 
 
-def sweep_checkpoints(checkpoints: Mapping[int, Deployed], pool: ClipPool | None = None) -> tuple[Swept, ...]:
+def sweep_checkpoints(checkpoints: Mapping[int, Deployed], pool: ClipPool | None = None) -> tuple[SweepResult, ...]:
     """The figures of each checkpoint, by iteration."""
     found = []
     for iteration, one in sorted(checkpoints.items()):
@@ -124,12 +124,12 @@ def sweep_checkpoints(checkpoints: Mapping[int, Deployed], pool: ClipPool | None
     return tuple(found)
 
 
-def swept(iteration: int, rows: Sequence[Measured]) -> Swept:
+def swept(iteration: int, rows: Sequence[Measured]) -> SweepResult:
     """The figures of a checkpoint from its measured cells."""
     pushes = [row for row in rows if row.cell.group.startswith("pushes")]
     others = [row for row in rows if not row.cell.group.startswith("pushes")]
     commands = [row for row in rows if row.cell.group == "commands"]
-    return Swept(
+    return SweepResult(
         iteration=iteration,
         falls=sum(len(row.fallen) for row in others),
         command_error=float(np.mean([error_of(row) for row in commands])),
@@ -145,7 +145,7 @@ def error_of(row: Measured) -> float:
     return float(np.mean([abs(numbers.get(name, 0.0) - goal[axis]) for numbers in row.trials]))
 
 
-def best(found: Sequence[Swept]) -> Swept:
+def best(found: Sequence[SweepResult]) -> SweepResult:
     """The checkpoint with the lowest score; of equal ones the later."""
     return min(found, key=lambda each: (round(each.score, 9), -each.iteration))
 

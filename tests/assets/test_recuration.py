@@ -9,7 +9,7 @@ import pytest
 from assets import runs, sensors
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
-from assets.runs import MAX_TRIES, alive
+from assets.runs import MAX_FAILURES, alive
 from assets.sensors import (
     APPROVED_TAG,
     MAX_NIGHTLY_TRIES,
@@ -152,7 +152,7 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
         approve(project, "weights")
         for count in range(MAX_NIGHTLY_TRIES):
             asked = tick(instance)
-            if count >= MAX_TRIES:
+            if count >= MAX_FAILURES:
                 assert f"{count} runs for what is approved now came to nothing" in asked
                 asked = nightly_recuration(dg.build_schedule_context(instance=instance))
             assert isinstance(asked, dg.RunRequest)
@@ -185,7 +185,7 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_something_change
 def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
     with reached(project) as instance:
         approve(project, "weights")
-        for _ in range(MAX_TRIES):
+        for _ in range(MAX_FAILURES):
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
             run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
@@ -196,7 +196,7 @@ def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
 
 def test_what_is_approved_again_after_it_was_taken_back_is_run_again(project):
     with reached(project) as instance:
-        for _ in range(MAX_TRIES + 1):
+        for _ in range(MAX_FAILURES + 1):
             approve(project, "weights")
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
