@@ -30,7 +30,7 @@ def project(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> Proj
     shutil.copy(root / "data" / "validation.yaml", tmp_path / "data" / "validation.yaml")
     for module in (policy, validation):
         monkeypatch.setattr(module, "PROJECT", project)
-    monkeypatch.setattr(suites, "cells_of", lambda suite, robot: suites.named(robot, FEW))
+    monkeypatch.setattr(validation, "cells_of", lambda suite, robot: suites.named(robot, FEW))
     monkeypatch.setattr(validation, "SHOWN", {"push force standing 20 Ns": 1})
     return project
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FileError
-from pipeline.readers import loaded_arrays, read_motion
+from pipeline.readers import npz_file, read_motion
 from pipeline.readers.npz_file import open_npz
 
 
@@ -47,7 +47,7 @@ def test_a_bomb_is_refused_before_it_inflates(tmp_path):
 
 
 def test_archives_that_inflate_beyond_the_total_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(loaded_arrays, "MAX_TOTAL_BYTES", 10_000)
+    monkeypatch.setattr(npz_file, "MAX_TOTAL_BYTES", 10_000)
     path = tmp_path / "clip.npz"
     np.savez(path, a=np.zeros(1000), b=np.zeros(1000))
     with pytest.raises(FileError, match=r"the archive inflates to \d+ bytes, more than the 10000 allowed"):
