@@ -99,7 +99,7 @@ def actuator_calibration(plan: Plan) -> Any:
 
 
 def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
-    from pipeline.viewing.actuator_plots import calibration_curves
+    from pipeline.viewing.plots import calibration_curves
 
     curves = read_published(folder)
     models = {motor.name: motor.model for motor in found.motors}

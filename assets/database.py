@@ -8,11 +8,10 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.bootstrap import stale_now
-from assets.database_checks import judge_database, last_verdicts
+from assets.database_checks import judge_database, last_verdicts, realizability_check
 from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.realizability import realizability_check
 from assets.report import curator_link, picture, plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip

@@ -14,9 +14,9 @@ import logging
 
 import numpy as np
 
+from assets.database_checks import measured
 from assets.plan import robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.realizability import measured
 from pipeline.batch.pool import ClipPool
 
 

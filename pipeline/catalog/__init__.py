@@ -6,8 +6,7 @@
 """
 
 from pipeline.catalog.catalogue import Corrected, catalogue, catalogue_file, correct
-from pipeline.catalog.settings import CatalogSettings, TimeBaseSettings
-from pipeline.catalog.time_base import TimeBase, judge
+from pipeline.catalog.time_base import CatalogSettings, TimeBase, TimeBaseSettings, judge
 
 __all__ = [
     "CatalogSettings",

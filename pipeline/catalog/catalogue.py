@@ -9,8 +9,7 @@ from pathlib import Path
 
 from pipeline.catalog.gait import Person
 from pipeline.catalog.measure import bridged, each_once, measure, times_stored
-from pipeline.catalog.settings import CatalogSettings
-from pipeline.catalog.time_base import TimeBase, judge
+from pipeline.catalog.time_base import CatalogSettings, TimeBase, judge
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.catalog.gait import Person
-from pipeline.catalog.settings import CatalogSettings
+from pipeline.catalog.time_base import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip

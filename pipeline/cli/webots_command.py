@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from pipeline.cli.policy_arguments import WebotsProject
+from pipeline.cli.policy_commands import policy_of, robot_folder
 from pipeline.cli.project import find_project
-from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import deployment_task
 from pipeline.errors import FileError
 from pipeline.files import atomic

@@ -23,9 +23,8 @@ from pipeline import loopback
 from pipeline.curation_page.clip_details import proposals
 from pipeline.curation_page.clip_table import NoClipError
 from pipeline.curation_page.guard import Guard
-from pipeline.curation_page.runs import Runs
 from pipeline.curation_page.thumbnail_process import ThumbnailProcess
-from pipeline.curation_page.workplace import Workplace
+from pipeline.curation_page.workplace import Runs, Workplace
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
 from pipeline.release.page import style_source

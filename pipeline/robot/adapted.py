@@ -11,10 +11,9 @@ from pathlib import Path
 
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
-from pipeline.robot.aliases import ALIASES
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
-from pipeline.robot.description import CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
+from pipeline.robot.description import ALIASES, CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
 from pipeline.robot.load import load_robot, model_files
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import refuse

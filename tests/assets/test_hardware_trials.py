@@ -16,8 +16,7 @@ import assets.hardware
 import assets.resources
 import assets.sensors
 from assets.bootstrap import assets_of
-from assets.hardware import hardware_logs, hardware_trials, logs_version, trials_of
-from assets.log_ingest import IngestedLogs, ingest_folder
+from assets.hardware import IngestedLogs, hardware_logs, hardware_trials, ingest_folder, logs_version, trials_of
 from assets.plan import TRIALS
 from assets.project import Project
 from assets.resources import StoreIOManager

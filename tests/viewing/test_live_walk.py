@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.cli.validate_command import policy_of
+from pipeline.cli.policy_commands import policy_of
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.validation.deployed import deployed
