@@ -1,4 +1,7 @@
-"""Checks on the expert database: evaluated when it is written, reported again by a run that found nothing stale."""
+"""Checks on the expert database: evaluated when it is written, reported again by a run that found nothing stale.
+
+One of them: can a classifier distinguish the database from what the robot does in simulation?
+"""
 
 import dataclasses
 import logging

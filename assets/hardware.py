@@ -1,4 +1,7 @@
-"""Logs of the robot: the folder they are dropped into, and the trials that are made of them."""
+"""Logs of the robot: the folder they are dropped into, and the trials that are made of them.
+
+A log that was read before comes from the memo; one that is refused gets a text file with the reason beside it.
+"""
 
 import logging
 import shutil

@@ -1,8 +1,8 @@
-"""Is a person's clip at the rate its file says? Gravity and gait tell.
+"""Is a person's clip at the rate that its file states? Gravity and gait show it. Settings of the catalogue.
 
 Gravity: in flight a body falls with 9.81 m/s², whatever it does. Gait: the length of people's steps over their
 rate is a constant of about 6.5 mm per step a minute when they walk (Sekiya and Nagasaki 1998), and runners take
-about 170 steps a minute whatever their speed. Gravity is the sharper clock and wins where both can be read.
+about 170 steps a minute whatever their speed. Gravity is the more precise clock and is used where both can be read.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`booster-lab database`, `sources` and `export`: versions of a database, the sources of runs, other formats."""
+"""`booster-lab database`, `sources`, `export`, `store`: versions, sources of runs, other formats, size of the store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`booster-lab view CLIP`: human, reference and robot side by side, playing in a browser or as a picture."""
+"""`booster-lab view CLIP`: human, reference and robot side by side, playing in a browser or as a picture.
+
+A clip is one of a motion file, of the store's manifests or of the database.
+"""
 
 from __future__ import annotations
 

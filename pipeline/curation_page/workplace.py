@@ -1,4 +1,4 @@
-"""What the server knows of a project: its table, read again when a manifest changed, its thumbnails and decisions."""
+"""What the server knows of a project: its table, read again when a manifest changed, thumbnails, decisions, runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""A robot folder as written: its tables and `robot.toml`."""
+"""A robot folder as written: its tables, `robot.toml`, and other names of its joints (`aliases.csv`, optional).
+
+    joint,booster_2026
+    Left_Knee_Pitch,left_knee_pitch_joint
+
+Each further column of the aliases is a naming: that of a newer model file, of recordings, of another deployment
+program. It is no part of the robot's digest, since it changes nothing that is computed.
+"""
 
 from __future__ import annotations
 
