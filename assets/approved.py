@@ -1,9 +1,9 @@
-"""What was approved of the feedback from hardware, from outside the graph: an external asset a part, heeded by a stage.
+"""What was approved of the feedback from hardware, from outside the graph: an external asset per part, used by a stage.
 
 A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
 unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
 parts are empty, and nothing of the hardware's is looked at. A part of that file that can't be used has a version of its
-own, so that what heeds it is stale and fails with the sentence that says why; nothing else does.
+own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
 from __future__ import annotations

@@ -176,7 +176,7 @@ def _made_for_children(
 def _upstream(
     keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]], made: set[dg.AssetKey]
 ) -> set[dg.AssetKey]:
-    """What lies upstream of some assets. What comes from outside is not made here, nor is what it comes from."""
+    """Assets upstream of some assets. External assets are not made here, nor are their parents."""
     found, todo = set(keys), list(keys)
     while todo:
         key = todo.pop()

@@ -18,7 +18,7 @@ from pipeline.validation.bars import read_validation
 
 HOLDS = "holds_in_both_engines"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:

@@ -129,7 +129,7 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
 
 
 def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
-    """A verdict a check on the database as it lies on the disk."""
+    """One verdict per check on the database on disk."""
 
     try:
         database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))

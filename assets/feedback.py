@@ -63,7 +63,7 @@ class FeedbackPage:
 
     @property
     def nothing_waits(self) -> bool:
-        """Whether nobody has to do anything. What only shows the loop can wait for ever."""
+        """Whether no person has to act. A change of the demonstration logs alone can wait."""
         return not self.approvals.faults and all(is_demonstration(each) for each in self.pending)
 
     def sentence(self) -> str:

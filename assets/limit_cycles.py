@@ -20,7 +20,7 @@ from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:

@@ -84,7 +84,7 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         retargeted_motions: Manifest,
         robot_model: Manifest,
     ):
-        """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
+        """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)

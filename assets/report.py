@@ -28,7 +28,7 @@ MAX_ROWS = 200
 def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: str = "") -> dict[str, Any]:
     """Counts, seconds and reasons of a stage, and its clips with the named numbers, the worst first.
 
-    Clips that went on are in the manifest's order, or those with the largest number `highest_first` come first.
+    Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
     fates = [row.fate for row in manifest.judged]
     table = manifest.judged_table()

@@ -54,7 +54,7 @@ USED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "mo
 """Section of a robot's feedback -> its asset that uses it. Training does too, but is not started here."""
 
 APPROVED_TAG = "booster_lab/approved"
-"""Tag of a run: what was approved when it was asked for."""
+"""Tag of a run: what was approved when it was requested."""
 MAX_NIGHTLY_TRIES = 2 * MAX_FAILURES
 """The sensor gives up first; by night the machine may have room again."""
 
@@ -68,10 +68,10 @@ recurate = dg.define_asset_job(
 
 
 def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """Databases that what is approved now has not reached, with the reason.
+    """Databases that do not yet contain what is approved now, with the reason.
 
-    Stages are held to what they noted when they ran, databases to what they say of themselves. What was never made is
-    not behind: its first run heeds what is approved then.
+    Stages are compared by the versions that their last run recorded, databases by their own. What was never made is not
+    behind: its first run uses what is approved then.
     """
     versions = {key: version for key, (version, _) in approved_versions(project).items()}
     late: dict[dg.AssetKey, str] = {}

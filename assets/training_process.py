@@ -63,7 +63,7 @@ def started_module(name: str, gpus: int) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One training run as it is asked for."""
+    """One training run as requested."""
 
     folder: Path
     bundle: Path
@@ -103,7 +103,7 @@ STAGES = ("distillation", "amp")
 def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
     """The run that a config asks for on this machine; equal requests have the same folder, and continue in it.
 
-    Raises TrainingFailedError where GPUs are asked for that are not there.
+    Raises TrainingFailedError where more GPUs are requested than there are.
     """
     there = gpus_here()
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"

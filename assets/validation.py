@@ -1,4 +1,4 @@
-"""`mujoco_validation`: does the exported policy do in MuJoCo what is asked of it, on the adapted robot?"""
+"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?"""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +25,7 @@ from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 

@@ -1,4 +1,4 @@
-"""`webots_validation`: a Webots project of the robot and its policy, in Webots and in what stands in for it."""
+"""`webots_validation`: a Webots project of the robot and its policy, in Webots and in its stand-ins."""
 
 from typing import Any
 
@@ -21,11 +21,11 @@ from pipeline.webots.validate import WEBOTS, project_faults, validate
 IS_THE_ROBOT = "project_is_the_robot"
 WALKS = "walks_in_webots"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def webots_folder(project: Project, robot: str) -> Any:
-    """Where the project lies; a person may open it in Webots."""
+    """Folder of the project; a person may open it in Webots."""
     return project.data / "webots" / robot
 
 
@@ -71,7 +71,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
     """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
-    run. What stood in stands by its own name; one that failed to run is listed too."""
+    run. A stand-in has its own name; one that failed to run is listed too."""
     own = verdicts[webots]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
     return {

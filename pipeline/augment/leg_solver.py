@@ -92,7 +92,7 @@ def reach(
     """Joints of a leg for poses (place [m], orientation wxyz) of what it hangs on and of its foot, world frame.
 
     Args:
-        joint_pos: where the steps begin [rad]; the solution is the one that lies next to it. No limits are kept.
+        joint_pos: where the steps begin [rad]; the solution is the one next to it. No limits are kept.
     """
     found = joint_pos.copy()
     error, jacobian = _error_and_jacobian(tree, leg, base, foot, found)
@@ -164,7 +164,7 @@ def offset_by_stance(
 
     Args:
         contact: frames in which it stands
-        offset_at: the offset for a frame: it is asked for the middle of each stance, and for the first and the last
+        offset_at: the offset for a frame: it is called for the middle of each stance, and for the first and the last
             frame of the motion where the foot is in the air there
     """
     count = len(contact)

@@ -2,7 +2,7 @@
 
 clip -> where the root and the feet are to be -> the legs solved again -> clip
 
-A foot that stands stands as it did, elsewhere; a leg follows its foot from the root that it hangs on. All else (waist,
+A foot in stance keeps its pose at another place; a leg follows its foot from the root. All else (waist,
 arms, head, how the feet roll, when they are put down) is the original's.
 """
 
@@ -137,7 +137,7 @@ def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
 
 def _steady(angle: Float[np.ndarray, " t"], fps: float) -> Float[np.ndarray, " t"]:
     """Mean over a stride about each frame. The straight line between the ends is taken off meanwhile: the window
-    shrinks there, which would shift what goes on turning."""
+    shrinks there, which would shift a motion that continues to turn."""
     line = np.linspace(angle[0], angle[-1], len(angle))
     return line + time_series.moving_mean(angle - line, 2 * round(STRIDE_S * fps / 2.0) + 1)
 

@@ -65,7 +65,7 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
 
     `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
 
-    Short gaps are bridged first; `person` is `bridged(clip)` where that was looked at before. None stands for what
+    Short gaps are bridged first; `person` is `bridged(clip)` if that is known already. None is the value of what
     cannot be measured.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)

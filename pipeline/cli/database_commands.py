@@ -98,7 +98,7 @@ MB = 1e6
 
 
 def store_size(args: Store) -> int:
-    """Print the table of sizes; delete what is old where that is asked for. Raises StoreInUseError, FileError."""
+    """Print the table of sizes; delete what is old with `--delete`. Raises StoreInUseError, FileError."""
     project, is_gc = find_project(), args.action == "gc"
     parts = collect(project.store, args.keep if is_gc else MOST_ASKINGS, delete=is_gc and args.delete)
     print(project.store.root)

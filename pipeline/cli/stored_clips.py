@@ -167,7 +167,7 @@ _MARKS = "@+~/"
 
 
 def judged(project: Project, name: str, robot: str) -> list[Row]:
-    """Rows of the table of criteria: of the clip of that name, of the one that went on under it, or of all clips made
+    """Rows of the table of criteria: of the clip of that name, of the one that was kept under it, or of all clips made
     from it (`name@…`, `name~…`, `name/…`). What is no number is None.
 
     Raises PipelineError with the names that come near, FileError where nothing was judged yet.

@@ -1,4 +1,4 @@
-"""`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or what stands in for it."""
+"""`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or a stand-in."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ STAND_INS = {"mujoco": MUJOCO_STAND_IN, "ode": ODE_STAND_IN}
 
 
 def run(args: WebotsProject) -> int:
-    """Write, check, and where it is asked for walk and judge."""
+    """Write and check; on request walk and evaluate."""
     checkout = find_project()
     settings = checkout.settings("webots.yaml", WebotsSettings)
     folder = robot_folder(checkout, args.robot)

@@ -23,14 +23,14 @@ class Reason:
     text: str
     """One sentence a person understands, with where, got and allowed."""
     effect: str
-    """`rejected` (the clip or stretch does not go on), `repaired` (changed and goes on) or `noted`."""
+    """`rejected` (the clip or stretch is not kept), `repaired` (changed and kept) or `noted`."""
     start_s: float | None = None
     """Where it starts in the clip [s]; None for the whole clip."""
     stop_s: float | None = None
     value: float | None = None
     """The number that was measured."""
     limit: float | None = None
-    """The number it was held against."""
+    """The number that it was compared with."""
     unit: str = ""
 
     def to_dict(self) -> dict:
@@ -39,7 +39,7 @@ class Reason:
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """One clip that goes on to the next stage, with its numbers (flat, JSON types)."""
+    """One clip that is passed to the next stage, with its numbers (flat, JSON types)."""
 
     clip: Clip
     numbers: Numbers = field(default_factory=dict)
@@ -49,7 +49,7 @@ class Piece:
 class Outcome:
     """Result of a stage on one clip: none, one or several pieces go on.
 
-    `numbers` describe the input as a whole, also where nothing goes on.
+    `numbers` describe the input as a whole, also where nothing is kept.
     """
 
     pieces: tuple[Piece, ...] = ()
@@ -76,6 +76,6 @@ SKILLS: tuple[str, ...] = (
 """What a window can show."""
 
 TRANSITION = "transition"
-"""What lies between two skills and is neither."""
+"""Label of frames between two skills that are neither."""
 
 LABELS: tuple[str, ...] = (*SKILLS, TRANSITION)

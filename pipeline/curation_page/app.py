@@ -190,7 +190,7 @@ def _texts(value: Mapping[str, Any], name: str) -> list[str]:
 
 
 def _finite(value: Any) -> Any:
-    """JSON types without NaN and infinities, which are no JSON: None stands for them."""
+    """JSON types; None in place of NaN and infinities, which JSON lacks."""
     if isinstance(value, float):
         return value if value == value and abs(value) != float("inf") else None
     if isinstance(value, Mapping):

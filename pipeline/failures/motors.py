@@ -29,7 +29,7 @@ def asked_torque(signals: Signals) -> np.ndarray:
 def torque_saturations(
     signals: Signals, actuators: Sequence[JointActuator], settings: TorqueSettings, until_s: float
 ) -> list[Failure]:
-    """Joints whose motors gave the same torque whenever they were asked for more: below the calibrated limit at any
+    """Joints whose motors gave the same torque whenever more was commanded: below the calibrated limit at any
     time, at that limit for a large share of a window."""
     trial = signals.trial
     used = trial.measured & (trial.time_s < until_s)

@@ -34,10 +34,10 @@ class TrialReport:
     """`verified` where checksums cover all that was used, else `unverified`."""
     seconds: float
     commands: tuple[tuple[float, float, float, float], ...]
-    """Steady commands: forward, lateral [m/s], yaw rate [rad/s], and how long each was asked for [s]."""
+    """Steady commands: forward, lateral [m/s], yaw rate [rad/s], and the duration of each [s]."""
     failures: tuple[Failure, ...]
     command_known: bool = True
-    """Whether the log says what was asked for; if not, commands of failures are zeros and mean nothing."""
+    """Whether the log has commands; if not, commands of failures are zeros and mean nothing."""
     start_ns: int | None = None
     """Receipt of the first sample since 1970; None in reports that were made before it was kept."""
     whole: bool = True

@@ -122,7 +122,7 @@ def _perturbations(
 
 
 def _answered(failure: Failure, answer: Answer) -> bool:
-    """Whether direction and cause of a failure are among those that are answered; its kind is asked for later."""
+    """Whether direction and cause of a failure are among those that are answered; its kind is checked later."""
     return (not answer.directions or failure.direction in answer.directions) and (
         not answer.causes or failure.evidence.get("cause") in answer.causes
     )

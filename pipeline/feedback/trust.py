@@ -180,7 +180,7 @@ def witnesses_of(group: Iterable[Pair]) -> tuple[Witness, ...]:
 
 
 DEMONSTRATION = "demo/"
-"""Logs of this folder show the loop. They count until there is a log of one's own, and never without a person."""
+"""Demonstration logs are in this folder. They count until there is another log, and take effect only with approval."""
 
 
 def trusted(reports: Sequence[TrialReport], rules: FeedbackRules) -> tuple[list[TrialReport], list[str]]:

@@ -57,7 +57,7 @@ def packed_files(folder: Path) -> list[Path]:
 
 
 def closed_folders(folder: Path) -> list[Path]:
-    """Folders below a folder that nobody lets us look into."""
+    """Folders below a folder that can't be read."""
     closed: list[Path] = []
     for _ in _files(folder, closed):
         pass
@@ -99,7 +99,7 @@ def is_whole(path: Path) -> bool:
 
 
 def is_complete(path: Path, now_s: float) -> bool:
-    """Whether nobody is still writing a file: whole and quiet, or for long not touched.
+    """Whether a file is completely written: whole and unchanged for a while, or unchanged for long.
 
     A copy that kept the time of a robot with a fast clock counts as written at the time of this machine's clock.
     """
@@ -123,7 +123,7 @@ def names_of(paths: list[Path]) -> list[str]:
 
 
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
-    """The logs that are complete, by name, and those that are still being written or that nobody lets us read.
+    """The logs that are complete, by name, and those that are still being written or can't be read.
 
     Args:
         folder: where the logs are

@@ -129,7 +129,7 @@ DEGREES_FROM = 10.0
 
 IMU = {"rpy": "the attitude", "gyro_b": "the gyroscope", "acc_b": "the accelerometer"}
 """Columns of the IMU, each with noise of its own, so that none stands still alone. A joint's position and velocity
-count together: the encoders of a robot that stands may well give one value for seconds."""
+count together: the encoders of a standing robot may give one value for seconds."""
 
 
 @dataclass

@@ -35,7 +35,7 @@ class LogFacts:
 
     robot: str
     policy_digest: str | None = None
-    """SHA-256 of the policy that ran; None where nobody noted it."""
+    """SHA-256 of the policy that ran; None where it was not recorded."""
     command_source: str = "unknown"
     simulated: bool = False
     command: tuple[tuple[float, float, float, float], ...] = ()

@@ -94,7 +94,7 @@ class Trial:
     odometer: Float[np.ndarray, "n 3"]
     """x, y [m], theta [rad] as the robot estimates it, held."""
     command: Float[np.ndarray, "n 3"]
-    """Forward and left velocity [m/s] and yaw rate [rad/s] that were asked for, held."""
+    """Forward and left velocity [m/s] and yaw rate [rad/s] commanded, held between messages."""
 
     @property
     def seconds(self) -> float:

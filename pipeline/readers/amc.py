@@ -1,7 +1,7 @@
 """ASF/AMC of Acclaim: a skeleton file and a motion file. CMU convention: lengths in 1/`length` inch.
 
 A bone has a direction and a length in the axes of the world at rest, and an `axis` frame that its degrees
-of freedom turn about: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone's joint lies at its
+of freedom turn about: R = C R(dof) C^-1. Euler angles XYZ mean Rz Ry Rx. A bone's joint is at its
 parent's end.
 """
 

@@ -63,7 +63,7 @@ class PointPoses:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop`, which nobody asks for again."""
+        """Free the memory of the frames before `stop`, which are not requested again."""
         page_memory.forget(self.values, stop)
 
     def world(

@@ -37,7 +37,7 @@ from pipeline.readers.skeleton_map import CANONICAL, SkeletonMap, shipped_maps, 
 from pipeline.readers.unknown_skeleton import map_text, map_to_start_from, unknown_skeleton
 
 MIN_COSINE = np.cos(np.deg2rad(35.0))
-"""How well the rest pose has to agree with quarter turns: between no turn and a quarter turn lies 45 degrees."""
+"""How well the rest pose has to agree with quarter turns: 45 degrees is halfway between no turn and a quarter turn."""
 
 
 def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:

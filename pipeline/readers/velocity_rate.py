@@ -27,7 +27,7 @@ def declared_rate(fps: float | None) -> float | None:
 
 
 def printed_rate(printed: str) -> tuple[float, tuple[Reason, ...]]:
-    """The rate [Hz] that a printed frame time stands for, with a note where its digits leave a choice.
+    """The rate [Hz] that a printed frame time means, with a note where its digits leave a choice.
 
     A program that prints 0.017 or 0.0083 meant 60 or 120 Hz: of the standard rates whose frame time rounds to the
     printed digits the only one is taken. Where several do (0.02 is 50 and 60 Hz) or none does, the quotient is taken.

@@ -119,7 +119,7 @@ class Robot:
     key_links: tuple[str, ...]
     """Links whose pose is used by tracking rewards and the discriminator."""
     human: dict[str, str]
-    """Part of a person to what stands for it: for `trunk, pelvis` and, with `left_` or `right_` before
+    """Part of a person to the link or site that represents it: for `trunk, pelvis` and, with `left_` or `right_` before
     it, `thigh, shank, foot, upper_arm, forearm` a link; for `left_/right_` with `hip, knee, ankle,
     shoulder, elbow, wrist` a site."""
     namings: dict[str, tuple[str, ...]] = field(default_factory=dict)

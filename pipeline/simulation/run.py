@@ -41,7 +41,7 @@ GroundHeight = Callable[[float, float], float]
 
 @runtime_checkable
 class Controller(Protocol):
-    """`PolicyController`, or what stands in for it."""
+    """`PolicyController`, or a replacement."""
 
     task: DeploymentTask
     last_action: np.ndarray
@@ -90,7 +90,7 @@ def run(
     Args:
         robot: whose joints controller and plant have
         plant: the physics
-        controller: asked for targets `task.control_hz` times a second
+        controller: called for targets `task.control_hz` times a second
         motors: turn targets into torque at each timestep
         command: the command to the controller
         seconds: time of the end
