@@ -55,7 +55,7 @@ class Approval(dg.Config):
     """Who approves which proposal."""
 
     proposal: str
-    """Digest of the proposal, from the page of curation_feedback: what was looked at is what is approved."""
+    """Digest of the proposal, from the page of curation_feedback: what was reviewed is what is approved."""
     by: str
     """Who approves it."""
     token: str

@@ -2,7 +2,7 @@
 
 A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
 unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
-parts are empty, and nothing of the hardware's is looked at. A part of that file that can't be used has a version of its
+parts are empty, and nothing of the hardware's is read. A part of that file that can't be used has a version of its
 own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
@@ -93,7 +93,7 @@ def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest
 
 
 def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
-    """What the page of an asset says of approved changes; nothing where there are none."""
+    """Approved changes for the page of an asset; empty without any."""
     return {"feedback": dg.MetadataValue.md(markdown_list(change.text() for change in part))} if part else {}
 
 

@@ -150,7 +150,7 @@ def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
 
 
 def cause(event: dg.DagsterEvent) -> str:
-    """The sentence of the innermost error of a failed step."""
+    """Message of the innermost error of a failed step."""
     error = event.step_failure_data.error
     while error is not None and error.cause is not None:
         error = error.cause

@@ -27,7 +27,7 @@ from pipeline.robot import load_robot
 def materialize_database(
     context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest, pool: Any
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-    """Write the database of what left KP5 and judge it, or say that nothing is stale and what was judged.
+    """Write the database from the output of KP5 and check it, or report that nothing is stale, with the last checks.
 
     Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
     """

@@ -1,4 +1,4 @@
-"""What went wrong in each trial, and its twin in simulation where its policy is at hand; each is looked at once."""
+"""Failures of each trial, and its repetition in simulation where its policy is available; each trial once."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -59,7 +59,7 @@ def _calibrations() -> dict[str, Plan]:
 )
 @plain_errors
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
-    """What went wrong in each trial: kind, time, command, evidence, confidence, and whether the policy is to blame."""
+    """Failures of each trial: kind, time, command, evidence, confidence, and whether the policy is the cause."""
     found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
     unread = [f"{name}: {each['unread']}" for name, each in found.items() if "unread" in each]
     manifest = Manifest(

@@ -1,4 +1,4 @@
-"""What is stale, and why. Dagster's own record of versions is asked, plus what only the disk knows.
+"""What is stale, and why: by Dagster's record of versions, and by the files on disk.
 
 An asset is stale when it was never materialized, when its stored result is not the one of the last
 materialization, when its code, settings or robot changed, or when an input changed or is stale.
@@ -28,7 +28,7 @@ def stale_reasons(
     parents: Mapping[dg.AssetKey, set[dg.AssetKey]],
     external: Mapping[dg.AssetKey, str],
 ) -> dict[dg.AssetKey, str]:
-    """Each stale asset with the sentence that says why, upstream before downstream.
+    """Each stale asset with the reason, upstream before downstream.
 
     Args:
         parents: the assets that each one takes, external ones among them
@@ -91,7 +91,7 @@ def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
-    """Data version of what is on disk for an asset; None where nothing readable is, or not all that it names."""
+    """Data version of what is on disk for an asset; None if nothing readable is there, or a file that it names is missing."""
     try:
         if plan.name == "expert_db":
             return database_version(project.expert_db(plan.robot or ""))

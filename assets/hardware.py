@@ -42,9 +42,9 @@ class IngestedLogs:
 
     manifest: Manifest
     faults: int
-    """Logs that could not be looked at for a reason that is not theirs: they are tried again."""
+    """Logs that could not be read for a reason outside the log: they are tried again."""
     passed_over: tuple[str, ...]
-    """A sentence for each file that is no log yet, or one that is there twice."""
+    """A message for each file that is no log yet, or a duplicate."""
 
 
 def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: logging.Logger) -> IngestedLogs:
@@ -185,7 +185,7 @@ hardware_logs = dg.AssetSpec(
 def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
     """Digest of the logs that are complete, and what is noted of them in the history.
 
-    A copy of a log changes nothing. Files that cannot be looked at are passed over: no other asset waits for logs.
+    A copy of a log changes nothing. Files that cannot be read are skipped: no other asset waits for logs.
     """
 
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)

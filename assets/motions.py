@@ -53,7 +53,7 @@ def chosen_windows(
 
 
 def short_of_wanted(stages: Mapping[str, Any]) -> tuple[str, ...]:
-    """A sentence for each skill that feedback wants more of than there is, as the stages of a manifest say."""
+    """A message for each skill that feedback requests more of than there is, from the stages of a manifest."""
     named = (facts for facts in stages.values() if isinstance(facts, dict) and facts.get("stage") == BOUNDS)
     bounds = [each for facts in named for each in facts["bounds"]]
     return tuple(each["text"] for each in bounds if each["short"])

@@ -191,10 +191,10 @@ def result_of(
 
 
 class EvaluatedPolicyConfig(dg.Config):
-    """What is judged."""
+    """The policy to evaluate."""
 
     policy: str = ""
-    """An npz to judge in place of the exported policy. The release report then calls it another policy's result."""
+    """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ from pipeline.validation.deployed import deployed
 
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
-"""Assets that judge the policy; each stores what it found under a key `passed`."""
+"""Assets that evaluate the policy; each stores its verdict under the key `passed`."""
 SPEEDS_M_S = (0.6, 2.0)
 """Walks that are shown."""
 LONGEST_FACT = 90

@@ -145,7 +145,7 @@ def joint_table(robot: Robot) -> pd.DataFrame:
 
 @contextmanager
 def as_failure() -> Iterator[None]:
-    """Turn a PipelineError or TrainingError into a Failure that says its sentence and is not tried again."""
+    """Turn a PipelineError or TrainingError into a Failure with its message, without a retry."""
     try:
         yield
     except (PipelineError, TrainingError) as error:

@@ -79,15 +79,15 @@ def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
 
 
 _HELD: list[tuple[IO[str], str]] = []
-"""The lock on the store that this process holds, and what it says of its holder."""
+"""The lock on the store that this process holds, and the text that names the holder."""
 
 
 @contextmanager
 def store_left_to_others(log: Any) -> Iterator[None]:
-    """Other runs may work on the store for as long as the context lasts; then it is waited for and taken again.
+    """Release the store to other runs while the context lasts; then wait for it and take it again.
 
-    For what lasts long and touches nothing in the store. Who uses it looks afterwards whether its inputs are still
-    what they were.
+    For work that lasts long and changes nothing in the store. The caller checks afterwards whether its inputs have
+    changed.
     """
     held = tuple(_HELD)
     for stream, _ in held:
@@ -101,7 +101,7 @@ def store_left_to_others(log: Any) -> Iterator[None]:
 
 
 def _take(stream: IO[str], holder: str, log: Any) -> None:
-    """Lock the store's file, waiting for who has it, and write down who has it now."""
+    """Lock the store's file, waiting for who has it, and record the new holder."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

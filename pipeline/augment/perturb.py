@@ -39,7 +39,7 @@ MOST_LOWERED = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Gait:
-    """What is looked at of the original."""
+    """Quantities of the original that the perturbations use."""
 
     clip: RobotClip
     poses: LinkPoses

@@ -32,7 +32,7 @@ class TimeBaseSettings:
     certain_gait_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
     """From here on steps alone are enough to call a rate wrong: people differ, gravity does not."""
     fewest_flights: Annotated[int, COUNT]
-    """Flight phases that are needed to judge by gravity."""
+    """Flight phases that a check by gravity needs."""
     flight_spread: Annotated[float, PART]
     """Largest median deviation of the phases' fall from their median, as a share of it."""
     gravity_tolerance: Annotated[float, PART]
@@ -47,7 +47,7 @@ class TimeBaseSettings:
     usual_ratio: Annotated[float, Range(1.0, 10.0, open_low=True)]
     """A file's rate this far from a usual one gives way to it when gravity or gait are nearer to that one."""
     fewest_steps: Annotated[int, COUNT]
-    """Straight steps ahead that are needed to judge by gait."""
+    """Straight steps forward that a check by gait needs."""
     shortest_step: Annotated[float, NOT_NEGATIVE]
     """Steps shorter than this share of the leg's length do not count: shuffling follows no rule."""
 
@@ -77,7 +77,7 @@ RUNNING_CADENCE = 170.0
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """What one kind of evidence says of the rate."""
+    """One kind of evidence for the rate."""
 
     fps: float
     """The rate it tells [Hz]."""

@@ -31,7 +31,7 @@ FAILED = 3
 
 
 def validate_policy(args: Validate) -> int:
-    """Measure, judge, tell."""
+    """Measure, evaluate, report."""
     project = find_project()
     bars = project.validation(args.robot)
     folder = robot_folder(project, args.robot)
@@ -83,7 +83,7 @@ def policy_of(path: Path, robot: Path) -> Policy:
 
 
 def compare_engines(args: CrossEngine) -> int:
-    """Walk, judge, tell."""
+    """Walk, evaluate, report."""
     project = find_project()
     grid = project.settings("cross_engine.yaml", CrossEngineSettings)
     bars = project.validation(args.robot)

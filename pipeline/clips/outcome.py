@@ -10,7 +10,7 @@ from pipeline.clips.robot_clip import RobotClip
 
 Clip = HumanClip | RobotClip
 Number = float | int | str | bool | None
-"""What a stage says of a clip in one word: JSON's flat types."""
+"""A number or word that a stage reports of a clip: JSON's flat types."""
 Numbers = Mapping[str, Number]
 
 
@@ -21,7 +21,7 @@ class Reason:
     code: str
     """Short name for counting: `teleport`, `joint_limit`, `not_wanted`."""
     text: str
-    """One sentence a person understands, with where, got and allowed."""
+    """A message for people, with place, value and limit."""
     effect: str
     """`rejected` (the clip or stretch is not kept), `repaired` (changed and kept) or `noted`."""
     start_s: float | None = None

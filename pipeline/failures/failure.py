@@ -60,7 +60,7 @@ class Failure:
         return not self.excuse and self.kind not in NOT_OF_POLICY
 
     def text(self) -> str:
-        """A sentence for a report."""
+        """One line for a report."""
         forward, lateral, yaw = self.command
         what = " ".join(part for part in (self.kind.replace("_", " "), self.direction, self.joint) if part)
         found = ", ".join(f"{name} {_shown(value)}" for name, value in self.evidence.items())

@@ -31,7 +31,7 @@ def find_failures(
 ) -> TrialReport:
     """What a trial shows. `actuators` are the joints' calibrated motors in the robot's order.
 
-    After its first fall a trial is looked at for nothing but falls, heat and packets. Speeds and torques of
+    After its first fall a trial is searched for falls, heat and packets only. Speeds and torques of
     the settings are scaled to the robot. Raises RobotMismatchError.
     """
     settings = scaled(settings, robot)

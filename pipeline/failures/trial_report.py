@@ -45,7 +45,7 @@ class TrialReport:
     fingerprint: str = ""
     """Of the sensor data, as `fingerprint.fingerprint_of` makes it."""
     notes: tuple[str, ...] = ()
-    """What could not be looked at, and why."""
+    """What could not be checked, and why."""
 
     @property
     def span_ns(self) -> tuple[int, int] | None:

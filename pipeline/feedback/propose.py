@@ -32,7 +32,7 @@ class Proposal:
 
     changes: tuple[Change, ...]
     silent: tuple[str, ...]
-    """A sentence for each log, failure or number that proposes nothing."""
+    """A reason for each log, failure or number without a proposal."""
 
 
 def propose(

@@ -127,7 +127,7 @@ class CommandSource:
     """The command of one log.
 
     Args:
-        stated: what the log says of itself
+        stated: metadata of the log
         origin_ns: receipt of the log's first message, None where it is not known
         whole: nothing was lost where a statement may have been; a log that states nothing is then steered by its remote
     """

@@ -24,7 +24,7 @@ SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
 
 @dataclass(frozen=True, kw_only=True)
 class IngestedTrial:
-    """A trial's file, and what the table of trials says of it."""
+    """A trial's file, and its row in the table of trials."""
 
     name: str
     path: Path

@@ -67,7 +67,7 @@ class TimeSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PlausibleSettings:
-    """What a robot can say of itself."""
+    """Plausible values of a robot."""
 
     position_margin_rad: Annotated[float, POSITIVE]
     speed_factor: Annotated[float, POSITIVE]

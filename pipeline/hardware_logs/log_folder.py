@@ -29,7 +29,7 @@ QUIET_S = 3.0
 FURTHER_TRIAL = re.compile(r"\+[0-9]+$")
 """End of the name of a log's second trial and those after it."""
 STALE_S = 60.0
-"""A file that is not whole by its format and was not written for so long is what there is of it."""
+"""A file that is incomplete by its format and was not written for this long will not be completed [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""A log as it is written: arrays of each topic with the time of receipt, and what the log says of itself."""
+"""A log as it is written: arrays of each topic with the time of receipt, and the log's metadata."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Trial:
     log_digest: str
     """SHA-256 of the log file."""
     notes: tuple[str, ...]
-    """What was noticed, a sentence each: losses, oddities that are no reason to refuse it."""
+    """Findings, one line each: losses, oddities that are no reason to refuse it."""
     events: tuple[OperatorEvent, ...]
     gaps: tuple[Gap, ...]
     missed: tuple[MissedBar, ...] = ()

@@ -95,7 +95,7 @@ MAX_TILT_DEG = 60.0
 """A trunk tilted by more than this is not upright: median over the frames [deg]."""
 
 MOST_FRAMES = 1500
-"""Frames that are looked at, at most."""
+"""Frames that are checked, at most."""
 
 SURE = 2.0
 """The worse order's score is at least this many times the better one's."""

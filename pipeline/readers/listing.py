@@ -33,7 +33,7 @@ def can_be_followed(path: Path, folder: Path) -> bool:
 
 
 def refuse_outside_link(path: Path, folder: Path) -> None:
-    """Raises FileError for a link that can't be followed; what it points to is not looked at."""
+    """Raises FileError for a link that can't be followed; its target is not read."""
     if can_be_followed(path, folder):
         return
     problem = f"a symbolic link (to {path.readlink()}) that leaves the source's folder or leads nowhere is not read."
@@ -46,7 +46,7 @@ _SNIFFED_BYTES = 4_096
 _TABLE_COLUMNS = ("file", "licence", "license", "skill", "name", "path", "source")
 """First column of tables about motions, which are not motions."""
 _NO_MOTIONS = ("readme", "license", "licence", "index", "segments", "credits", "changelog")
-"""Names, without suffix, of links out of the folder that are not taken for motions; what they hold is not looked at."""
+"""Names, without suffix, of links out of the folder that are not taken for motions; their content is not read."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,7 +83,7 @@ _ALL_TURNS = _turns()
 
 
 SAMPLES = 5_000
-"""Frames that are looked at, at most: those in the middle of the motion."""
+"""Frames that are checked, at most: those in the middle of the motion."""
 BENT = np.deg2rad(25.0)
 """A knee's axis is measured where it is bent by more than this [rad]."""
 FEWEST = 5

@@ -23,7 +23,7 @@ from pipeline.readers.text_file import MAX_FRAMES, open_text, to_float
 
 ROOT = 7
 MOST_COMMENTS = 1000
-"""Lines of comments that are looked at."""
+"""Lines of comments that are read."""
 MAX_RATE_ERROR = 0.02
 """Largest deviation of the stated rate from that of the times, as a share of it."""
 

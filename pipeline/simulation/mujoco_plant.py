@@ -192,7 +192,7 @@ class SelfCollision:
 
 
 def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
-    """Overlap of shapes of links that are not parent and child; the ground is not looked at."""
+    """Overlap of shapes of links that are not parent and child; without the ground."""
     model = mujoco_model(robot)
     data = mujoco.MjData(model)
     depth = np.zeros(clip.frame_count)

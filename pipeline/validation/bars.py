@@ -202,7 +202,7 @@ def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> 
 
 
 def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
-    """A sentence for each tracking figure whose error is too large for a command of this size."""
+    """A reason for each tracking figure whose error is too large for a command of this size."""
     return [
         f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
         for name, error in errors.items()

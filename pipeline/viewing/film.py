@@ -133,7 +133,7 @@ class Walk:
 
 
 def record_walk(path: Path, one: Deployed, walk: Walk) -> str:
-    """Write the film of a walk; a sentence about it. Raises UnknownNameError, FileError."""
+    """Write the film of a walk; return a summary. Raises UnknownNameError, FileError."""
     record, fell_s = simulated(one, walk)
     forward, lateral, yaw = walk.command
     text = f"command {forward:g} m/s, {lateral:g} m/s, {yaw:g} rad/s, {walk.terrain}"
