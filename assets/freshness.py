@@ -91,7 +91,7 @@ def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
-    """Data version of what is on disk for an asset; None if nothing readable is there, or a file that it names is missing."""
+    """Data version of what is on disk for an asset; None if nothing readable is there, or a file is missing."""
     try:
         if plan.name == "expert_db":
             return database_version(project.expert_db(plan.robot or ""))
