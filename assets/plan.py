@@ -44,12 +44,16 @@ class Plan:
     as_they_are: tuple[str, ...] = ()
     """Names of soft inputs: they are used as they are, are not materialized for this asset, and their staleness does
     not propagate. New content of them makes it stale."""
+    names_robot: bool = False
+    """Whether the key has the robot's name although it is the default robot: a training is started by its name."""
     shipped_policies: bool = False
     """Whether it depends on the policies that ship with the robot."""
 
     @property
     def key(self) -> dg.AssetKey:
-        return dg.AssetKey([self.name]) if self.robot in (None, DEFAULT_ROBOT) else dg.AssetKey([self.robot, self.name])
+        if self.robot is None or (self.robot == DEFAULT_ROBOT and not self.names_robot):
+            return dg.AssetKey([self.name])
+        return dg.AssetKey([self.robot, self.name])
 
     def code_version(self) -> str:
         return code_version(*self.packages)
@@ -160,7 +164,7 @@ _OF_ROBOT = (
     Plan("feasible_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml", "commands.yaml", "curation.yaml")),
     Plan("expert_db", DATABASE, ("expert", "tracking")),
     *(Plan(name, DATABASE, ("dataset_export",)) for name in EXPORTS.values()),
-    Plan("amp_policy", TRAINING, _TRAINING),
+    Plan("amp_policy", TRAINING, (*_TRAINING, "validation", "dart", "export", "deployment"), names_robot=True),
     Plan("augmentation_ablation", TRAINING, _TRAINING, shipped_policies=True),
     Plan(
         "exported_policy",

@@ -20,7 +20,6 @@ from pipeline.deployment import digest as policy_digest
 from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
 from pipeline.export.card import page
-from pipeline.export.metadata import training_data, training_run
 from pipeline.robot import load_robot
 from pipeline.validation.deployed import deployed as deployed_policy
 
@@ -80,27 +79,22 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
 
     Raises NoPolicyError where there is neither, ExportError where it is to be marked shippable and may not.
     """
-    from pipeline.export.folder import CURVES, Source, complete_export, export_policy
+    from pipeline.export.folder import complete_export, export_policy, source_of_run
 
     facts = full_training(project, trained)
     folder, rng = project.exported_policy(robot), np.random.default_rng(0)
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
+            do = f"dagster asset materialize --select {trained.key.to_user_string()}"
             raise NoPolicyError(
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
-                "trained here in full. On a machine with a GPU: dagster asset materialize --select amp_policy"
+                f"trained here in full. On a machine with a GPU: {do}"
             )
         complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
         return folder, SHIPPED
     run = project.root / facts["folder"]
-    curves = run / CURVES
-    source = Source(
-        policy=run / facts["policy"],
-        run=training_run(run, commit=facts["commit"], command=facts["command"]),
-        data=training_data(run),
-        curves=curves if curves.is_file() else None,
-    )
+    source = source_of_run(run, run / facts["policy"])
     adapted = load_robot(project.robot_folder(robot))
     export_policy(folder, facts["run"], adapted, source, rng, shippable=shippable)
     return folder, TRAINED

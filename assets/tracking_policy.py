@@ -17,15 +17,14 @@ from assets.training_process import (
     TRIAL_ENVS,
     TRIAL_ITERATIONS,
     TrainingFailedError,
-    commit_of,
     gpus_here,
-    started_module,
     train,
 )
 from pipeline.batch import Manifest
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import digest
+from pipeline.learning.run_command import commit_of, started_module
 from pipeline.robot import load_robot
 from pipeline.tracking.task import ITERATIONS
 from pipeline.tracking.tracker_folder import read_card

@@ -9,9 +9,10 @@ import dataclasses
 import json
 from pathlib import Path
 
+from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import CrossEngine, Validate
 from pipeline.cli.project import Project, find_project
-from pipeline.cli.text_table import ReportingPool, text_table
+from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import atomic

@@ -1,0 +1,35 @@
+"""A pool of processes that reports on stderr how far its work is, for commands that take longer than a moment."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.batch import ClipPool
+
+EVERY_S = 2.0
+"""Shortest time between two lines."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportingPool(ClipPool):
+    """A `ClipPool` that prints how many of its calls are done and about how long the rest takes."""
+
+    what: str
+    """What the calls are, as `parts of the trials`."""
+
+    def map(self, function: Callable[..., Any], calls: Sequence[tuple], **options: Any) -> Iterator[Any]:
+        """Results in order, as they come, with a line about every `EVERY_S`."""
+        started = last = time.monotonic()
+        print(f"{self.what}: 0 of {len(calls)}", file=sys.stderr, flush=True)
+        for count, result in enumerate(super().map(function, calls, **options), 1):
+            yield result
+            now = time.monotonic()
+            if now - last >= EVERY_S or count == len(calls):
+                last = now
+                left_s = (now - started) / count * (len(calls) - count)
+                rest = f", about {left_s:.0f} s left" if count < len(calls) else f", {now - started:.0f} s"
+                print(f"{self.what}: {count} of {len(calls)}{rest}", file=sys.stderr, flush=True)
