@@ -9,7 +9,7 @@ import dagster as dg
 from assets.plan import Plan
 from assets.project import PROJECT
 from pipeline.batch import Manifest
-from pipeline.clips.soundness import faults_of
+from pipeline.clips.codec import faults_of
 
 Verdict = tuple[bool, str]
 

@@ -22,7 +22,7 @@ from pipeline.actuators.knee_fit import Interval
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import atomic
-from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot import Robot
 from pipeline.robot.adapted import MotorLimits, adapted_description, write_robot_folder
 from pipeline.robot.load import read_description

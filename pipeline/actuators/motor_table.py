@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.actuators.settings import ModelSettings
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, plain_integer, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_integer, plain_number, read_csv_text
 
 COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
 

@@ -22,7 +22,7 @@ from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.settings import ReadingSettings
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.files.csv_text import csv_records
+from pipeline.files.csv_json import csv_records
 
 SPEED_UNITS = {
     "rad/s": 1.0,

@@ -115,12 +115,12 @@ def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Driv
     return found
 
 
-def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG, seed: int = SEED) -> str:
-    """A measurement file of a drive; it depends only on the seed, not on other drives."""
+def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG) -> str:
+    """A measurement file of a drive; it depends on no other drive."""
     curve = Curve(knee_speed=drive.knee_speed, knee_torque=drive.knee_torque, sag=sag)
-    rng = np.random.default_rng([seed, *hashlib.sha256(motor.encode()).digest()[:4]])
+    rng = np.random.default_rng([SEED, *hashlib.sha256(motor.encode()).digest()[:4]])
     lines = [
-        f"# synthetic: never measured, python -m pipeline.actuators.synthesize, seed {seed}",
+        f"# synthetic: never measured, python -m pipeline.actuators.synthesize, seed {SEED}",
         f"# knee: {drive.knee_torque:g} N m at {drive.knee_speed:g} rad/s ({drive.source})",
         f"# assumption: beyond the knee the torque falls in a line to 0 at {NO_LOAD_RATIO:g} times the knee speed",
         f"# added: noise {100 * sweep.noise:g} %, plateau sags by {100 * sag:g} %, {100 * sweep.outliers:g} % outliers",

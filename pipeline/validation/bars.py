@@ -19,8 +19,7 @@ from pipeline.files.ranges import NOT_NEGATIVE, SHARE, Keys, OneOf, check
 from pipeline.files.sourced import Scaled
 from pipeline.robot import Robot
 from pipeline.robot.size import RobotSize, ratios_to
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import FIGURES, Measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +241,7 @@ def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> 
 
 
 def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
-    """A sentence for each tracking figure whose error is too large for a command of this size."""
+    """A reason for each tracking figure whose error is too large for a command of this size."""
     return [
         f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
         for name, error in errors.items()

@@ -40,9 +40,9 @@ from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
+from pipeline.validation.figures import Measured, measure
 from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.limit_cycles import LimitCycleSettings
-from pipeline.validation.measure import Measured, measure
 from pipeline.validation.suites import full
 from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project

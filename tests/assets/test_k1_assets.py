@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-from assets import cross_engine, failure_modes, feedback, judged_policy, limit_cycles, policy, resources, validation
-from assets.plan import engine_plans, policy_plans, robot_plans, validation_plan
+from assets import cross_engine, failure_modes, feedback, limit_cycles, policy, resources, validation
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
@@ -27,7 +27,7 @@ from pipeline.virtual_robot.trial import VirtualTrial
 from tests.factories.log_trials import scripted_log, trial_of
 from tests.factories.standing_policy import standing_policy
 
-PLANS = {plan.name: plan for plan in (*policy_plans("k1"), *engine_plans("k1"), *robot_plans("k1"))}
+PLANS = robot_plans("k1")
 EXPORTED, TRAINED, ADAPTED = (PLANS[name] for name in ("exported_policy", "amp_policy", "adapted_robot"))
 FEW = {"stand": 1, "vx +0.6": 1}
 FREE = {"strictest": "public-domain", "allowed_use": "Any use."}
@@ -51,9 +51,9 @@ def project(tmp_path: Path, root: Path, k1: Robot, monkeypatch: pytest.MonkeyPat
     grid["simulation"]["seeds"] = 1
     grid["cells"] = {name: grid["cells"][name] for name in ("stand", "walk_0.6", "left_0.6")}
     (project.data / "cross_engine.yaml").write_text(json.dumps(grid))
-    for module in (cross_engine, failure_modes, feedback, judged_policy, limit_cycles, policy, resources, validation):
+    for module in (cross_engine, failure_modes, feedback, limit_cycles, policy, resources, validation):
         monkeypatch.setattr(module, "PROJECT", project)
-    monkeypatch.setattr(suites, "cells_of", lambda suite, robot: suites.named(robot, FEW))
+    monkeypatch.setattr(validation, "cells_of", lambda suite, robot: suites.named(robot, FEW))
     monkeypatch.setattr(validation, "SHOWN", {"stand": 1})
     save_policy(tmp_path / "stands.npz", standing_policy(k1))
     source = Source(
@@ -65,7 +65,7 @@ def project(tmp_path: Path, root: Path, k1: Robot, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_policy_put_in_place_is_exported_and_validated_in_both_engines(project: Project, k1: Robot):
-    named = validation_plan("k1")
+    named = PLANS["mujoco_validation"]
     result = dg.materialize(
         [
             policy.exported_policy(EXPORTED, TRAINED, PLANS["robot_model"]),
@@ -123,7 +123,7 @@ def test_a_robot_without_required_speeds_says_that_nothing_was_shown(project: Pr
 def test_falls_of_a_k1_in_22_motor_logs_become_a_proposal_for_it_alone(project: Project, k1: Robot, tmp_path: Path):
     """Two logs of a fall to the left at a lateral command, and one of standing, as the reader makes trials of them."""
     for name in ("t1", "k1"):
-        calibration = robot_plans(name)[1].key.to_user_string()
+        calibration = robot_plans(name)["actuator_calibration"].key.to_user_string()
         project.store.save(calibration, Manifest(stage="actuator_calibration", entries=(), judged=()))
     asked = VirtualTrial(command=((0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.4, 0.0)), seconds=5.0)
     answers = {}

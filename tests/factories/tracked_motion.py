@@ -9,9 +9,10 @@ from pipeline.deployment.task import DeploymentTask, deployment_task
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Event
-from pipeline.simulation.rollout import Rollout, steady_command
+from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
+from tests.factories.policy_walks import steady_command
 from tests.factories.robot_clips import standing
 
 

@@ -18,7 +18,7 @@ from pipeline.validation.cross_engine import CrossEngineResult, cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.derive import main, text_of
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure
 from pipeline.validation.suites import full, named
 from pipeline.validation.verdict import judge
 from tests.factories.standing_policy import standing_policy

@@ -24,7 +24,7 @@ from pipeline.validation.limit_cycle_walks import (
     walk_series,
 )
 from pipeline.validation.limit_cycles import PLANES, LimitCycleSettings, compare, limit_cycle
-from pipeline.viewing.engine_plots import limit_cycle_plots
+from pipeline.viewing.validation_plots import limit_cycle_plots
 from pipeline.virtual_robot.trial import VirtualTrial, simulate
 from tests.factories.networks import network
 

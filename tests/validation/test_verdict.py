@@ -25,8 +25,7 @@ from pipeline.validation.bars import (
 )
 from pipeline.validation.cells import SURVIVING
 from pipeline.validation.derive import text_of
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import FIGURES, Measured
 from pipeline.validation.suites import full, quick
 from pipeline.validation.verdict import Verdict, as_text, judge
 from tests.factories.validation_walks import cell, measured

@@ -1,11 +1,13 @@
-"""CSV files that people write: bounded, UTF-8, and every fault with its line."""
+"""CSV and JSON files that people write: bounded in size, UTF-8, and every fault of a table with its line."""
 
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any, NoReturn
 
 from pipeline.errors import FileError
 from pipeline.files.settings import DECIMAL
@@ -14,10 +16,10 @@ MAX_BYTES = 50_000_000
 """Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
 
 
-def read_csv_text(path: Path, max_bytes: int = MAX_BYTES) -> str:
+def read_csv_text(path: Path) -> str:
     """The text of a file. Raises FileError: too large, or with the line of the first bytes that are no UTF-8."""
-    if path.stat().st_size > max_bytes:
-        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {max_bytes} allowed.")
+    if path.stat().st_size > MAX_BYTES:
+        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {MAX_BYTES} allowed.")
     data = path.read_bytes()
     try:
         return data.decode("utf-8-sig")
@@ -61,3 +63,30 @@ def csv_records(
     except csv.Error as error:
         line = first_line + max(reader.line_num - 1, 0)
         raise FileError(path, f"the row can't be read ({error}).", "Shorten or correct it.", line) from error
+
+
+MAX_JSON_BYTES = 50_000_000
+"""Of a file: a database's manifest of 400,000 clips, or a clip of half an hour."""
+
+
+def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
+    """The value of a file.
+
+    Raises FileError for a file that is missing, too large, nested too deeply or no JSON, as NaN and infinities are.
+
+    Args:
+        what: what the file has to be, for the sentence
+        do: what a person is to do about one that is not
+    """
+    if not path.is_file():
+        raise FileError(path, "the file does not exist.", do)
+    if path.stat().st_size > MAX_JSON_BYTES:
+        raise FileError(path, f"the file is larger than the {MAX_JSON_BYTES} bytes allowed.", do)
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"not {what} ({error}).", do) from error
+
+
+def _refuse(text: str) -> NoReturn:
+    raise ValueError(f"{text} is not a JSON number")
