@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -16,6 +17,7 @@ from pipeline.errors import ClipError
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
+from pipeline.retarget.pelvis_path import held_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
@@ -60,7 +62,10 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
+    pelvis_pos_w = poses.pos_w[:, robot.link(robot.human["pelvis"])]
+    held = held_share(targets.pelvis_pos_w, pelvis_pos_w, settings.pelvis, settings.fps)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
+    targets = dataclasses.replace(targets, pelvis_held=held)
     return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Range, check, increasing
-from pipeline.files.sourced import LENGTH, PER_AREA
+from pipeline.files.sourced import LENGTH, PER_AREA, SPEED
 from pipeline.robot.size import RobotSize
 
 
@@ -46,6 +46,8 @@ class FootSettings:
     """Least height of the sole in the middle of a swing [m]."""
     spacing: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least gap between the two soles seen from above [m]."""
+    reach_free: Annotated[float, LENGTH, NOT_NEGATIVE]
+    """Way that a foot may lack to the hip's adduction limit before its foothold is moved outward [m]."""
     wary: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Gap on top of `spacing` below which a swinging foot is held as firmly as a standing one [m]."""
     spacing_s: Annotated[float, NOT_NEGATIVE]
@@ -74,6 +76,36 @@ class ClearanceSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TrunkSettings:
+    """How far the trunk leans with a bent back."""
+
+    free_lean: Annotated[float, Range(0.0, 1.6)]
+    """Lean of the chest from upright up to which the trunk follows exactly [rad]."""
+    highest_lean: Annotated[float, Range(0.0, 1.6)]
+    """Lean of the trunk that is approached beyond it, where the pelvis doesn't lean further [rad]."""
+
+    def __post_init__(self) -> None:
+        check(increasing(self, "free_lean", "highest_lean"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PelvisSettings:
+    """Where the second pass holds the pelvis to the human's path."""
+
+    free_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Largest error of the first pass's horizontal pelvis velocity that is left alone, RMS over `window_s` [m/s]."""
+    astray_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Error from which on the pelvis is held by `weights.pelvis_held` [m/s]."""
+    window_s: Annotated[float, NOT_NEGATIVE]
+    """Window of that error [s]."""
+    cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
+    """Zero-phase low pass on the error [Hz]."""
+
+    def __post_init__(self) -> None:
+        check(increasing(self, "free_m_s", "astray_m_s"))
+
+
+@dataclass(frozen=True, kw_only=True)
 class WeightSettings:
     """Weights of the soft tasks; each multiplies a squared error."""
 
@@ -89,6 +121,8 @@ class WeightSettings:
     """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
     pelvis_horizontal: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
+    pelvis_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    """The horizontal one where the second pass holds the pelvis to its path [cost/m2]."""
     pelvis_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
     trunk: Annotated[float, NOT_NEGATIVE]
@@ -126,4 +160,6 @@ class RetargetSettings:
     stance: StanceSettings
     feet: FootSettings
     clearance: ClearanceSettings
+    trunk: TrunkSettings
+    pelvis: PelvisSettings
     weights: WeightSettings

@@ -130,7 +130,6 @@ class Solver:
             self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
-        self._pelvis_horizontal.configure("pelvis_horizontal", "soft", weights.pelvis_horizontal)
         self._pelvis_height.configure("pelvis_height", "soft", weights.pelvis_height)
         self._trunk.configure("trunk", "soft", weights.trunk)
         self._waist.configure("waist", "soft", weights.waist)
@@ -158,12 +157,15 @@ class _Feed:
         self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
+        self._pelvis_held: list[float] = targets.pelvis_held.tolist()
+        self._pelvis_weight: float | None = None
         self._held: list[tuple[bool, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
         solver = self._solver
         solver._pelvis_horizontal.target_world = self._pelvis[frame]
         solver._pelvis_height.target_world = self._pelvis[frame]
+        self._hold_pelvis(self._pelvis_held[frame], weights)
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joints(self._waist[frame])
         if frame < len(self._posture):
@@ -176,6 +178,15 @@ class _Feed:
             self._hold(side, (self._firm[frame][side], self._contacts[frame][side]), weights)
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
+
+    def _hold_pelvis(self, share: float, weights: WeightSettings) -> None:
+        """Weight of the pelvis's horizontal path, geometrically between soft and held."""
+        weight = weights.pelvis_horizontal
+        if share > 0.0:
+            weight *= (weights.pelvis_held / weights.pelvis_horizontal) ** share
+        if weight != self._pelvis_weight:
+            self._pelvis_weight = weight
+            self._solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", weight)
 
     def _hold(self, side: int, held: tuple[bool, bool], weights: WeightSettings) -> None:
         """Weights of a foot that is (held firmly, standing); they are set in the solver when they change."""

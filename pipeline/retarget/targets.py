@@ -13,10 +13,12 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.human_clip import body as body_index
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget import foot_plan, foot_spacing
+from pipeline.retarget import foot_plan, foot_reach, foot_spacing
 from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z
+from pipeline.retarget.foot_reach import Hips
 from pipeline.retarget.robot_body import RobotBody
 from pipeline.retarget.settings import RetargetSettings
+from pipeline.retarget.trunk_lean import limited_lean
 
 FLAT_PERCENTILE = 30.0
 """Of the foot's pitch over its stance frames: heel rise makes the upper part, so the foot is flat below."""
@@ -93,6 +95,8 @@ class Targets:
     """Feet, parallel to the sole, x to the toes."""
     pelvis_pos_w: Float[np.ndarray, "t 3"]
     """Origin of the pelvis link [m]."""
+    pelvis_held: Float[np.ndarray, " t"]
+    """How firmly the pelvis is held to its horizontal path: 0 softly, 1 firmly."""
     trunk_quat_w: Float[np.ndarray, "t 4"]
     waist_pos: Float[np.ndarray, " t"]
     """Angle of the waist joint [rad]."""
@@ -100,6 +104,10 @@ class Targets:
     """Unit directions of `LIMBS`."""
     leg_ratio: float
     """Robot length / human length used for all positions; the robot's speed / the human's."""
+    foothold_moved: float
+    """Largest way [m] that a foothold was moved outward because the hips can't adduct further."""
+    lean_taken_off: float
+    """Largest angle [rad] by which the trunk leans less than the human's chest."""
 
 
 def plan_targets(
@@ -113,19 +121,24 @@ def plan_targets(
     lateral_w = _horizontal(hips_w[:, 0] - hips_w[:, 1])
     heading = np.unwrap(np.arctan2(-lateral_w[:, 0], lateral_w[:, 1]))
     widening = body.hip_half_width - ratio * person.hip_half_width
-    feet = _plan_feet(clip, contacts, ratio, lateral_w[:, :2] * widening, heading, person, body, settings)
-    trunk_quat_w = clip.quat("chest")
+    trunk_quat_w, lean_taken_off = limited_lean(clip.quat("chest"), clip.quat("pelvis"), settings.trunk)
+    waist_pos = waist_angle(trunk_quat_w, heading)
     centre_w = ratio * (hips_w.mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+    hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
+    feet, moved = _plan_feet(clip, contacts, ratio, lateral_w[:, :2] * widening, heading, hips, person, body, settings)
     return Targets(
         contacts=contacts,
         firm=contacts | _close(feet, heading, body.sole, settings)[:, None],
         foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
         foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
+        pelvis_held=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,
-        waist_pos=waist_angle(trunk_quat_w, heading),
+        waist_pos=waist_pos,
         limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),
         leg_ratio=ratio,
+        foothold_moved=moved,
+        lean_taken_off=lean_taken_off,
     )
 
 
@@ -144,11 +157,12 @@ def _plan_feet(
     ratio: float,
     widening_w: Float[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
+    hips: Hips,
     person: Proportions,
     body: RobotBody,
     settings: RetargetSettings,
-) -> tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]]:
-    """Plans of both feet (ankle x, y, z, yaw, pitch), spaced and above ground."""
+) -> tuple[tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]], float]:
+    """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m]."""
     feet, sole = settings.feet, body.sole
     raws, locked = [], []
     for side, name in enumerate(FEET):
@@ -161,12 +175,14 @@ def _plan_feet(
         raws.append(raw)
         locked.append(foot_plan.lock_stances(raw, contacts[:, side], scaled_toe_w, toe_yaw, ankle_to_toe, sole, feet))
     spread = feet.spacing_s * clip.fps
+    moved = foot_reach.bring_footholds_in_reach((locked[0], locked[1]), contacts, heading, hips, feet.reach_free)
     foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing, round(spread))
     slope = max(1, round(feet.slope_s * clip.fps))
     plans = [foot_plan.spread(raws[side], locked[side], contacts[:, side], slope) for side in range(2)]
+    foot_reach.bring_swings_in_reach((plans[0], plans[1]), contacts, heading, hips, feet.reach_free, spread)
     foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, spread)
     left, right = (foot_plan.keep_above_ground(plans[side], contacts[:, side], sole, feet) for side in range(2))
-    return left, right
+    return (left, right), moved
 
 
 def _scaled_foot(

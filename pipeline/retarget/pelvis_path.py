@@ -1,0 +1,29 @@
+"""Where the pelvis must be held to the human's path: it is where the first pass lets its velocity go astray.
+
+The pelvis follows softly, so that legs can take the human's directions. Where feet are moved or legs are at their
+limits, frame-wise IK lets it drift away slowly and come back with a jerk. There it is held by a larger weight, which
+comes and goes with the error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline import time_series
+from pipeline.retarget.settings import PelvisSettings
+
+
+def held_share(
+    planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
+) -> Float[np.ndarray, " t"]:
+    """How firmly the pelvis is held in each frame, 0 (softly) to 1, from the first pass's path.
+
+    It grows with the RMS error of the horizontal velocity over `window_s`, smoothly from `free_m_s` to `astray_m_s`.
+    """
+    astray = time_series.smooth((reached_w - planned_w)[:, :2], fps, settings.cutoff_hz)
+    error = time_series.derivative(astray, fps)
+    width = 2 * round(settings.window_s * fps / 2.0) + 1
+    rms = np.sqrt(time_series.moving_mean(np.sum(error * error, axis=1), width))
+    share = np.clip((rms - settings.free_m_s) / (settings.astray_m_s - settings.free_m_s), 0.0, 1.0)
+    return share**2 * (3.0 - 2.0 * share)
