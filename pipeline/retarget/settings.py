@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Range, check, increasing
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, RATE_HZ, SHARE, Range, check, increasing
 from pipeline.files.sourced import LENGTH, PER_AREA, SPEED
 from pipeline.robot.size import RobotSize
 
@@ -73,6 +73,20 @@ class ClearanceSettings:
     """Least distance of the hand from the trunk's middle line [m]."""
     spread_s: Annotated[float, NOT_NEGATIVE]
     """Time over which corrections come and go [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NarrowingSettings:
+    """Side steps that are narrowed and slowed instead of crossed."""
+
+    free: Annotated[float, LENGTH, NOT_NEGATIVE]
+    """Way that a foot may lack to the hip's adduction limit before steps are narrowed [m]."""
+    full: Annotated[float, LENGTH, POSITIVE]
+    """Way beyond it at which nothing lateral would be left [m]."""
+    least_share: Annotated[float, PART]
+    """Least share of the lateral motion that is kept."""
+    spread_s: Annotated[float, NOT_NEGATIVE]
+    """Time over which narrowing comes and goes [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +174,7 @@ class RetargetSettings:
     stance: StanceSettings
     feet: FootSettings
     clearance: ClearanceSettings
+    narrowing: NarrowingSettings
     trunk: TrunkSettings
     pelvis: PelvisSettings
     weights: WeightSettings
