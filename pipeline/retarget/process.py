@@ -26,6 +26,9 @@ from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
 
 
+THREE = True
+
+
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
     """The robot's motion for a repaired human clip, one piece under the clip's name.
 
@@ -64,8 +67,12 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     pelvis_pos_w = poses.pos_w[:, robot.link(robot.human["pelvis"])]
     held = held_share(targets.pelvis_pos_w, pelvis_pos_w, settings.pelvis, settings.fps)
-    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
     targets = dataclasses.replace(targets, pelvis_held=held)
+    if THREE and held.any():
+        first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
+        smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
+        poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
+    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
     return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
 
 

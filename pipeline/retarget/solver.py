@@ -141,6 +141,9 @@ class Solver:
             task.configure(limb, "soft", weights.legs if leg else weights.arms)
 
 
+LEGS_OFF, FEET_ON = 0.0, 0.0
+
+
 class _Feed:
     """Hands a frame's targets to the tasks of a solver; arrays are turned into what placo takes once a clip."""
 
@@ -159,6 +162,7 @@ class _Feed:
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
         self._pelvis_held: list[float] = targets.pelvis_held.tolist()
         self._pelvis_weight: float | None = None
+        self._legs_weight = None
         self._held: list[tuple[bool, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
@@ -175,7 +179,13 @@ class _Feed:
             solver._foot_position[side].target_world = foot_pos_w
             solver._foot_height[side].target_world = foot_pos_w
             solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
-            self._hold(side, (self._firm[frame][side], self._contacts[frame][side]), weights)
+            held = self._pelvis_held[frame]
+            self._hold(side, (self._firm[frame][side], self._contacts[frame][side], held), weights)
+        legs = round(weights.legs * (1.0 - LEGS_OFF * self._pelvis_held[frame]), 6)
+        if legs != self._legs_weight:
+            self._legs_weight = legs
+            for limb in range(4):
+                solver._limbs[limb].configure(LIMBS[limb][0], "soft", legs)
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
 
@@ -193,8 +203,8 @@ class _Feed:
         if held == self._held[side]:
             return
         self._held[side] = held
-        firm, stands = held
-        position = weights.stance_position if firm else weights.swing_position
+        firm, stands, share = held
+        position = weights.stance_position * (1 + FEET_ON * share) if firm else weights.swing_position
         orientation = weights.stance_orientation if stands else weights.swing_orientation
         self._solver._foot_position[side].configure(FEET[side], "soft", position)
         self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
