@@ -8,7 +8,8 @@ comes and goes with the error.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from pipeline import time_series
 from pipeline.retarget.settings import PelvisSettings
@@ -19,11 +20,25 @@ def held_share(
 ) -> Float[np.ndarray, " t"]:
     """How firmly the pelvis is held in each frame, 0 (softly) to 1, from the first pass's path.
 
-    It grows with the RMS error of the horizontal velocity over `window_s`, smoothly from `free_m_s` to `astray_m_s`.
+    It grows with the RMS error of the horizontal velocity over `window_s`, from `free_m_s` to `astray_m_s`, and comes
+    and goes over `fade_s`.
     """
     astray = time_series.smooth((reached_w - planned_w)[:, :2], fps, settings.cutoff_hz)
     error = time_series.derivative(astray, fps)
     width = 2 * round(settings.window_s * fps / 2.0) + 1
     rms = np.sqrt(time_series.moving_mean(np.sum(error * error, axis=1), width))
     share = np.clip((rms - settings.free_m_s) / (settings.astray_m_s - settings.free_m_s), 0.0, 1.0)
-    return share**2 * (3.0 - 2.0 * share)
+    if not share.any():
+        return share
+    return gaussian_filter1d(share, settings.fade_s * fps, mode="nearest", truncate=3.0)
+
+
+def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: float) -> Float[np.ndarray, "t 2"]:
+    """How firmly each foot is held to its place: 1 where `firm`, fading to 0 over `fade_s` outside."""
+    grip = firm.astype(float)
+    reach = settings.fade_s * fps
+    for side in range(2):
+        distance = distance_transform_edt(~firm[:, side]) if firm[:, side].any() else np.full(len(firm), np.inf)
+        away = np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0)
+        grip[:, side] = away**2 * (3.0 - 2.0 * away)
+    return grip

@@ -17,16 +17,13 @@ from pipeline.errors import ClipError
 from pipeline.quality.command_velocity import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
-from pipeline.retarget.pelvis_path import held_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
 from pipeline.robot import Kinematics, Robot
 from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
-
-
-THREE = True
 
 
 def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSettings, robot: Robot) -> Outcome:
@@ -67,8 +64,9 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     pelvis_pos_w = poses.pos_w[:, robot.link(robot.human["pelvis"])]
     held = held_share(targets.pelvis_pos_w, pelvis_pos_w, settings.pelvis, settings.fps)
-    targets = dataclasses.replace(targets, pelvis_held=held)
-    if THREE and held.any():
+    if held.any():
+        grip = fading_grip(targets.grip > 0.5, settings.pelvis, settings.fps)
+        targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
         first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
         smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
         poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)

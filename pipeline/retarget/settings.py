@@ -114,6 +114,8 @@ class PelvisSettings:
     """Window of that error [s]."""
     cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
     """Zero-phase low pass on the error [Hz]."""
+    fade_s: Annotated[float, NOT_NEGATIVE]
+    """Time over which the pelvis, and feet in clips where it is held, are taken hold of and let go [s]."""
 
     def __post_init__(self) -> None:
         check(increasing(self, "free_m_s", "astray_m_s"))

@@ -24,6 +24,7 @@ from pipeline.robot import Robot
 
 FRAME = "_link_frame"
 """Ending of frames that are added to the URDF."""
+ANKLE = 0.09
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
 
@@ -49,6 +50,9 @@ class Solver:
         self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
+        for name in robot.joint_names:
+            if name.endswith("Ankle_Pitch"):
+                self._lower[robot.joint(name)] += ANKLE
         for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
@@ -141,7 +145,7 @@ class Solver:
             task.configure(limb, "soft", weights.legs if leg else weights.arms)
 
 
-LEGS_OFF, FEET_ON = 0.0, 0.0
+LEGS_OFF = 0.3
 
 
 class _Feed:
@@ -150,7 +154,7 @@ class _Feed:
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"]):
         names = solver.robot.joint_names
         self._solver = solver
-        self._firm, self._contacts = targets.firm.tolist(), targets.contacts.tolist()
+        self._grip, self._contacts = targets.grip.tolist(), targets.contacts.tolist()
         self._pelvis = list(targets.pelvis_pos_w)
         self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
         waist = names[solver.body.waist]
@@ -163,7 +167,7 @@ class _Feed:
         self._pelvis_held: list[float] = targets.pelvis_held.tolist()
         self._pelvis_weight: float | None = None
         self._legs_weight = None
-        self._held: list[tuple[bool, bool] | None] = [None, None]
+        self._held: list[tuple[float, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
         solver = self._solver
@@ -179,8 +183,7 @@ class _Feed:
             solver._foot_position[side].target_world = foot_pos_w
             solver._foot_height[side].target_world = foot_pos_w
             solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
-            held = self._pelvis_held[frame]
-            self._hold(side, (self._firm[frame][side], self._contacts[frame][side], held), weights)
+            self._hold(side, (self._grip[frame][side], self._contacts[frame][side]), weights)
         legs = round(weights.legs * (1.0 - LEGS_OFF * self._pelvis_held[frame]), 6)
         if legs != self._legs_weight:
             self._legs_weight = legs
@@ -191,23 +194,28 @@ class _Feed:
 
     def _hold_pelvis(self, share: float, weights: WeightSettings) -> None:
         """Weight of the pelvis's horizontal path, geometrically between soft and held."""
-        weight = weights.pelvis_horizontal
-        if share > 0.0:
-            weight *= (weights.pelvis_held / weights.pelvis_horizontal) ** share
+        weight = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
         if weight != self._pelvis_weight:
             self._pelvis_weight = weight
             self._solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", weight)
 
-    def _hold(self, side: int, held: tuple[bool, bool], weights: WeightSettings) -> None:
-        """Weights of a foot that is (held firmly, standing); they are set in the solver when they change."""
+    def _hold(self, side: int, held: tuple[float, bool], weights: WeightSettings) -> None:
+        """Weights of a foot with its (grip, stance); they are set in the solver when they change."""
         if held == self._held[side]:
             return
         self._held[side] = held
-        firm, stands, share = held
-        position = weights.stance_position * (1 + FEET_ON * share) if firm else weights.swing_position
+        grip, stands = held
+        position = _between(weights.swing_position, weights.stance_position, grip)
         orientation = weights.stance_orientation if stands else weights.swing_orientation
         self._solver._foot_position[side].configure(FEET[side], "soft", position)
         self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """`low` for 0, `high` for 1, geometrically between."""
+    if share in (0.0, 1.0):
+        return high if share else low
+    return low * (high / low) ** share
 
 
 def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:

@@ -88,8 +88,8 @@ class Targets:
 
     contacts: Bool[np.ndarray, "t 2"]
     """Stance, (left, right)."""
-    firm: Bool[np.ndarray, "t 2"]
-    """Where a foot is held as firmly as in a stance: stances, and swings close by the other foot."""
+    grip: Float[np.ndarray, "t 2"]
+    """How firmly a foot is held to its place: 1 in stances and in swings close by the other foot, 0 in others."""
     foot_pos_w: Float[np.ndarray, "t 2 3"]
     """Ankles (left, right) [m]."""
     foot_quat_w: Float[np.ndarray, "t 2 4"]
@@ -140,7 +140,7 @@ def plan_targets(
     feet, moved = _plan_feet(clip, contacts, ratio, widening_w, heading, hips, person, body, settings)
     return Targets(
         contacts=contacts,
-        firm=contacts | _close(feet, heading, body.sole, settings)[:, None],
+        grip=(contacts | _close(feet, heading, body.sole, settings)[:, None]).astype(float),
         foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
         foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
