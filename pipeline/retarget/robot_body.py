@@ -78,14 +78,24 @@ def _waist(robot: Robot) -> int:
 
 def _adduction(robot: Robot, side: int) -> float:
     """Limit of the hip joint that turns about x, toward the other leg [rad]."""
+    name = FEET[side]
+    joint, sign = _joint_about(0, robot, f"{name}_thigh", "pelvis")
+    inward_is_negative = (sign > 0.0) == (side == 0)
+    return float(-robot.joint_lower[joint] if inward_is_negative else robot.joint_upper[joint])
+
+
+def ankle_pitch(robot: Robot, side: int) -> int:
+    """Index of the ankle joint that turns about y."""
+    return _joint_about(1, robot, f"{FEET[side]}_foot", f"{FEET[side]}_shank")[0]
+
+
+def _joint_about(axis: int, robot: Robot, below: str, above: str) -> tuple[int, float]:
+    """The joint between two links (by their human names) that turns about an axis of the root, and its sign."""
     axes = robot.tree.joint_axes_root()
-    link = robot.link(robot.human[f"{FEET[side]}_thigh"])
-    pelvis = robot.link(robot.human["pelvis"])
-    while link != pelvis:
+    link, top = robot.link(robot.human[below]), robot.link(robot.human[above])
+    while link != top:
         joint = int(robot.tree.joint[link])
-        if abs(axes[joint][0]) > 0.9:
-            forward = axes[joint][0] > 0.0
-            inward_is_negative = forward == (side == 0)
-            return float(-robot.joint_lower[joint] if inward_is_negative else robot.joint_upper[joint])
+        if abs(axes[joint][axis]) > 0.9:
+            return joint, float(axes[joint][axis])
         link = int(robot.tree.parent[link])
-    raise UnknownNameError("hip joint about x", f"{FEET[side]}_thigh", robot.joint_names)
+    raise UnknownNameError(f"joint about {'xyz'[axis]} from {above} to {below}", robot.human[below], robot.joint_names)

@@ -135,6 +135,8 @@ class WeightSettings:
     """[cost/rad2]"""
     foot_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
+    foot_height_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    """Where the pelvis is held [cost/m2]."""
     pelvis_horizontal: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
     pelvis_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
@@ -147,6 +149,8 @@ class WeightSettings:
     """[cost/rad2]"""
     legs: Annotated[float, NOT_NEGATIVE]
     """Directions of thighs and shanks [cost/rad2]."""
+    legs_held: Annotated[float, NOT_NEGATIVE]
+    """Where the pelvis is held [cost/rad2]."""
     arms: Annotated[float, NOT_NEGATIVE]
     """Directions of upper arms and forearms [cost/rad2]."""
     posture_first: Annotated[float, NOT_NEGATIVE]

@@ -17,16 +17,20 @@ from pipeline import rotation
 from pipeline.clips.human_clip import FEET
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget.robot_body import measure
+from pipeline.retarget.robot_body import ankle_pitch, measure
 from pipeline.retarget.settings import RetargetSettings, WeightSettings
 from pipeline.retarget.targets import Targets
 from pipeline.robot import Robot
 
 FRAME = "_link_frame"
 """Ending of frames that are added to the URDF."""
-ANKLE = 0.09
+LEG = ("thigh", "shank")
+"""Endings of the limbs that are legs."""
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
+
+ANKLE_MARGIN = 0.09
+"""Distance [rad] kept from the ankle's toes-up limit: with the roll at its limit too, foot and shank overlap by 6 mm."""
 
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
@@ -50,9 +54,8 @@ class Solver:
         self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
-        for name in robot.joint_names:
-            if name.endswith("Ankle_Pitch"):
-                self._lower[robot.joint(name)] += ANKLE
+        for side in range(2):
+            self._lower[ankle_pitch(robot, side)] += ANKLE_MARGIN
         for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
@@ -138,14 +141,9 @@ class Solver:
         self._trunk.configure("trunk", "soft", weights.trunk)
         self._waist.configure("waist", "soft", weights.waist)
         self._posture.configure("posture", "soft", posture_weight)
-        for task in self._foot_height:
-            task.configure("foot_height", "soft", weights.foot_height)
         for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True):
-            leg = limb.endswith(("thigh", "shank"))
-            task.configure(limb, "soft", weights.legs if leg else weights.arms)
-
-
-LEGS_OFF = 0.3
+            if not limb.endswith(LEG):
+                task.configure(limb, "soft", weights.arms)
 
 
 class _Feed:
@@ -165,8 +163,7 @@ class _Feed:
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
         self._pelvis_held: list[float] = targets.pelvis_held.tolist()
-        self._pelvis_weight: float | None = None
-        self._legs_weight = None
+        self._share: float | None = None
         self._held: list[tuple[float, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
@@ -184,20 +181,21 @@ class _Feed:
             solver._foot_height[side].target_world = foot_pos_w
             solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
             self._hold(side, (self._grip[frame][side], self._contacts[frame][side]), weights)
-        legs = round(weights.legs * (1.0 - LEGS_OFF * self._pelvis_held[frame]), 6)
-        if legs != self._legs_weight:
-            self._legs_weight = legs
-            for limb in range(4):
-                solver._limbs[limb].configure(LIMBS[limb][0], "soft", legs)
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
 
     def _hold_pelvis(self, share: float, weights: WeightSettings) -> None:
-        """Weight of the pelvis's horizontal path, geometrically between soft and held."""
-        weight = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
-        if weight != self._pelvis_weight:
-            self._pelvis_weight = weight
-            self._solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", weight)
+        """Weights that depend on how firmly the pelvis is held; they are set in the solver when they change."""
+        if share == self._share:
+            return
+        self._share, solver = share, self._solver
+        path = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
+        solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", path)
+        for task in solver._foot_height:
+            task.configure("foot_height", "soft", _between(weights.foot_height, weights.foot_height_held, share))
+        for (limb, _, _), task in zip(LIMBS, solver._limbs, strict=True):
+            if limb.endswith(LEG):
+                task.configure(limb, "soft", _between(weights.legs, weights.legs_held, share))
 
     def _hold(self, side: int, held: tuple[float, bool], weights: WeightSettings) -> None:
         """Weights of a foot with its (grip, stance); they are set in the solver when they change."""
