@@ -157,6 +157,8 @@ class WeightSettings:
     """Toward the default pose, first pass [cost/rad2]."""
     posture_second: Annotated[float, NOT_NEGATIVE]
     """Toward the smoothed first pass, second pass [cost/rad2]."""
+    posture_second_held: Annotated[float, NOT_NEGATIVE]
+    """In clips where the pelvis is held [cost/rad2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
