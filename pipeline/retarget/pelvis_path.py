@@ -20,16 +20,16 @@ def held_share(
 ) -> Float[np.ndarray, " t"]:
     """How firmly the pelvis is held in each frame, 0 (softly) to 1, from the first pass's path.
 
-    It grows with the RMS error of the horizontal velocity over `window_s`, from `free_m_s` to `astray_m_s`, and comes
-    and goes over `fade_s`.
+    0 in a clip whose RMS error of the horizontal velocity over `window_s` stays within `tolerated_m_s`. Else it grows
+    with that error from `free_m_s` to `astray_m_s`, and comes and goes over `fade_s`.
     """
     astray = time_series.smooth((reached_w - planned_w)[:, :2], fps, settings.cutoff_hz)
     error = time_series.derivative(astray, fps)
     width = 2 * round(settings.window_s * fps / 2.0) + 1
     rms = np.sqrt(time_series.moving_mean(np.sum(error * error, axis=1), width))
+    if rms.max() <= settings.tolerated_m_s:
+        return np.zeros(len(rms))
     share = np.clip((rms - settings.free_m_s) / (settings.astray_m_s - settings.free_m_s), 0.0, 1.0)
-    if not share.any():
-        return share
     return gaussian_filter1d(share, settings.fade_s * fps, mode="nearest", truncate=3.0)
 
 

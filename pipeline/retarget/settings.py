@@ -106,8 +106,10 @@ class TrunkSettings:
 class PelvisSettings:
     """Where the second pass holds the pelvis to the human's path."""
 
+    tolerated_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, up to which a clip is left alone [m/s]."""
     free_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
-    """Largest error of the first pass's horizontal pelvis velocity that is left alone, RMS over `window_s` [m/s]."""
+    """Error that is left alone in other clips [m/s]."""
     astray_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
     """Error from which on the pelvis is held by `weights.pelvis_held` [m/s]."""
     window_s: Annotated[float, NOT_NEGATIVE]

@@ -29,7 +29,7 @@ LEG = ("thigh", "shank")
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
 
-ANKLE_MARGIN = 0.09
+ANKLE_MARGIN = 0.06
 """Distance [rad] kept from the ankle's toes-up limit: with the roll at its limit too, foot and shank overlap by 6 mm."""
 
 DAMPING = 1e-6
