@@ -62,17 +62,17 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     weights = settings.weights
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
     poses = _poses(first, robot)
-    posture_weight = weights.posture_second
+    posture_weight, start = weights.posture_second, None
     held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, settings.fps)
     if held.any():
         grip = fading_grip(targets.grip > 0.5, settings.pelvis, settings.fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
-        first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
+        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
         poses = _poses(first, robot)
         posture_weight = weights.posture_second_held
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
-    return targets, solver.solve(human.name, targets, smooth, posture_weight, settings)
+    return targets, solver.solve(human.name, targets, smooth, posture_weight, settings, start)
 
 
 def _poses(trajectory: Trajectory, robot: Robot) -> LinkPoses:

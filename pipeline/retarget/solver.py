@@ -32,6 +32,9 @@ LIMIT_MARGIN = 1e-6
 ANKLE_MARGIN = 0.06
 """Distance [rad] kept from the ankle's toes-up limit: with the roll at its limit too, foot and shank overlap by 6 mm."""
 
+RESETTLE_ITERATIONS = 6
+"""Solves on frame 0 from a solution for nearly the same targets."""
+
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
 
@@ -92,21 +95,27 @@ class Solver:
         posture: Float[np.ndarray, "t j"],
         posture_weight: float,
         settings: RetargetSettings,
+        start: Trajectory | None = None,
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
+        It settles on frame 0 from `posture`; or from the first frame of `start`, a trajectory close by, in fewer solves.
         Raises ClipError that names the clip and the frame where the program has no solution.
         """
         frames = len(posture)
         feed = _Feed(self, targets, posture)
         states = np.empty((frames, len(self._wrapper.state.q)))
-        self._start(targets, posture[0])
+        if start is None:
+            self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
+        else:
+            self._start(start.root_pos_w[0], start.root_quat_w[0], start.joint_pos[0])
+        settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
         for frame in range(frames):
             feed.set(frame, settings.weights)
             try:
-                for _ in range(settings.settle_iterations if frame == 0 else 1):
+                for _ in range(settling if frame == 0 else 1):
                     self._solver.solve(True)
                     self._wrapper.update_kinematics()
             except RuntimeError as error:
@@ -121,12 +130,17 @@ class Solver:
             joint_pos=states[:, self._columns],
         )
 
-    def _start(self, targets: Targets, joint_pos: Float[np.ndarray, " j"]) -> None:
+    def _start(
+        self,
+        root_pos_w: Float[np.ndarray, 3],
+        root_quat_w: Float[np.ndarray, 4],
+        joint_pos: Float[np.ndarray, " j"],
+    ) -> None:
         self._solver.enable_velocity_limits(False)
         self._wrapper.reset()
         q = np.array(self._wrapper.state.q)
-        q[:3] = targets.pelvis_pos_w[0]
-        q[3:7] = np.roll(targets.trunk_quat_w[0], -1)
+        q[:3] = root_pos_w
+        q[3:7] = np.roll(root_quat_w, -1)
         q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
         self._wrapper.state.q = q
         self._wrapper.update_kinematics()
