@@ -5,7 +5,8 @@
 
 The files go through reader, catalogue and repair; both retargeters get what is handed on. Scores are those of
 `booster-lab score`, pooled over all frames. With `--parts` the bars
-are those of fast clips: of the files as a whole, and of the windows of runs and side steps in the parts. docs/retarget.md tells what the numbers mean and how GMR is set up.
+are those of fast clips: of the files as a whole, and of the windows of runs and side steps in the parts.
+docs/retarget.md tells what the numbers mean and how GMR is set up.
 """
 
 from __future__ import annotations

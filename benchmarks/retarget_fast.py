@@ -81,7 +81,8 @@ def accepted_bars(
     windows: Sequence[Labelled], retargeting: RetargetSettings, feasibility: FeasibilitySettings, robot: Robot
 ) -> list[Bar]:
     """Share of the labelled seconds that go through repair, retargeting and KP5, of all skills and of each."""
-    labelled_s, accepted_s = dict.fromkeys(SKILLS, 0.0), dict.fromkeys(SKILLS, 0.0)
+    labelled_s: dict[str, float] = dict.fromkeys(SKILLS, 0.0)
+    accepted_s: dict[str, float] = dict.fromkeys(SKILLS, 0.0)
     for window in windows:
         labelled_s[window.skill] += window.seconds
         for piece in window.repaired:

@@ -1,7 +1,7 @@
 """Feet that slide slowly while they stand are planted: the whole body is moved against the slide.
 
-A skeleton whose legs are longer or shorter than its person's makes standing feet slide in step with the walk, by 0.10 to
-0.15 m/s in much of CMU's data. All joint angles are right there; only the body's way over the ground is not.
+A skeleton whose legs are longer or shorter than its person's makes standing feet slide in step with the walk, by 0.10
+to 0.15 m/s in much of CMU's data. All joint angles are right there; only the body's way over the ground is not.
 """
 
 from __future__ import annotations

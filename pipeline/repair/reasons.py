@@ -129,8 +129,8 @@ def of_skating(skating: list[Skating], fps: float, settings: ContactSettings) ->
 def of_planting(found: Planted, first: int, last: int, fps: float, settings: ContactSettings) -> Reason:
     """That the feet of a stretch [first, last) slid slowly and were planted."""
     text = (
-        f"frames {first}-{last - 1}: standing feet slide; the body is moved so that they stand, at {found.mean_m_s:.3f} "
-        f"m/s on average, {found.way_m:.2f} m in all"
+        f"frames {first}-{last - 1}: standing feet slide; the body is moved so that they stand, at "
+        f"{found.mean_m_s:.3f} m/s on average, {found.way_m:.2f} m in all"
     )
     return Reason(
         code="foot_skate",

@@ -101,8 +101,8 @@ def find_skating(
 def _slowest_fifth(speed: Float[np.ndarray, " t"], width: int) -> Float[np.ndarray, " t"]:
     """The `STILL_PERCENTILE` of the frames of a window in which a point is near the ground; `FAST` where none is.
 
-    Frames in the air tell nothing of standing: in a fast run at 30 Hz they leave two or three frames of a stride in which
-    the foot is still. At the ends the window repeats the last frame.
+    Frames in the air say nothing about standing: in a fast run at 30 Hz they leave two or three frames of a stride in
+    which the foot is still. At the ends the window repeats the last frame.
     """
     half = width // 2
     windows = np.sort(sliding_window_view(np.pad(speed, (half, width - 1 - half), mode="edge"), width), axis=1)

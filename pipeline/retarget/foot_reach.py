@@ -2,8 +2,8 @@
 
 A hip that adducts by no more than `a` holds an ankle with `outward >= -sin(a) * distance`, where `outward` is the way
 from the hip to the ankle along the pelvis's outward axis and `distance` that from hip to ankle. People who step
-sideways bring their feet further inward, and cross them. A foothold is moved outward, as a whole, by what it lacks in the
-worst frame of its stance; a swinging foot passes further outward. So steps that would cross end beside each other.
+sideways bring their feet further inward, and cross them. What `narrowing` leaves of that is taken here: a foothold is
+moved outward, as a whole, by what it lacks in the worst frame of its stance; a swinging foot passes further outward.
 """
 
 from __future__ import annotations

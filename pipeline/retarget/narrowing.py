@@ -1,7 +1,7 @@
 """Side steps narrowed and slowed where the robot's hips can't bring the feet as far inward as the person does.
 
-Around such moments everything lateral is scaled down: the way of the pelvis, and where knees and feet are beside it. Feet
-that stand keep standing, since pelvis and feet are scaled alike. Motion forward and up stays as it is.
+Around such moments everything lateral is scaled down: the way of the pelvis, and where knees and feet are beside it.
+Feet that stand keep standing, since pelvis and feet are scaled alike. Motion forward and up stays as it is.
 """
 
 from __future__ import annotations

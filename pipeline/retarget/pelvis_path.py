@@ -38,7 +38,9 @@ def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: fl
     grip = firm.astype(float)
     reach = settings.fade_s * fps
     for side in range(2):
-        distance = distance_transform_edt(~firm[:, side]) if firm[:, side].any() else np.full(len(firm), np.inf)
+        if not firm[:, side].any():
+            continue
+        distance = np.asarray(distance_transform_edt(~firm[:, side]))
         away = np.clip(1.0 - distance / (reach + 1.0), 0.0, 1.0)
         grip[:, side] = away**2 * (3.0 - 2.0 * away)
     return grip

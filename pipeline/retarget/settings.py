@@ -107,7 +107,7 @@ class PelvisSettings:
     """Where the second pass holds the pelvis to the human's path."""
 
     tolerated_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
-    """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, up to which a clip is left alone [m/s]."""
+    """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, that leaves a clip alone [m/s]."""
     free_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
     """Error that is left alone in other clips [m/s]."""
     astray_m_s: Annotated[float, SPEED, NOT_NEGATIVE]

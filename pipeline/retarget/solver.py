@@ -30,7 +30,7 @@ LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
 
 ANKLE_MARGIN = 0.06
-"""Distance [rad] kept from the ankle's toes-up limit: with the roll at its limit too, foot and shank overlap by 6 mm."""
+"""Distance [rad] kept from the ankle's toes-up limit; with the roll at its limit too, foot and shank would overlap."""
 
 RESETTLE_ITERATIONS = 6
 """Solves on frame 0 from a solution for nearly the same targets."""
@@ -99,7 +99,7 @@ class Solver:
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
-        It settles on frame 0 from `posture`; or from the first frame of `start`, a trajectory close by, in fewer solves.
+        It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
         """
         frames = len(posture)

@@ -94,7 +94,7 @@ class SkillBounds:
     side_ratio: Annotated[float, Range(1.0, 10.0)]
     """Least ratio of sideways or backward speed to the perpendicular one."""
     ahead_ratio: Annotated[float, Range(1.0, 10.0)]
-    """Least ratio of forward to lateral speed; a diagonal walk is no skill. A diagonal run is one up to `side_ratio`."""
+    """Least ratio of forward to lateral speed; a diagonal walk is no skill. Runs need `side_ratio` only."""
     walk_slow_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which slow walking becomes walking [m/s]."""
     walk_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
