@@ -98,7 +98,7 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
     metadata: dict[str, Any] = {
         "motors": len(found.motors),
         "motors refused": sum(not each.accepted for each in found.calibrations),
-        "synthetic": any("synthetic: never measured" in each.notes for each in found.calibrations),
+        "synthetic": any(each.synthetic for each in found.calibrations),
         "files of no motor": ", ".join(found.unused) or "none",
     }
     if found.calibrations:
@@ -212,6 +212,8 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
+    from pipeline.actuators import motors_source
+
     table = pd.DataFrame([vars(each) for each in actuators])
     columns = {
         "joint": "joint",
@@ -228,6 +230,7 @@ def _difference(actuators: Any) -> dict[str, Any]:
     shown = pd.DataFrame({name: list(table[source]) for name, source in columns.items()})
     changed = [each.joint for each in actuators if each.changed]
     return {
+        "motor limits": motors_source(actuators),
         "nominal against adapted": table_of(shown, list(shown)),
         "actuators": table_of(table, list(table)),
         "joints changed": ", ".join(changed) or "none",

@@ -105,13 +105,13 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         *(name, digest.of_file(path), digest.of_file(policy) if policy else ""),
     ]
     key = digest.of_json(question)
-    known = PROJECT.store.recall(key)
+    known = PROJECT.store.recall(key, FAILURES.name)
     if known is None:
         limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]
         known = {"pieces": [], **_look(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values)}
         with told_plainly():
-            PROJECT.store.remember(key, known)
+            PROJECT.store.remember(key, known, FAILURES.name)
         return {**known, "new": True}
     return known
 

@@ -50,13 +50,13 @@ def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: loggin
     read, faults = 0, 0
     for file in files:
         key = digest.of_json([version, file.name, file.question])
-        answer = project.store.recall(key)
+        answer = project.store.recall(key, plan.name)
         if answer is None:
             log.info(f"'{file.name}' is read")
             answer, is_fault = _ask(project, file, values)
             read, faults = read + 1, faults + is_fault
             if not is_fault:
-                project.store.remember(key, answer)
+                project.store.remember(key, answer, plan.name)
         answers[file.name] = answer
     refused = {name: answer["refused"] for name, answer in answers.items() if answer["refused"]}
     unwritten = note_refusals(folder / QUARANTINE, refused)

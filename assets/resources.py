@@ -13,18 +13,21 @@ from assets.plainly import told_plainly
 from assets.project import PROJECT
 from assets.run_locks import alive, tell_dead_runs
 from pipeline.batch import ClipPool, Manifest
+from pipeline.batch.store import LOCK
 
 
 class ClipPoolResource(dg.ConfigurableResource):
-    """How the clips of an asset are spread over processes. A cluster is a backend."""
+    """How the clips of an asset are spread over processes, on this machine or on a Dask cluster (`ClipPool`)."""
 
     backend: str = "loky"
-    """joblib backend: `loky`, `sequential`, or one that a package registers (`dask`, `ray`)."""
+    """`loky`: processes on this machine; `sequential`: the run's own process; `dask`: workers of a cluster."""
     workers: int = 0
-    """Number of processes; 0 means one a core."""
+    """Number of processes on this machine; 0 means one a core."""
+    address: str = ""
+    """Of `dask`: the scheduler's address; empty for a cluster of worker processes on this machine."""
 
     def pool(self) -> ClipPool:
-        return ClipPool(backend=self.backend, workers=self.workers)
+        return ClipPool(backend=self.backend, workers=self.workers, address=self.address)
 
 
 class StoreIOManager(dg.ConfigurableIOManager):
@@ -63,7 +66,7 @@ class StoreIOManager(dg.ConfigurableIOManager):
 @contextmanager
 def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
     """A lock on the store, released by the system when the process dies."""
-    path = PROJECT.store.root / "lock"
+    path = PROJECT.store.root / LOCK
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+") as stream:
         held = (stream, f"run {context.run_id} (process {os.getpid()})")

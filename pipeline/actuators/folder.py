@@ -13,6 +13,9 @@ from pipeline.errors import FileError
 from pipeline.files import digest, settings
 from pipeline.files.csv_text import MAX_BYTES, csv_records, read_csv_text
 
+STAGE = "actuator_calibration"
+"""Stage under which answers are remembered."""
+
 TABLE = "published_curves.csv"
 COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [rad/s]")
 
@@ -97,10 +100,10 @@ def calibrate_folder(folder: Path, values: ActuatorSettings, version: str, store
         path = folder / f"{motor.name}.csv"
         text = _text(path)
         key = digest.of_json(["actuator", version, settings.plain(values), settings.plain(motor), text])
-        answer = store.recall(key)
+        answer = store.recall(key, STAGE)
         if answer is None:
             answer = {"pieces": [], "calibration": calibrate(text, path.name, motor, values).to_dict()}
-            store.remember(key, answer)
+            store.remember(key, answer, STAGE)
             recomputed.append(motor.name)
         calibrations.append(Calibration.from_dict(answer["calibration"]))
     known = {MOTORS, TABLE, *(f"{motor.name}.csv" for motor in motors)}

@@ -1,4 +1,4 @@
-"""Parallel processes for clips, through joblib: the backend is a setting, so a cluster is one too."""
+"""Parallel processes for clips: on this machine through joblib, on a cluster through Dask."""
 
 from __future__ import annotations
 
@@ -8,40 +8,78 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import joblib
+
+from pipeline.errors import PipelineError, UnknownNameError
 
 WATCH_EVERY_S = 1.0
 """How often a worker process looks whether its parent is there."""
 
 
+LOKY, SEQUENTIAL, DASK = "loky", "sequential", "dask"
+BACKENDS = (LOKY, SEQUENTIAL, DASK)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ClipPool:
-    """How clips are spread over processes.
+    """How clips are spread over processes. Raises UnknownNameError for a backend that is none."""
 
-    `backend` is any joblib backend: `loky` (processes on this machine), `sequential`, or one that a
-    package registers (`dask`, `ray`); `workers` 0 means one for each core that this process may use, as its
-    affinity and its container's share have it.
-    """
-
-    backend: str = "loky"
+    backend: str = LOKY
+    """`loky`: processes on this machine; `sequential`: this process; `dask`: workers of a Dask cluster."""
     workers: int = 0
+    """Number of processes; 0 means one for each core that this process may use, as its affinity and its container's
+    share have it. The cluster at an address has its own number."""
+    address: str = ""
+    """Of `dask`: the scheduler's, such as `tcp://10.0.0.5:8786`; empty for a cluster of this process's own, of
+    `workers` processes on this machine."""
 
-    def map(self, function: Callable[..., Any], calls: Sequence[tuple]) -> Iterator[Any]:
+    def __post_init__(self) -> None:
+        if self.backend not in BACKENDS:
+            raise UnknownNameError("backend of clip_pool", self.backend, BACKENDS)
+        if self.address and self.backend != DASK:
+            raise PipelineError(f"clip_pool: the address {self.address} is one of a Dask cluster; set backend to dask.")
+
+    def where(self) -> str:
+        """Where a cluster is and the link to its dashboard; empty where calls run on this machine without one."""
+        return self._cluster().text() if self.backend == DASK else ""
+
+    def map(
+        self,
+        function: Callable[..., Any],
+        calls: Sequence[tuple],
+        *,
+        shared: Sequence[Path] = (),
+        on_lost: Callable[[str], Any] | None = None,
+    ) -> Iterator[Any]:
         """Results of `function(*call)` for each call, in order, as they come.
 
         A single call, or a pool of one worker, runs in this process. Processes on this machine end with this one,
-        however it ends.
+        however it ends. Of a cluster, the calls of a worker that dies go to other workers.
+
+        Args:
+            shared: folders that calls read and write, which a cluster's workers must see under the same path
+            on_lost: result of a call that each of several workers of a cluster died of, made of a sentence that says
+                so; without it ClusterError is raised
         """
         workers = min(self.workers or joblib.cpu_count(), len(calls))
-        if workers <= 1 or self.backend == "sequential":
+        if self.backend == DASK and calls:
+            yield from self._cluster().map(function, calls, shared, on_lost)
+            return
+        if workers <= 1 or self.backend == SEQUENTIAL:
             yield from (function(*call) for call in calls)
             return
-        with joblib.parallel_config(backend=self.backend, n_jobs=workers):
+        with joblib.parallel_config(backend=LOKY, n_jobs=workers):
             parallel = joblib.Parallel(return_as="generator", pre_dispatch="2*n_jobs")
-            work = partial(_ending_with, os.getpid(), function) if self.backend == "loky" else function
+            work = partial(_ending_with, os.getpid(), function)
             yield from parallel(joblib.delayed(work)(*call) for call in calls)
+
+    def _cluster(self) -> Any:
+        from pipeline.batch.cluster import connected
+
+        return connected(self.address, 0 if self.address else self.workers or joblib.cpu_count())
 
 
 def _ending_with(parent: int, function: Callable[..., Any], *call: Any) -> Any:

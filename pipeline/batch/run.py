@@ -115,14 +115,16 @@ def _gather(
 ) -> Manifest:
     """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
     again = clips_again()
-    answers = {job.key: None if job.clip in again else store.recall(job.key) for job in jobs}
+    answers = {job.key: None if job.clip in again else store.recall(job.key, stage.name) for job in jobs}
     todo = [job for job in jobs if answers[job.key] is None]
     log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
+    if todo and (where := pool.where()):
+        log.info("%s: %s", stage.name, where)
     last = started = time.monotonic()
-    for count, (job, answer) in enumerate(_worked_on(todo, work, pool), 1):
+    for count, (job, answer) in enumerate(_worked_on(todo, work, pool, store), 1):
         answers[job.key] = answer
         if not answer["failed"]:
-            store.remember(job.key, answer)
+            store.remember(job.key, answer, stage.name)
         if time.monotonic() - last > PROGRESS_EVERY_S:
             last = time.monotonic()
             log.info("%s", progress(stage.name, count, len(todo), last - started))
@@ -148,15 +150,25 @@ def progress(stage: str, done: int, of: int, seconds: float) -> str:
 
 
 def _worked_on(
-    jobs: list[_Job], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool
+    jobs: list[_Job], work: Callable[[list[Any]], list[dict[str, Any]]], pool: ClipPool, store: Store
 ) -> Iterator[tuple[_Job, dict[str, Any]]]:
     """Each job with its answer, as they come; a group of jobs is one call."""
     groups: dict[str, list[_Job]] = {}
     for job in jobs:
         groups.setdefault(job.group, []).append(job)
     calls = [([job.about for job in group],) for group in groups.values()]
-    for group, answers in zip(groups.values(), pool.map(work, calls), strict=True):
+    found = pool.map(work, calls, shared=[store.root], on_lost=_Lost)
+    for group, answers in zip(groups.values(), found, strict=True):
+        if isinstance(answers, _Lost):
+            answers = [_rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for job in group]
         yield from zip(group, answers, strict=True)
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """A group of jobs that worker processes died of."""
+
+    why: str
 
 
 def _entries(stage: Stage, job: _Job, answer: dict[str, Any]) -> list[Entry]:
@@ -206,7 +218,15 @@ def _work_on_clips(
 def _work_on_files(
     function: Callable[..., Outcome], store: Store, files: list[tuple[str, Path, tuple]]
 ) -> list[dict[str, Any]]:
-    return [_answer(partial(function, path, name, *arguments), store, name, None) for name, path, arguments in files]
+    """Answers for files; one that this process does not see is a failure, which the next run tries again."""
+    answers = []
+    for name, path, arguments in files:
+        if path.exists():
+            answers.append(_answer(partial(function, path, name, *arguments), store, name, None))
+        else:
+            text = f"{path}: it is not there for the process that reads it; mount its folder there under this path."
+            answers.append(_rejection("failed", text, None, failed=True))
+    return answers
 
 
 def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: float | None) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import re
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,15 @@ from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files.blob_store import BlobStore, DigestMemory
+
+LOCK = "lock"
+"""File in the store that who works on it holds locked."""
+
+STAGE = "stage"
+"""Key of an answer: the stage that asked."""
+
+MOST_ASKINGS = 100
+"""Runs of a stage that are remembered."""
 
 _BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
 """How the line of an entry begins (`Manifest.lines`, whose keys are sorted)."""
@@ -71,9 +81,37 @@ class Store:
         except (FileError, codec.CodecError):
             return False
 
-    def recall(self, key: str) -> dict[str, Any] | None:
-        """The remembered answer to a question, if all the blobs it names are still there and unchanged."""
-        path = self._memo_path(key)
+    @cached_property
+    def _asked_ns(self) -> dict[str, int]:
+        return {}
+
+    def _asking(self, stage: str) -> int:
+        """When this process began to ask for answers of a stage [ns]; answers that it asks for have this time."""
+        if stage not in self._asked_ns:
+            now = self._asked_ns[stage] = time.time_ns()
+            times = self.askings()
+            times[stage] = [*times.get(stage, []), now][-MOST_ASKINGS:]
+            atomic.write_text(self._askings_path, json.dumps(times, sort_keys=True))
+        return self._asked_ns[stage]
+
+    def askings(self) -> dict[str, list[int]]:
+        """Stage -> when each of its runs began to ask for answers [ns], the latest last."""
+        try:
+            found = json.loads(self._askings_path.read_text())
+        except (OSError, ValueError, RecursionError):
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    @property
+    def _askings_path(self) -> Path:
+        return self.root / "askings.json"
+
+    def recall(self, key: str, stage: str) -> dict[str, Any] | None:
+        """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
+
+        The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
+        """
+        path, asked_ns = self._memo_path(key), self._asking(stage)
         if not path.is_file():
             return None
         try:
@@ -81,10 +119,14 @@ class Store:
             blobs = [piece["blob"] for piece in answer["pieces"]]
         except (ValueError, TypeError, KeyError, RecursionError):
             return None
-        return answer if all(map(self.holds, blobs)) else None
+        if not all(map(self.holds, blobs)):
+            return None
+        with contextlib.suppress(OSError):  # a store that is only read
+            os.utime(path, ns=(asked_ns, asked_ns))
+        return answer
 
-    def remember(self, key: str, answer: dict[str, Any]) -> None:
-        """Note the answer to a question, whole or not at all.
+    def remember(self, key: str, answer: dict[str, Any], stage: str) -> None:
+        """Note the answer to a question of a stage, whole or not at all.
 
         It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
         JSON or not there, and its question is asked again.
@@ -93,7 +135,9 @@ class Store:
         aside = path.with_name(f".{key}.{os.getpid()}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            aside.write_text(json.dumps(answer, sort_keys=True, allow_nan=False))
+            aside.write_text(json.dumps({**answer, STAGE: stage}, sort_keys=True, allow_nan=False))
+            asked_ns = self._asking(stage)
+            os.utime(aside, ns=(asked_ns, asked_ns))
             aside.replace(path)
         except OSError as error:
             with contextlib.suppress(OSError):

@@ -25,6 +25,9 @@ from pipeline.cli.option_types import (
     rate,
 )
 
+MOST_ASKINGS = 100
+"""As `pipeline.batch.store` has it, which is not imported here."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FileStatement:
@@ -155,6 +158,23 @@ class Sources:
     """list the sources that runs have used; or remove some, and the next run makes the database without them"""
     names: Annotated[Positional[tuple[str, ...]], arg(metavar="NAME")] = ()
     """sources to forget, as `list` shows them"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """Say how large the store is, or delete what no run needs any more.
+
+    The store keeps the clips and answers of earlier settings, so that going back to them costs nothing. `gc` collects
+    those that the last runs did not ask for: it says what it would delete, and deletes it with --delete. What the
+    present results name is always kept, and what was deleted is made again when it is wanted.
+    """
+
+    action: Positional[Literal["size", "gc"]]
+    """say how large the store is; or find, and with --delete remove, what no run needs"""
+    keep: Annotated[int, option("N", integer("a number of runs", 1, MOST_ASKINGS))] = 5
+    """runs of each stage whose answers are kept"""
+    delete: bool = False
+    """delete; without it nothing is changed"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,7 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "database": (kinds.Database, "database_commands:database"),
     "simulate-robot": (policies.SimulateRobot, "simulate_robot_command:run"),
     "sources": (kinds.Sources, "database_commands:sources"),
+    "store": (kinds.Store, "store_command:run"),
     "view": (kinds.View, "view_command:run"),
     "play": (policies.Play, "play_command:run"),
     "webots-project": (policies.WebotsProject, "webots_command:run"),

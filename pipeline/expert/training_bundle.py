@@ -2,6 +2,7 @@
 
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
+<folder>/adapted_robot/<robot>/  the robot's own folder, for validation
 <folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
 <folder>/tracker.npz   the tracker, where the project has one
 <folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
@@ -23,17 +24,22 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.actuators.adapted_robot import read_actuators
+from pipeline.actuators.adapted_robot import motors_source, read_actuators
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
 from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
 from pipeline.files import atomic, digest
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
+from pipeline.robot.legs import legs_of
+from pipeline.simulation.run import fall_height
 
-SCHEMA = "booster-lab training bundle 1"
+SCHEMA = "booster-lab training bundle 2"
+ROBOT = "adapted_robot"
+"""Where the robot's folder is."""
 COMMAND_WINDOW_S = 1.0
 """The command that a frame obeys is its velocity averaged over this time: about a stride."""
 
@@ -77,6 +83,11 @@ def write_training_bundle(
         "robot.xml": robot.mjcf.encode(),
         "robot.json": _json(robot_facts(robot, robot_folder)),
         "expert.npz": expert_arrays(database),
+        **{
+            f"{ROBOT}/{robot.name}/{path.name}": path.read_bytes()
+            for path in sorted(robot_folder.iterdir())
+            if path.is_file()
+        },
     }
     if tracker is not None and tracker.clips:
         files |= {"tracker.npz": tracker.network.read_bytes(), "references.npz": reference_arrays(tracker.clips)}
@@ -84,6 +95,7 @@ def write_training_bundle(
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
+        "motors": motors_source(read_actuators(robot_folder)),
         "database_digest": database_version(database_folder),
         "licence": database.manifest["licence"],
         "clips": len(database.clips),
@@ -117,6 +129,10 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "policy_joints": breadth_first(robot),
         "default_joint_pos": robot.default_joint_pos.tolist(),
         "default_root_height": robot.default_root_height,
+        "fall_height": fall_height(robot),
+        "leg_length": robot.leg_length,
+        "weight": round(robot.total_mass, 3) * GRAVITY,
+        "leg_joints": [robot.joint_names[joint] for joint in legs_of(robot).all],
         "kp": robot.kp.tolist(),
         "kd": robot.kd.tolist(),
         "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],

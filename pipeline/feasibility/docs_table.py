@@ -11,19 +11,21 @@ from pathlib import Path
 
 from pipeline.errors import FileError
 from pipeline.feasibility import settings  # noqa: F401  registers the criteria
-from pipeline.feasibility.criterion import REGISTERED, groups
+from pipeline.feasibility.criterion import FRAMES, REGISTERED, groups
 
 _PLACE = re.compile(r"(<!-- criteria: .*? -->\n).*?(<!-- end of criteria -->)", re.DOTALL)
 
 
 def docs_table() -> str:
-    """A Markdown table: a row for each criterion, by group."""
-    rows = ["| group | criterion | what it is | unit | threshold | cut |", "|---|---|---|---|---|---|"]
+    """A Markdown table: a row for each criterion, by group; frames are what most of them cut, and are not named."""
+    rows = ["| group | criterion | what it is | threshold | cut |", "|---|---|---|---|---|"]
     for group, codes in groups().items():
         for index, code in enumerate(codes):
             each = REGISTERED[code]
             name = "" if index else group
-            rows.append(f"| {name} | `{code}` | {each.what} | {each.unit} | `{each.limit}` | {each.cuts} |")
+            unit = "" if each.unit == "-" or each.unit.startswith("of ") else f" [{each.unit}]"
+            cuts = "" if each.cuts == FRAMES else each.cuts
+            rows.append(f"| {name} | `{code}` | {each.what}{unit} | `{each.limit}` | {cuts} |")
     return "\n".join(rows) + "\n"
 
 

@@ -32,7 +32,7 @@ class Config:
 
     root_link: str
     key_links: tuple[str, ...]
-    """Links whose pose is used by tracking rewards and the discriminator."""
+    """Links whose pose is used by tracking rewards and the discriminator; the root link first."""
     hands: tuple[str, str]
     """Sites at the ends of the arms."""
     feet: tuple[str, str]

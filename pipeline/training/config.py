@@ -57,7 +57,7 @@ class SimulationConfig:
 class CommandsConfig:
     """How velocity commands are drawn; what the shares leave is drawn on all axes."""
 
-    standing_share: float = share(0.15, "commands to stand", source="paper: 0.10; sudden stops need more")
+    standing_share: float = share(0.20, "commands to stand", source="paper: 0.10; pushes at standing need more")
     single_axis_share: float = share(0.45, "commands on one axis alone", source="the suite's single commands")
     fast_share: float = share(0.20, "commands of 1 to 2 m/s forward", source="paper: 0.35")
     fast_yaw: float = option(
@@ -136,10 +136,20 @@ class PushesConfig:
 
     interval_s: tuple[float, float] = option((4.0, 8.0), "time between pushes", "s", PAPER_TEXT, 0.02, 1000.0)
     kick_m_s: tuple[float, float] = option(
-        (0.0, 1.8), "sudden change of the base's velocity", "m/s", "60 N s on 32 kg", 0.0, 5.0
+        (0.0, 1.8),
+        "sudden change of the base's velocity; of the T1, scaled to the robot",
+        "m/s",
+        "60 N s on 32 kg",
+        0.0,
+        5.0,
     )
     impulse_n_s: tuple[float, float] = option(
-        (0.0, 60.0), "impulse of a 0.1 s force on the trunk", "N s", f"{BARS}: pushes", 0.0, 200.0
+        (0.0, 60.0),
+        "impulse of a 0.1 s force on the trunk; of the T1, scaled to the robot",
+        "N s",
+        f"{BARS}: pushes",
+        0.0,
+        200.0,
     )
 
 
@@ -195,7 +205,7 @@ class ScheduleConfig:
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
     disturbance_ramp: tuple[float, float] = share(
-        (0.1, 0.4), "delays, slopes and pushes grow to their largest", source="most of the run at full strength"
+        (0.02, 0.1), "delays, slopes and pushes grow to their largest", source="small pushes teach the wrong step"
     )
 
 

@@ -1,7 +1,8 @@
 """Figures of a run's progress: sums over the environment's steps, which become columns of `curves.csv`.
 
 Columns: iteration; seconds of training so far; steps_per_s; episode_s (mean length of ended episodes); falls_per_min,
-stalls_per_min, lost_per_min (each environment); for each bin of commands the commanded and the achieved value on its
+stalls_per_min, lost_per_min (each environment); reward_<term> of each reward term (its mean, weighted [1/s]; times the
+control step they sum to task_reward); for each bin of commands the commanded and the achieved value on its
 axis, two seconds after the command at the earliest; followed (mean over the bins of achieved by commanded);
 touchdowns_per_min (at 0.6 to 1.2 m/s); learning_rate. AMP + PPO: task_reward, style_reward (means a step); d_expert,
 d_policy, accuracy, gradient_penalty (at the updates), d_rollout (on fresh windows); style_share, disturbance (ramps);
@@ -11,7 +12,7 @@ squared error of the action at the visited and at the learned states), teacher_s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 
@@ -37,7 +38,10 @@ BINS = {
 class Record:
     """Sums over steps and environments since they were last taken."""
 
-    def __init__(self, device: str):
+    def __init__(self, device: str, terms: Sequence[str]):
+        """`terms`: names of the reward terms, in the manager's order."""
+        self._terms = tuple(terms)
+        self._rewards = torch.zeros(len(terms), device=device)
         self._velocity = torch.zeros(len(BINS), 3, device=device)
         self._episodes = torch.zeros(6, device=device)
         self._touchdowns = torch.zeros(2, device=device)
@@ -46,6 +50,7 @@ class Record:
         """Add a step of the environment, after it."""
         walks = BINS["mid"][1](env.command)
         self._touchdowns += torch.stack([(env.robot_state.landed.sum(dim=1) * walks).sum(), walks.sum()])
+        self._rewards += env.reward_manager._step_reward.sum(dim=0)
         done, falls = env.reset_buf, fell(env)
         ends = [each.sum() for each in (falls, ended_by(env, "stalled") & ~falls, ended_by(env, "clip_lost") & ~falls)]
         lengths = (env.ended_steps * done).sum()
@@ -74,13 +79,15 @@ class Record:
             "stalls_per_min": stalls / minutes,
             "lost_per_min": losses / minutes,
         }
+        for name, total in zip(self._terms, self._rewards.tolist(), strict=True):
+            figures[f"reward_{name}"] = total / max(steps, 1.0)
         for name, (count, commanded, achieved) in zip(BINS, self._velocity.tolist(), strict=True):
             figures[f"{name}_commanded"] = commanded / count if count else float("nan")
             figures[f"{name}_achieved"] = achieved / count if count else float("nan")
         landed, walked = self._touchdowns.tolist()
         figures["touchdowns_per_min"] = 60.0 * landed / (walked * step_s) if walked else float("nan")
         figures["followed"] = followed(figures)
-        for sums in (self._touchdowns, self._velocity, self._episodes):
+        for sums in (self._touchdowns, self._velocity, self._episodes, self._rewards):
             sums.zero_()
         return figures
 

@@ -155,8 +155,8 @@ class AmpEnvironment(ManagerBasedRlEnv):
         self._no_torque = torch.zeros_like(self.push_w)[:, None]
         self.restarts.append(lambda mask: replace(self.push_w, mask, 0.0))
         self._motion = torch.zeros(self.num_envs, config.discriminator.frames, len(self.columns), device=self.device)
-        self.record = Record(self.device)
         super().load_managers()
+        self.record = Record(self.device, self.reward_manager.active_terms)
 
     @property
     def command(self) -> torch.Tensor:

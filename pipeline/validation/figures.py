@@ -38,7 +38,7 @@ FIGURES = {
             name="falls",
             unit="trials",
             lower_is_better=True,
-            definition="Trunk z < 0.45 m or tilt > 60 deg",
+            definition="root below 66 % of its height in the default pose, or tilt > 60 deg",
         ),
         Figure(name="survival", unit="share", lower_is_better=False, definition="trials that do not fall"),
         Figure(name="speed_error", unit="m/s", lower_is_better=True, definition="length of mean velocity less command"),

@@ -21,8 +21,9 @@ def waving(robot: Robot, seconds: float = 4.0) -> RobotClip:
     times_s = np.arange(clip.frame_count) / clip.fps
     swing = 0.25 * (1.0 - np.cos(np.pi * times_s))
     joints = clip.joint_pos.copy()
-    for name, sign in (("Left_Shoulder_Pitch", -1.0), ("Right_Shoulder_Pitch", -1.0), ("Head_pitch", 1.0)):
-        joints[:, robot.joint(name)] += sign * swing
+    signs = {"Left_Shoulder_Pitch": -1.0, "Right_Shoulder_Pitch": -1.0, "Head_pitch": 1.0}
+    for joint, name in enumerate(robot.joint_names):
+        joints[:, joint] += signs.get(name.removeprefix("A"), 0.0) * swing
     return RobotClip(**{**vars(clip), "joint_pos": joints})
 
 

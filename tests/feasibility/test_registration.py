@@ -78,7 +78,7 @@ def test_a_toy_criterion_decides_and_appears_in_every_table(toy, file: Path, rob
     summary = criteria_table.by_criterion(table).set_index("criterion").loc[CODE]
     assert (summary["clips"], summary["broken"], summary["closest clip"]) == (2, 1, "still")
     assert CODE in set(criteria_table.worst_margins(table)["criterion"])
-    assert f"| toys | `{CODE}` | {TOY.what} | m | `toy.way` | – |" in docs_table()
+    assert f"| toys | `{CODE}` | {TOY.what} [m] | `toy.way` | – |" in docs_table()
 
 
 def test_its_threshold_is_checked_as_the_others_are(toy, file: Path):

@@ -206,6 +206,36 @@ def test_the_papers_preset_runs_on_a_heightfield(bundle):
     assert torch.isfinite(reward).all()
 
 
+def test_each_reward_term_gives_one_finite_number_an_environment(bundle):
+    """With every option of the rewards at a weight, so that a new term is checked as soon as it has one."""
+    weights = {
+        name: -0.5 if facts["most"] == 0.0 else 0.5 for name, value, facts in RECIPE.options() if _weight(name, value)
+    }
+    env = AmpEnvironment(bundle, RECIPE.changed({**QUIET, **weights}), "cpu", seed=1)
+    env.reset()
+    manager, count = env.reward_manager, 3
+    totals, rewards = torch.zeros(len(manager.active_terms)), 0.0
+    for _ in range(count):
+        _, reward, *_ = env.step(torch.zeros(ENVS, 21))
+        for name in manager.active_terms:
+            cfg = manager.get_term_cfg(name)
+            value = cfg.func(env, **cfg.params)
+            assert value.shape == (ENVS,), name
+            assert torch.isfinite(value).all(), name
+        totals += torch.tensor(
+            [[rate[0] for _, rate in manager.get_active_iterable_terms(number)] for number in range(ENVS)]
+        ).mean(dim=0)
+        rewards += reward.mean().item()
+    figures = env.record.take(env.step_dt)
+    found = [figures[f"reward_{name}"] for name in manager.active_terms]
+    assert found == pytest.approx((totals / count).tolist(), rel=1e-4, abs=1e-6)
+    assert sum(found) * env.step_dt == pytest.approx(rewards / count, rel=1e-4)
+
+
+def _weight(name: str, value) -> bool:
+    return name.startswith("rewards.") and isinstance(value, float)
+
+
 @pytest.mark.parametrize("by_command", [True, False])
 def test_episodes_begin_at_frames_that_keep_their_command(bundle, by_command):
     bundle.expert.command[:] = [0.7, 0.1, 0.0]

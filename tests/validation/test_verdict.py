@@ -9,6 +9,7 @@ import pytest
 from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.robot import Robot
+from pipeline.robot.size import RobotSize
 from pipeline.validation.bars import (
     Agreement,
     Bar,
@@ -50,6 +51,7 @@ AGREEMENT = Agreement(
 
 def _settings(*reference: Measured) -> ValidationSettings:
     return ValidationSettings(
+        calibrated_on=RobotSize(leg_length=0.5516, mass=31.734),
         margins=MARGINS,
         required=REQUIRED,
         agreement=AGREEMENT,

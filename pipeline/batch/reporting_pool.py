@@ -21,11 +21,11 @@ class ReportingPool(ClipPool):
     what: str
     """What the calls are, as `parts of the trials`."""
 
-    def map(self, function: Callable[..., Any], calls: Sequence[tuple]) -> Iterator[Any]:
+    def map(self, function: Callable[..., Any], calls: Sequence[tuple], **options: Any) -> Iterator[Any]:
         """Results in order, as they come, with a line about every `EVERY_S`."""
         started = last = time.monotonic()
         print(f"{self.what}: 0 of {len(calls)}", file=sys.stderr, flush=True)
-        for count, result in enumerate(super().map(function, calls), 1):
+        for count, result in enumerate(super().map(function, calls, **options), 1):
             yield result
             now = time.monotonic()
             if now - last >= EVERY_S or count == len(calls):

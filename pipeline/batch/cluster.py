@@ -1,0 +1,184 @@
+"""Clips spread over the workers of a Dask cluster: one at an address, or worker processes on this machine.
+
+Tasks of a worker that dies go to the others. Results are gathered as they come and handed on in order; few calls are
+at the scheduler at a time, so its memory does not grow with the number of clips.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import functools
+import itertools
+import logging
+import runpy
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.code_version import LIBRARIES, PACKAGE, installed
+from pipeline.errors import PipelineError
+
+CALLS_PER_WORKER = 8
+"""Calls at the scheduler at a time, for each worker."""
+CONNECT_S = 20.0
+"""How long a scheduler, and then its first worker, may take to answer [s]."""
+
+
+class ClusterError(PipelineError):
+    """A Dask cluster that can't be used. `problem` says what to do."""
+
+    def __init__(self, problem: str):
+        super().__init__(f"clip_pool (backend dask): {problem}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cluster:
+    """A cluster whose workers run this process's code."""
+
+    client: Any
+    """`distributed.Client`."""
+    code: Mapping[str, Any]
+    """What `shipped_code` defines, sent by value."""
+    digest: str
+    """Digest of the code that workers run."""
+
+    @property
+    def workers(self) -> int:
+        return len(self.client.scheduler_info(n_workers=-1)["workers"])
+
+    def text(self) -> str:
+        """Where it is, and the link to Dask's dashboard."""
+        return (
+            f"dask: {self.workers} workers, scheduler {self.client.scheduler.address}, "
+            f"dashboard {self.client.dashboard_link}"
+        )
+
+    def map(
+        self,
+        function: Callable[..., Any],
+        calls: Sequence[tuple],
+        shared: Sequence[Path],
+        on_lost: Callable[[str], Any] | None,
+    ) -> Iterator[Any]:
+        """`ClipPool.map` on the cluster."""
+        import cloudpickle
+        import distributed
+
+        with _probes(shared) as probes:
+            loaded = self.client.submit(self.code["load"], cloudpickle.dumps(function), pure=False, retries=2)
+            todo, done = iter(enumerate(calls)), {}
+            running = distributed.as_completed(loop=self.client.loop)
+            index_of: dict[Any, int] = {}
+
+            def submit(count: int) -> None:
+                for index, call in itertools.islice(todo, count):
+                    asked = (loaded, self.digest, probes, cloudpickle.dumps(call))  # bytes: the scheduler looks inside
+                    future = self.client.submit(self.code["work"], *asked, pure=False)
+                    index_of[future] = index
+                    running.add(future)
+
+            try:
+                submit(CALLS_PER_WORKER * max(self.workers, 1))
+                for wanted in range(len(calls)):
+                    while wanted not in done:
+                        future = next(running)
+                        done[index_of.pop(future)] = _result(future, on_lost)
+                        submit(1)
+                    yield done.pop(wanted)
+            finally:
+                self.client.cancel(list(index_of), force=True)
+
+
+def _result(future: Any, on_lost: Callable[[str], Any] | None) -> Any:
+    """What a call returned; `on_lost` of a sentence where each worker that it was given to died."""
+    from distributed import KilledWorker
+
+    try:
+        unfit, result = future.result()
+        if unfit:
+            raise ClusterError(unfit)
+        return result
+    except KilledWorker as error:
+        text = f"each of {error.allowed_failures + 1} worker processes that worked on it died (out of memory?)."
+        if on_lost is None:
+            raise ClusterError(f"a task is lost: {text}") from error
+        return on_lost(text)
+
+
+@functools.cache
+def connected(address: str, workers: int) -> Cluster:
+    """The cluster at an address, or one of `workers` processes on this machine; kept until this process ends.
+
+    Raises ClusterError where Dask is not installed, nothing answers, or a worker can't be as this process is.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise ClusterError("Dask is not installed; run: pip install 'booster-lab[cluster]'") from error
+    logging.getLogger("distributed").setLevel(logging.WARNING)
+    cluster = None if address else _local_cluster(workers)
+    try:
+        client = distributed.Client(cluster or address, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"no scheduler answers at {address} ({error}); start one: dask scheduler") from error
+    _OPEN.append((client, cluster))
+    try:
+        client.wait_for_workers(1, timeout=CONNECT_S)
+    except TimeoutError as error:
+        do = f"start some: dask worker {address} --nthreads 1 --nworkers auto"
+        raise ClusterError(f"the scheduler at {address} has no workers; {do}") from error
+    # Run, not imported: what it defines belongs to no module that scheduler and workers would have to have.
+    code = runpy.run_path(str(Path(__file__).with_name("shipped_code.py")))
+    plugin = code["ShippedCode"](PACKAGE.parent, {name: installed(name) for name in LIBRARIES})
+    try:
+        client.register_plugin(plugin)
+    except RuntimeError as error:
+        raise ClusterError(f"{error}.") from error
+    return Cluster(client=client, code=code, digest=plugin.digest)
+
+
+def _local_cluster(workers: int) -> Any:
+    """Worker processes on this machine that nothing outside of it reaches."""
+    import distributed
+
+    return distributed.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        memory_limit=None,
+    )
+
+
+_OPEN: list[tuple[Any, Any]] = []
+"""Clients of this process, each with its cluster where that is on this machine."""
+
+
+@atexit.register
+def disconnect() -> None:
+    """Leave all clusters and end those of this process; what Dask logs of threads that have ended is of no interest."""
+    if _OPEN:
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    while _OPEN:
+        for each in _OPEN.pop():
+            if each is not None:
+                with contextlib.suppress(Exception):
+                    each.close()
+    connected.cache_clear()
+
+
+@contextlib.contextmanager
+def _probes(folders: Sequence[Path]) -> Iterator[tuple[str, ...]]:
+    """A file in each folder while the context lasts: a worker that does not see it has another folder there."""
+    probes = tuple(folder / f".shared.{uuid.uuid4().hex}" for folder in folders)
+    try:
+        for probe in probes:
+            probe.parent.mkdir(parents=True, exist_ok=True)
+            probe.touch()
+        yield tuple(map(str, probes))
+    finally:
+        for probe in probes:
+            probe.unlink(missing_ok=True)

@@ -1,0 +1,116 @@
+"""This project's code on the workers of a Dask cluster, the same that the scheduling process runs.
+
+The memo's key of an answer states the code that gave it, so a worker must not answer with other code. What is here is
+sent by value (`pipeline.batch.cluster`) and imports nothing of the project, which scheduler and workers may lack.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import io
+import shutil
+import sys
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import cloudpickle
+from distributed import WorkerPlugin, get_worker
+
+PACKAGE = "pipeline"
+WITH = ("pipeline/**/*", "data/*.yaml")
+"""What of the project's folder workers read."""
+CODE = "booster_lab_code"
+"""Attribute of a Dask worker: digest of the code that it runs."""
+
+
+def files_of(root: Path) -> dict[str, Path]:
+    """Files of the project in `root` that workers need, by their relative name."""
+    found = (path for pattern in WITH for path in root.glob(pattern) if path.is_file())
+    return {path.relative_to(root).as_posix(): path for path in sorted(found) if "__pycache__" not in path.parts}
+
+
+def digest_of(root: Path) -> str:
+    """Digest of the names and contents of `files_of(root)`."""
+    whole = hashlib.sha256()
+    for name, path in files_of(root).items():
+        whole.update(f"{name}\0{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return whole.hexdigest()
+
+
+class ShippedCode(WorkerPlugin):
+    """Make a worker run the code of `root`; it keeps its own where that is the same.
+
+    A worker raises RuntimeError where it can't be as the scheduling process is: libraries of other versions, several
+    threads.
+    """
+
+    name = "booster-lab code"
+    idempotent = False
+
+    def __init__(self, root: Path, libraries: Mapping[str, str]):
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, path in files_of(root).items():
+                archive.write(path, name)
+        self.archive, self.digest, self.libraries = stream.getvalue(), digest_of(root), dict(libraries)
+
+    def setup(self, worker: Any) -> None:
+        threads = worker.state.nthreads
+        if threads != 1:
+            raise RuntimeError(f"worker {worker.address} has {threads} threads; start it with --nthreads 1")
+        there = {name: _installed(name) for name in self.libraries}
+        wrong = [
+            f"{name} {there[name] or 'missing'}, wanted {wanted}"
+            for name, wanted in self.libraries.items()
+            if there[name] != wanted
+        ]
+        if wrong:
+            raise RuntimeError(f"worker {worker.address} has other libraries: {'; '.join(wrong)}")
+        if getattr(worker, CODE, None) == self.digest:
+            return
+        for module in [each for each in sys.modules if each.partition(".")[0] == PACKAGE]:
+            del sys.modules[module]
+        importlib.invalidate_caches()
+        own = importlib.util.find_spec(PACKAGE)
+        if own is None or not own.origin or digest_of(Path(own.origin).parent.parent) != self.digest:
+            folder = Path(worker.local_directory) / f"booster_lab_{self.digest[:12]}"
+            shutil.rmtree(folder, ignore_errors=True)
+            with zipfile.ZipFile(io.BytesIO(self.archive)) as archive:
+                archive.extractall(folder)
+            sys.path.insert(0, str(folder))
+            importlib.invalidate_caches()
+        setattr(worker, CODE, self.digest)
+
+
+def _installed(library: str) -> str:
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def load(function: bytes) -> Callable[..., Any]:
+    """The function that a worker keeps for all calls: what it caches, such as a compiled robot, is made once."""
+    return cloudpickle.loads(function)
+
+
+def work(function: Callable[..., Any], code: str, probes: Sequence[str], call: bytes) -> tuple[str, Any]:
+    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)`.
+
+    Args:
+        code: digest of the run's code
+        probes: files in folders of the run
+        call: the pickled arguments
+    """
+    worker = get_worker()
+    if getattr(worker, CODE, None) != code:
+        return f"another run gave worker {worker.address} other code; let one run at a time use a cluster.", None
+    for probe in map(Path, probes):
+        if not probe.is_file():
+            do = f"does not see the folder {probe.parent}; mount it there under the same path."
+            return f"worker {worker.address} {do}", None
+    return "", function(*cloudpickle.loads(call))
