@@ -121,10 +121,13 @@ def _pieces(
         labelled = dataclasses.replace(labelled, contacts=label_contacts(feet, clip.fps, settings.contact))
         pos_w = clip.body_pos_w[low:high]
         skating = _inside(find_skating(feet, pos_w, clip.fps, settings.contact), low, first, last)
-        fixed = _planted(labelled, pos_w, feet, skating, slice(first - low, last - low), floor, settings)
+        begun = min((one.start for one in skating), default=first)
+        ended = max((one.stop for one in skating), default=last)
+        sliding, whole = slice(begun - low, ended - low), slice(first - low, last - low)
+        fixed = _planted(labelled, pos_w, feet, bool(skating), (sliding, whole), _fastest(skating), floor, settings)
         if fixed is not None:
             labelled, feet, skating = fixed.clip, both_feet(fixed.clip, floor.height), []
-            gathered.append(reasons.of_planting(fixed, first, last, clip.fps, settings.contact))
+            gathered.append(reasons.of_planting(fixed, begun, ended, clip.fps, settings.contact))
         gathered += reasons.of_skating(skating, clip.fps, settings.contact)
         for start, stop in _between(skating, first, last):
             refused, piece = _piece(labelled, feet, start, stop, low, settings)
@@ -145,8 +148,9 @@ def _planted(
     labelled: HumanClip,
     pos_w: Positions,
     feet: tuple[FootPoints, FootPoints],
-    skating: list[Skating],
-    within: slice,
+    skates: bool,
+    spans: tuple[slice, slice],
+    fastest_m_s: float,
     floor: Floor,
     settings: RepairSettings,
 ) -> Planted | None:
@@ -155,10 +159,12 @@ def _planted(
     Args:
         labelled: the stretch and its surroundings, with contacts
         pos_w: its bodies before smoothing
-        skating: where its feet slide
-        within: frames of the stretch
+        skates: whether a stretch of sliding feet was found
+        spans: frames in which the feet slide, and those of the whole stretch
+        fastest_m_s: of sliding feet
     """
     contact, fps = settings.contact, labelled.fps
+    sliding, within = spans
     assert labelled.contacts is not None
 
     def too_fast(clip: HumanClip, feet: tuple[FootPoints, FootPoints], limit_m_s: float) -> bool:
@@ -166,17 +172,22 @@ def _planted(
         slip = stance_slip((feet[0].cut(within), feet[1].cut(within)), clip.contacts[within])
         return slip > limit_m_s + contact.slip_per_speed * _ground_speed(clip.pos("pelvis")[within], fps)
 
-    slides = bool(skating) or too_fast(labelled, feet, contact.slip_limit_m_s)
-    fast = any(one.speed_m_s > contact.plant_m_s for one in skating) or too_fast(labelled, feet, contact.plant_m_s)
+    slides = skates or too_fast(labelled, feet, contact.slip_limit_m_s)
+    fast = fastest_m_s > contact.plant_m_s or too_fast(labelled, feet, contact.plant_m_s)
     if not slides or fast:
         return None
-    found = planted(labelled, feet, labelled.contacts, within, contact.plant_m_s)
+    found = planted(labelled, feet, labelled.contacts, sliding, contact.plant_m_s)
     moved_w = found.clip.body_pos_w[:, :1] - labelled.body_pos_w[:, :1]
     after = both_feet(found.clip, floor.height)
     still = find_skating(after, pos_w + moved_w, fps, contact)
     if too_fast(found.clip, after, contact.slip_limit_m_s) or _inside(still, 0, within.start, within.stop):
         return None
     return found
+
+
+def _fastest(skating: list[Skating]) -> float:
+    """Highest speed [m/s] of stretches in which the feet slide, 0 without any."""
+    return max((one.speed_m_s for one in skating), default=0.0)
 
 
 def _piece(
