@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import mujoco
@@ -9,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.robot import Robot, mujoco_model
+from pipeline.robot import Robot
+from pipeline.robot.kinematics import compiled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,15 +26,14 @@ class SelfCollision:
 
 def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     """Overlap of shapes of links that are not parent and child; the ground is not looked at."""
-    model = mujoco_model(robot)
+    model = _model(robot.mjcf)
     data = mujoco.MjData(model)
+    qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
     depth = np.zeros(clip.frame_count)
     pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
     for frame in range(clip.frame_count):
-        data.qpos[:3], data.qpos[3:7] = clip.root_pos_w[frame], clip.root_quat_w[frame]
-        data.qpos[7:] = clip.joint_pos[frame]
+        data.qpos[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
         if data.ncon:
             worst = int(np.argmin(data.contact.dist))
@@ -40,3 +41,9 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
             shapes = data.contact.geom[worst]
             pairs[frame] = (model.geom(shapes[0]).name, model.geom(shapes[1]).name)
     return SelfCollision(depth=depth, pairs=tuple(pairs))
+
+
+@functools.lru_cache(maxsize=4)
+def _model(mjcf: str) -> mujoco.MjModel:
+    """The compiled model of a robot, which nobody changes: compiling takes longer than many a clip."""
+    return compiled(mjcf)
