@@ -45,12 +45,12 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
     ]
 
 
-def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
-    """A verdict a check on the database as it lies on the disk."""
+def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheckResult]:
+    """A verdict a check on the database as it is on the disk; without `frames` files are known by their digests."""
     from pipeline.expert import DatabaseError, check_database
 
     try:
-        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
+        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT), frames=frames)
     except DatabaseError as error:
         for name in (WHOLE, COVERED, COMMANDS):
             yield dg.AssetCheckResult(

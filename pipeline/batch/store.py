@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch.manifest import Manifest
+from pipeline.batch.pool import ClipPool
 from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
@@ -24,6 +25,9 @@ LOCK = "lock"
 
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
+
+A_CALL = 32
+"""Blobs that a process looks at before it reports."""
 
 MOST_ASKINGS = 100
 """Runs of a stage that are remembered."""
@@ -105,6 +109,16 @@ class Store:
     @property
     def _askings_path(self) -> Path:
         return self.root / "askings.json"
+
+    def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
+        """Clips of a manifest whose blobs do not round-trip."""
+        entries = manifest.entries
+        calls = [([each.blob for each in entries[first : first + A_CALL]],) for first in range(0, len(entries), A_CALL)]
+        whole = (each for found in pool.map(self._all_round_trip, calls, shared=[self.root]) for each in found)
+        return [entry.clip for entry, is_whole in zip(entries, whole, strict=True) if not is_whole]
+
+    def _all_round_trip(self, blobs: list[str]) -> list[bool]:
+        return [self.round_trips(blob) for blob in blobs]
 
     def recall(self, key: str, stage: str) -> dict[str, Any] | None:
         """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.

@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import json
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
@@ -19,14 +21,22 @@ import numpy as np
 import pandas as pd
 
 from pipeline import rotation
+from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
-from pipeline.expert.read import check_database
+from pipeline.expert.read import DatabaseError, check_database, read_clip
 from pipeline.expert.swap import DatabaseSettings, replace_folder
 from pipeline.files import digest
 from pipeline.robot import Robot
+
+HERE = ClipPool(backend="sequential")
+
+A_CALL = 8
+"""Clips that a process writes before it reports."""
+AT_A_TIME = 512
+"""Clips whose entries are at hand at a time where several processes write."""
 
 MAX_JOINT_STEP = 0.05
 """Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
@@ -73,10 +83,26 @@ def file_name(clip: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StoredClip:
+    """A clip that whoever writes it takes from the store."""
+
+    name: str
+    blob: str
+    store: Store
+
+    def load(self) -> RobotClip:
+        """The clip. Raises FileError where the blob is missing or damaged, ClipError where it is no robot's motion."""
+        clip = self.store.get_clip(self.blob, self.name)
+        if not isinstance(clip, RobotClip):
+            raise ClipError(self.name, "kind", "is a human's motion; a database holds a robot's")
+        return clip
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExpertEntry:
     """One clip for the database."""
 
-    clip: RobotClip
+    clip: RobotClip | StoredClip
     weight: float
     """`MotionWeight`: relative probability of being drawn; positive."""
     skill: str
@@ -105,23 +131,25 @@ def write_database(
     *,
     stages: Mapping[str, Any],
     settings: DatabaseSettings | None = None,
+    pool: ClipPool = HERE,
 ) -> dict:
     """Replace the database in `folder` by one of `entries`; its manifest.
 
     The new one is read and checked before it takes the place of the old one. The order of the entries doesn't matter;
-    each is written as it comes and let go. Raises ClipError for an entry that can't be in the database (rate, joints,
-    weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back, and FileError
-    when the disk refuses; the previous database stays then.
+    a few are written at a time, as they come, and let go. Raises ClipError for an entry that can't be in the database
+    (rate, joints, weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back,
+    and FileError when the disk refuses; the previous database stays then.
 
     Args:
         stages: version and settings of each stage, for the manifest
         settings: keep the old database in the history, and raise DatabaseLossError where the new one lost more than
             they allow; without them the old one is removed, whatever it held
+        pool: processes that write clips; for more than one, entries should name stored clips
     """
     made: dict = {}
 
     def fill(part: Path) -> None:
-        rows = sorted(_write_clips(part, entries, robot), key=lambda row: row["clip"])
+        rows = sorted(_write_clips(part, entries, robot, pool), key=lambda row: row["clip"])
         if not rows:
             raise NoClipsError(folder)
         (part / index.FILE).write_bytes(index.encode(rows))
@@ -133,7 +161,7 @@ def write_database(
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part)
+        check_database(part, frames=False)  # each clip was read back by whoever wrote it
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -152,12 +180,16 @@ def write_database(
 
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
-    frames = rounded(expert_frames(entry.clip, robot), len(robot.controlled))
+    return _encoded(entry, _loaded(entry), robot)
+
+
+def _encoded(entry: ExpertEntry, clip: RobotClip, robot: Robot) -> bytes:
+    frames = rounded(expert_frames(clip, robot), len(robot.controlled))
     head = {
         "FrameDuration": 1.0 / FPS,
         "MotionWeight": entry.weight,
-        "LoopMode": loop_mode(entry.clip),
-        "Clip": entry.clip.name,
+        "LoopMode": loop_mode(clip),
+        "Clip": clip.name,
         "Robot": robot.name,
         "Skill": entry.skill,
         "Licence": entry.licence,
@@ -169,35 +201,66 @@ def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     return ("{\n" + ",\n".join(lines) + ',\n"Frames": [\n' + body + "\n]}\n").encode()
 
 
-def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot) -> Iterator[dict[str, Any]]:
-    """A row of the index for each entry, written."""
+def _loaded(entry: ExpertEntry) -> RobotClip:
+    return entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
+
+
+def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool) -> Iterator[dict[str, Any]]:
+    """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
     names: set[str] = set()
     texts: dict[str, str] = {}
-    for entry in entries:
-        _check(entry, names)
-        names.add(entry.clip.name)
-        row = _write_clip(part, entry, robot)
-        # Of what stages say of a clip only reasons are its own: equal texts are kept once.
-        yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
+    faults: list[str] = []
+    for few in _in_batches(entries, pool):
+        for entry in few:
+            _check(entry, names)
+            names.add(entry.clip.name)
+        plain = [dataclasses.replace(entry, numbers={}, stages={}) for entry in few]
+        calls = [(part, plain[start : start + A_CALL], robot) for start in range(0, len(plain), A_CALL)]
+        written = (each for found in pool.map(_write_files, calls, shared=[part.parent]) for each in found)
+        for entry, (own, own_faults) in zip(few, written, strict=True):
+            faults += own_faults
+            row = index.row(
+                entry.numbers,
+                **own,
+                clip=entry.clip.name,
+                weight=entry.weight,
+                skill=entry.skill,
+                licence=entry.licence,
+                stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+            )
+            # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+            yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
+    if faults:
+        raise DatabaseError(part, faults)
 
 
-def _write_clip(part: Path, entry: ExpertEntry, robot: Robot) -> dict[str, Any]:
-    data = encode_clip(entry, robot)
-    name = file_name(entry.clip.name)
+def _in_batches(entries: Iterable[ExpertEntry], pool: ClipPool) -> Iterator[list[ExpertEntry]]:
+    """One entry at a time where this process writes them, else as many as keep all processes at work for a while."""
+    rest = iter(entries)
+    size = 1 if pool.backend == HERE.backend else AT_A_TIME
+    while few := list(itertools.islice(rest, size)):
+        yield few
+
+
+def _write_files(part: Path, entries: list[ExpertEntry], robot: Robot) -> list[tuple[dict[str, Any], list[str]]]:
+    """Of each entry, written and read back: what its row of the index says of the file, and the file's faults."""
+    return [_write_file(part, entry, robot) for entry in entries]
+
+
+def _write_file(part: Path, entry: ExpertEntry, robot: Robot) -> tuple[dict[str, Any], list[str]]:
+    clip = _loaded(entry)
+    data, name = _encoded(entry, clip, robot), file_name(clip.name)
     (part / name).write_bytes(data)
-    return index.row(
-        entry.numbers,
-        clip=entry.clip.name,
-        file=name,
-        sha256=digest.of_bytes(data),
-        frames=entry.clip.frame_count,
-        seconds=entry.clip.duration_s,
-        weight=entry.weight,
-        skill=entry.skill,
-        licence=entry.licence,
-        loop_mode=loop_mode(entry.clip),
-        stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
-    )
+    faults: list[str] = []
+    read_clip(part, name, clip.name, manifest.frame_facts(robot), faults)
+    own = {
+        "file": name,
+        "sha256": digest.of_bytes(data),
+        "frames": clip.frame_count,
+        "seconds": clip.duration_s,
+        "loop_mode": loop_mode(clip),
+    }
+    return own, faults
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:

@@ -11,14 +11,18 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from pipeline.batch import ClipPool, Store
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError
 from pipeline.expert import (
     DatabaseError,
     ExpertEntry,
     NoClipsError,
+    StoredClip,
     check_database,
     read_database,
     swap,
+    write,
     write_database,
 )
 from pipeline.expert.write import file_name
@@ -61,6 +65,41 @@ def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_p
     assert manifest["licence"]["strictest"] == "non-commercial"
     assert manifest["seconds"] == pytest.approx(2.4)
     assert manifest["robot_digest"] == robot.digest
+
+
+def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
+    store = Store(root=tmp_path / "store")
+    entries = _entries(robot, 12)
+    stored = [
+        dataclasses.replace(
+            entry, clip=StoredClip(name=entry.clip.name, blob=store.put_clip(_motion(entry)), store=store)
+        )
+        for entry in entries
+    ]
+    write_database(tmp_path / "one", entries, robot, stages={})
+    write_database(tmp_path / "two", stored, robot, stages={}, pool=ClipPool(workers=2))
+    assert _bytes(tmp_path / "two") == _bytes(tmp_path / "one")
+
+
+def _motion(entry: ExpertEntry) -> RobotClip:
+    assert isinstance(entry.clip, RobotClip)
+    return entry.clip
+
+
+def test_a_file_that_does_not_read_back_keeps_the_database_out_of_its_place(robot: Robot, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(write, "rounded", lambda frames, controlled: frames * 1.001)
+    with pytest.raises(DatabaseError, match=r"clip0.*a quaternion whose length is off by 1\.0e-03"):
+        write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+    assert not (tmp_path / "t1").exists()
+
+
+def test_files_are_known_by_their_digests_where_no_frames_are_read(robot: Robot, tmp_path: Path):
+    write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+    assert len(check_database(tmp_path / "t1", frames=False).index) == 2
+    path = tmp_path / "t1" / file_name("source/clip0@0-60~mirror")
+    path.write_bytes(path.read_bytes().replace(b"Clamp", b"Wrap_"))
+    with pytest.raises(DatabaseError, match="its content is not the one the manifest states"):
+        check_database(tmp_path / "t1", frames=False)
 
 
 def test_a_clip_file_has_the_keys_of_the_paper(robot: Robot, tmp_path: Path):
