@@ -2,11 +2,10 @@
 
     python benchmarks/scale.py [--sizes 100,1000,10000] [--workers 2] [--json] [--keep FOLDER]
 
-The clips are as cheap as they can be: a tenth of a second of a standing T1, of which each stage changes a little. So what
-is measured is the rest: asking the memo, spreading clips over processes, manifests, the table of criteria, weights, and
-the database. Each size runs in processes of its own: cold, with nothing changed, and with one clip more. Time is
-processor time of all processes; memory is the largest resident memory of the main process, imports included.
-docs/benchmarks.md explains the figures.
+The clips are as cheap as they can be: a tenth of a second of a standing T1, which each stage changes a little. What is
+measured is the rest: asking the memo, spreading clips over processes, manifests, weights, and the database. Each size
+runs in processes of its own: cold, with nothing changed, and with one clip more. Time is processor time of all
+processes; memory is the largest resident memory of the main process, imports included.
 """
 
 from __future__ import annotations
@@ -34,6 +33,7 @@ from pipeline.clips.robot_clip import RobotClip  # noqa: E402
 from pipeline.expert import ExpertEntry, StoredClip, write_database  # noqa: E402
 from pipeline.expert.index import database_version  # noqa: E402
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance  # noqa: E402
+from pipeline.feasibility.command_space import VELOCITIES  # noqa: E402
 from pipeline.files import digest, settings  # noqa: E402
 from pipeline.robot import load_robot  # noqa: E402
 from tests.factories.robot_clips import standing  # noqa: E402
@@ -44,7 +44,6 @@ SECONDS = 0.1
 """Length of a clip [s]."""
 NUMBERS = 12
 """Numbers that each stage adds to a clip, as many as the real ones do on average."""
-FAMILY_COLUMNS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s")
 
 MOST_MAIN_MB = 1500.0
 MOST_UNCHANGED_S = 20.0
@@ -66,7 +65,8 @@ def pass_on(clip: RobotClip, numbers: dict, *, stage: str) -> Outcome:
     number = int(numbers["number"])
     own = {f"{stage}_{index}": (number * 7 + index) / 1000.0 for index in range(NUMBERS)}
     if stage == STAGES[-1]:
-        own |= {name: 0.1 * ((number >> 3 * axis) % 8) for axis, name in enumerate(FAMILY_COLUMNS)}
+        own |= {name: 0.1 * ((number >> 3 * axis) % 8) for axis, name in enumerate(VELOCITIES)}
+        own["root_jerk"] = 1.0
     return Outcome(pieces=(Piece(clip=lifted, numbers=own),))
 
 
@@ -156,7 +156,9 @@ def _bar(name: str, value: float, unit: str, bound: float | None) -> Bar:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", type=lambda text: [int(each) for each in text.split(",")], default=[100, 1000, 10000])
+    parser.add_argument(
+        "--sizes", type=lambda text: [int(each) for each in text.split(",")], default=[100, 1000, 10000]
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.add_argument("--keep", type=Path, help="leave the stores and databases in this folder")

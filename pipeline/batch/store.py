@@ -56,7 +56,7 @@ class Store:
     def holds(self, blob: str) -> bool:
         """Whether a blob is there and its content is its name; one that nobody touched is read once."""
         try:
-            return self.blobs.has(blob) and self._digests.of(self.blobs.path(blob)) == blob
+            return self._digests.of(f"{self.root}/blobs/{blob[:2]}/{blob}") == blob
         except OSError:
             return False
 
@@ -126,12 +126,11 @@ class Store:
         The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
         """
         path, asked_ns = self._memo_path(key), self._asking(stage)
-        if not path.is_file():
-            return None
         try:
-            answer = json.loads(path.read_text())
+            with open(path, "rb") as stream:  # noqa: PTH123, asked for each clip of each stage
+                answer = json.loads(stream.read())
             blobs = [piece["blob"] for piece in answer["pieces"]]
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
         if not all(map(self.holds, blobs)):
             return None
@@ -145,7 +144,7 @@ class Store:
         It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
         JSON or not there, and its question is asked again.
         """
-        path = self._memo_path(key)
+        path = Path(self._memo_path(key))
         aside = path.with_name(f".{key}.{os.getpid()}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -158,8 +157,8 @@ class Store:
                 aside.unlink(missing_ok=True)
             raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
 
-    def _memo_path(self, key: str) -> Path:
-        return self.root / "memo" / key[:2] / f"{key}.json"
+    def _memo_path(self, key: str) -> str:
+        return f"{self.root}/memo/{key[:2]}/{key}.json"
 
     def manifest_path(self, asset: str) -> Path:
         """Where the manifest of an asset lies; `asset` is its key with slashes."""

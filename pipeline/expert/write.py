@@ -27,13 +27,14 @@ from pipeline.errors import ClipError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
 from pipeline.expert.read import DatabaseError, check_database, read_clip
-from pipeline.expert.swap import DatabaseSettings, replace_folder
+from pipeline.expert.swap import DatabaseSettings, current, replace_folder
+from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
 from pipeline.robot import Robot
 
 HERE = ClipPool(backend="sequential")
 
-A_CALL = 8
+A_CALL = 16
 """Clips that a process writes before it reports."""
 AT_A_TIME = 512
 """Clips whose entries are at hand at a time where several processes write."""
@@ -147,9 +148,10 @@ def write_database(
         pool: processes that write clips; for more than one, entries should name stored clips
     """
     made: dict = {}
+    known = Known(folder=current(folder), written=read_written(folder, robot), made={})
 
     def fill(part: Path) -> None:
-        rows = sorted(_write_clips(part, entries, robot, pool), key=lambda row: row["clip"])
+        rows = sorted(_write_clips(part, entries, robot, pool, known), key=lambda row: row["clip"])
         if not rows:
             raise NoClipsError(folder)
         (part / index.FILE).write_bytes(index.encode(rows))
@@ -157,6 +159,9 @@ def write_database(
         shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
         text = manifest.sealed(part, head)
+        changed = [row["file"] for row in rows if text["files"].get(row["file"]) != row["sha256"]]
+        if changed:
+            raise DatabaseError(part, [f"{file}: its content is not what was written" for file in changed])
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 
@@ -175,37 +180,58 @@ def write_database(
     else:
         replace_folder(folder, fill, check=check, keep=lambda old: history.keep(folder, old))
         history.prune(folder, settings.kept_versions)
+    if known.made:
+        note_written(folder, robot, known.made)
     return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """Frames that need not be encoded again, and those of the database that is being written."""
+
+    folder: Path
+    """The database in place."""
+    written: Mapping[str, WrittenFrames]
+    """Blob of a clip -> its frames in the database in place."""
+    made: dict[str, WrittenFrames]
+    """Blob of a clip -> its frames in the new database."""
 
 
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
-    return _encoded(entry, _loaded(entry), robot)
+    clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
+    return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + _frames_text(clip, robot)
 
 
-def _encoded(entry: ExpertEntry, clip: RobotClip, robot: Robot) -> bytes:
-    frames = rounded(expert_frames(clip, robot), len(robot.controlled))
+def _columns_text(robot: Robot) -> str:
+    return json.dumps([vars(column) for column in columns(robot)])
+
+
+def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> bytes:
     head = {
         "FrameDuration": 1.0 / FPS,
         "MotionWeight": entry.weight,
-        "LoopMode": loop_mode(clip),
-        "Clip": clip.name,
+        "LoopMode": mode,
+        "Clip": entry.clip.name,
         "Robot": robot.name,
         "Skill": entry.skill,
         "Licence": entry.licence,
         "QuaternionOrder": "wxyz",
-        "Columns": [vars(column) for column in columns(robot)],
     }
     lines = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in head.items()]
+    lines.append(f'"Columns": {columns_text}')
+    return ("{\n" + ",\n".join(lines) + ",\n").encode()
+
+
+def _frames_text(clip: RobotClip, robot: Robot) -> bytes:
+    frames = rounded(expert_frames(clip, robot), len(robot.controlled))
     body = ",\n".join(json.dumps(frame, separators=(",", ":"), allow_nan=False) for frame in frames.tolist())
-    return ("{\n" + ",\n".join(lines) + ',\n"Frames": [\n' + body + "\n]}\n").encode()
+    return FRAMES + (body + "\n]}\n").encode()
 
 
-def _loaded(entry: ExpertEntry) -> RobotClip:
-    return entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
-
-
-def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool) -> Iterator[dict[str, Any]]:
+def _write_clips(
+    part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool, known: Known
+) -> Iterator[dict[str, Any]]:
     """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
     names: set[str] = set()
     texts: dict[str, str] = {}
@@ -214,15 +240,21 @@ def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool:
         for entry in few:
             _check(entry, names)
             names.add(entry.clip.name)
-        plain = [dataclasses.replace(entry, numbers={}, stages={}) for entry in few]
-        calls = [(part, plain[start : start + A_CALL], robot) for start in range(0, len(plain), A_CALL)]
+        asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
+        calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
         written = (each for found in pool.map(_write_files, calls, shared=[part.parent]) for each in found)
-        for entry, (own, own_faults) in zip(few, written, strict=True):
+        for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
+            if isinstance(entry.clip, StoredClip):
+                known.made[entry.clip.blob] = own
             row = index.row(
                 entry.numbers,
-                **own,
                 clip=entry.clip.name,
+                file=own.file,
+                sha256=sha256,
+                frames=own.frames,
+                seconds=own.seconds,
+                loop_mode=own.loop_mode,
                 weight=entry.weight,
                 skill=entry.skill,
                 licence=entry.licence,
@@ -242,25 +274,45 @@ def _in_batches(entries: Iterable[ExpertEntry], pool: ClipPool) -> Iterator[list
         yield few
 
 
-def _write_files(part: Path, entries: list[ExpertEntry], robot: Robot) -> list[tuple[dict[str, Any], list[str]]]:
-    """Of each entry, written and read back: what its row of the index says of the file, and the file's faults."""
-    return [_write_file(part, entry, robot) for entry in entries]
+def _blob(entry: ExpertEntry) -> str:
+    """The blob of a stored clip; empty for one that is at hand."""
+    return entry.clip.blob if isinstance(entry.clip, StoredClip) else ""
 
 
-def _write_file(part: Path, entry: ExpertEntry, robot: Robot) -> tuple[dict[str, Any], list[str]]:
-    clip = _loaded(entry)
-    data, name = _encoded(entry, clip, robot), file_name(clip.name)
-    (part / name).write_bytes(data)
+Written = tuple[WrittenFrames, str, list[str]]
+"""Frames of a clip in a file, the file's digest and its faults."""
+
+
+def _write_files(
+    part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
+) -> list[Written]:
+    """Entries written: those whose frames the database in place has are copied, others encoded and read back."""
+    columns_text = _columns_text(robot)
+    return [_write_file(part, entry, robot, columns_text, written, in_place) for entry, written in entries]
+
+
+def _write_file(
+    part: Path, entry: ExpertEntry, robot: Robot, columns_text: str, written: WrittenFrames | None, in_place: Path
+) -> Written:
+    name, text = file_name(entry.clip.name), written.text(in_place) if written else None
     faults: list[str] = []
+    if written and text:
+        data = _head(entry, written.loop_mode, robot, columns_text) + text
+        (part / name).write_bytes(data)
+        return dataclasses.replace(written, file=name), digest.of_bytes(data), faults
+    clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
+    mode, text = loop_mode(clip), _frames_text(clip, robot)
+    data = _head(entry, mode, robot, columns_text) + text
+    (part / name).write_bytes(data)
     read_clip(part, name, clip.name, manifest.frame_facts(robot), faults)
-    own = {
-        "file": name,
-        "sha256": digest.of_bytes(data),
-        "frames": clip.frame_count,
-        "seconds": clip.duration_s,
-        "loop_mode": loop_mode(clip),
-    }
-    return own, faults
+    own = WrittenFrames(
+        file=name,
+        text_sha256=digest.of_bytes(text),
+        frames=clip.frame_count,
+        seconds=clip.duration_s,
+        loop_mode=mode,
+    )
+    return own, digest.of_bytes(data), faults
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:

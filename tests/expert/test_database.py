@@ -26,6 +26,7 @@ from pipeline.expert import (
     write_database,
 )
 from pipeline.expert.write import file_name
+from pipeline.expert.written_frames import FRAMES
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 
@@ -79,6 +80,34 @@ def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
     write_database(tmp_path / "one", entries, robot, stages={})
     write_database(tmp_path / "two", stored, robot, stages={}, pool=ClipPool(workers=2))
     assert _bytes(tmp_path / "two") == _bytes(tmp_path / "one")
+
+
+def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_path: Path, monkeypatch):
+    store = Store(root=tmp_path / "store")
+    clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in _entries(robot, 3)]
+    frames, names = write.expert_frames, [clip.name for clip in clips]
+
+    def write_weighed(folder: Path, weight: float) -> list[str]:
+        """Clips that were encoded when all had this weight."""
+        encoded: list[str] = []
+        monkeypatch.setattr(
+            write, "expert_frames", lambda clip, robot: encoded.append(clip.name) or frames(clip, robot)
+        )
+        entries = [ExpertEntry(clip=clip, weight=weight, skill="walk", licence="CC0-1.0") for clip in clips]
+        write_database(folder, entries, robot, stages={})
+        return encoded
+
+    assert write_weighed(tmp_path / "t1", 1.0) == names
+    assert write_weighed(tmp_path / "t1", 2.0) == []
+    assert write_weighed(tmp_path / "from_nothing", 2.0) == names
+    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
+    path = tmp_path / "t1" / file_name(names[1])
+    head, _, text = path.read_bytes().partition(FRAMES)
+    path.write_bytes(head + FRAMES + text.replace(b"0.", b"1.", 3))
+    assert write_weighed(tmp_path / "t1", 2.0) == [names[1]], "damaged frames are not copied"
+    (tmp_path / ".t1.frames").write_text('{"of": ["other code", ""], "clips": {}}')
+    assert write_weighed(tmp_path / "t1", 2.0) == names
+    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
 
 
 def _motion(entry: ExpertEntry) -> RobotClip:
