@@ -18,7 +18,7 @@ from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import picture, table_of
 from assets.resources import ClipPoolResource
-from assets.training_process import TrainingConfig, commit_of, gpus_here, run_of
+from assets.training_process import TrainingConfig, gpus_here, run_of
 from pipeline.batch import Manifest
 from pipeline.files import atomic, digest
 from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs
@@ -81,7 +81,7 @@ def _measured(plan: Plan, config: AblationConfig, clip_pool: ClipPoolResource, l
 def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: Any) -> Path:
     """Train every arm with every seed, one after the other, and write what came of it; its folder."""
     bundle, about = bundle_of(PROJECT, robot)
-    runs, curves, commit = [], {}, commit_of(PROJECT.root)
+    runs, curves = [], {}
     for seed in config.seeds:
         for arm, augmented in ARMS.items():
             asked = config.model_copy(update={"seed": seed})
@@ -91,7 +91,7 @@ def train_arms(config: AblationConfig, robot: str, pool: ClipPoolResource, log: 
             train_beside_others(run, PROJECT, robot, log)
             name = f"{arm}-seed{seed}"
             curves[name] = run.folder / CURVES
-            facts = run_facts(run, robot, commit)
+            facts = run_facts(run, robot)
             figures = {} if run.trial else figures_of(run.folder / POLICY, robot, pool)
             runs.append({"name": name, "arm": arm, "seed": seed, "run": facts, "figures": figures})
     trained = {"preset": config.preset, "options": config.options, "origin": HERE}

@@ -1,13 +1,11 @@
 """`amp_policy`: a policy trained on the expert database in a process of its own, its checkpoint chosen by a sweep."""
 
-import dataclasses
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
-import pandas as pd
 
 from assets.actuators import declared
 from assets.approved import approved_key, approved_part
@@ -16,28 +14,18 @@ from assets.plainly import told_plainly
 from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import table_of
-from assets.resources import ClipPoolResource, store_left_to_others
+from assets.resources import store_left_to_others
 from assets.tracking_policy import tracker_file
 from assets.training_process import (
     Run,
     TrainingConfig,
     TrainingFailedError,
-    commit_of,
-    policy_of_checkpoint,
     run_of,
     train,
 )
-from assets.training_report import curves_of
+from assets.training_report import curves_of, validation_of
 from pipeline.batch import Manifest
 from pipeline.files import digest
-
-
-class AmpConfig(TrainingConfig):
-    """What is trained, and how its checkpoint is chosen."""
-
-    choose_from: int = 5
-    """The last checkpoints that are swept in plain MuJoCo; the best is the policy. 0: the newest, unswept."""
 
 
 def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
@@ -47,29 +35,25 @@ def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
 
     @dg.asset(**declared(plan, "pytorch", deps=deps), output_required=False)
-    def amp_policy(
-        context: dg.AssetExecutionContext, config: AmpConfig, clip_pool: ClipPoolResource
-    ) -> Iterator[dg.MaterializeResult]:
+    def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig) -> Iterator[dg.MaterializeResult]:
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
         if asked_for(context, plan):
             with told_plainly():
-                yield _trained(plan, config, clip_pool, context.log)
+                yield _trained(plan, config, context.log)
 
     return amp_policy
 
 
-def _trained(plan: Plan, config: AmpConfig, clip_pool: ClipPoolResource, log: Any) -> dg.MaterializeResult:
-    """Train, choose the checkpoint, and state what came of it."""
+def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResult:
+    """Run the chain, and state what came of it."""
     robot = plan.robot or DEFAULT_ROBOT
     bundle, about = bundle_of(PROJECT, robot)
     wider = widened(config.preset, approved_part(PROJECT, "randomization", plan.robot))
     run = run_of(config, PROJECT.policy_runs(robot), bundle, digest.of_json(about), options=wider)
-    commit = commit_of(PROJECT.root)
     train_beside_others(run, PROJECT, robot, log)
-    chosen, sweep = choose_checkpoint(run, robot, config.choose_from, clip_pool)
-    facts = run_facts(run, robot, commit) | {"stage": plan.name, "policy": chosen.relative_to(run.folder).as_posix()}
+    facts = run_facts(run, robot) | {"stage": plan.name, "policy": "policy.npz"}
     manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
-    metadata = {**curves_of(run.folder), **sweep, **_metadata(run, facts, about)}
+    metadata = {**curves_of(run.folder), **validation_of(run.folder), **_metadata(run, facts, about)}
     return result_of(plan, manifest, metadata, [])
 
 
@@ -151,48 +135,18 @@ def _trained_on(run: Run, project: Project, robot: str) -> str:
     return digest.of_json([digest.of_files(sorted(files), adapted), digest.of_file(run.bundle / "bundle.json")])
 
 
-def choose_checkpoint(run: Run, robot: str, count: int, pool: ClipPoolResource) -> tuple[Path, dict[str, Any]]:
-    """The npz of the best of the last `count` checkpoints in a sweep (of a trial: the newest), and its metadata."""
-    newest = run.folder / "policy.npz"
-    if run.trial or count == 0:
-        why = "a trial" if run.trial else "asked for"
-        return newest, {"checkpoint": f"the newest, not swept: {why}"}
-    from pipeline.deployment import load_policy
-    from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
-    from pipeline.validation.deployed import deployed
-
-    states = sorted((run.folder / "amp" / "checkpoints").glob("model_*.pt"))[-count:]
-    files = {int(path.stem.split("_")[1]): policy_of_checkpoint(run, path, PROJECT.root) for path in states}
-    robots = {number: deployed(PROJECT.adapted_robot(robot), load_policy(path)) for number, path in files.items()}
-    found = sweep_checkpoints(robots, pool.pool())
-    chosen = best(found)
-    rows = pd.DataFrame([each.to_dict() for each in found])
-    choice = f"iteration {chosen.iteration}, the best of {len(found)} in the sweep without noise"
-    return files[chosen.iteration], {"checkpoint": choice, "sweep of checkpoints": table_of(rows, list(rows))}
-
-
-def run_facts(run: Run, robot: str, commit: str) -> dict[str, Any]:
+def run_facts(run: Run, robot: str) -> dict[str, Any]:
     """What is noted of a run that is done."""
+    config = json.loads((run.folder / "config.json").read_text())
     return {
         "robot": robot,
         "run": run.folder.name,
         "folder": run.folder.relative_to(PROJECT.root).as_posix(),
         "trial": run.trial,
-        "commit": commit,
-        "command": _portable(run),
+        **{name: config[name] for name in ("commit", "command")},
         "network": digest.of_file(run.folder / "policy.npz"),
         "done": json.loads((run.folder / "done.json").read_text()),
     }
-
-
-def _portable(run: Run) -> str:
-    """The command that makes the run again, with paths from the project's root."""
-
-    def near(path: Path | None) -> Path | None:
-        return path.relative_to(PROJECT.root) if path is not None and path.is_relative_to(PROJECT.root) else path
-
-    paths = {name: near(getattr(run, name)) for name in ("folder", "bundle")}
-    return f"python {' '.join(dataclasses.replace(run, **paths).command)}"
 
 
 def _metadata(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:

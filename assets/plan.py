@@ -39,12 +39,16 @@ class Plan:
     as_they_are: tuple[str, ...] = ()
     """Names of inputs that are taken as they are: never made for this asset, and it is not stale because they are.
     New content of them makes it stale."""
+    names_robot: bool = False
+    """Whether the key has the robot's name although it is the default robot: a training is started by its name."""
     shipped_policies: bool = False
     """Whether it depends on the policies that ship with the robot."""
 
     @property
     def key(self) -> dg.AssetKey:
-        return dg.AssetKey([self.name]) if self.robot in (None, DEFAULT_ROBOT) else dg.AssetKey([self.robot, self.name])
+        if self.robot is None or (self.robot == DEFAULT_ROBOT and not self.names_robot):
+            return dg.AssetKey([self.name])
+        return dg.AssetKey([self.robot, self.name])
 
     def code_version(self) -> str:
         return code_version(*self.packages)
@@ -162,7 +166,7 @@ def policy_plans(robot: str) -> tuple[Plan, ...]:
     """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
     export, trained = ("export", "deployment"), ("training", "learning", "expert", "tracking")
     return (
-        Plan(name="amp_policy", packages=trained, robot=robot),
+        Plan(name="amp_policy", packages=(*trained, "validation", "dart", *export), robot=robot, names_robot=True),
         Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),
         Plan(
             name="exported_policy",

@@ -71,8 +71,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     """
     import numpy as np
 
-    from pipeline.export.folder import CURVES, Source, complete_export, export_policy
-    from pipeline.export.metadata import training_data, training_run
+    from pipeline.export.folder import complete_export, export_policy, source_of_run
     from pipeline.robot import load_robot
 
     facts = full_training(project, trained)
@@ -80,20 +79,15 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
     if facts is None:
         shipped = project.shipped_policies(robot) / "walk"
         if not (shipped / "card.json").is_file():
+            do = f"dagster asset materialize --select {trained.key.to_user_string()}"
             raise NoPolicyError(
                 f"there is no policy of '{robot}': {shipped.relative_to(project.root)} ships none, and none was "
-                "trained here in full. On a machine with a GPU: dagster asset materialize --select amp_policy"
+                f"trained here in full. On a machine with a GPU: {do}"
             )
         complete_export(shipped, folder, load_robot(project.robot_folder(robot)), rng)
         return folder, SHIPPED
     run = project.root / facts["folder"]
-    curves = run / CURVES
-    source = Source(
-        policy=run / facts["policy"],
-        run=training_run(run, commit=facts["commit"], command=facts["command"]),
-        data=training_data(run),
-        curves=curves if curves.is_file() else None,
-    )
+    source = source_of_run(run, run / facts["policy"])
     adapted = load_robot(project.robot_folder(robot))
     export_policy(folder, facts["run"], adapted, source, rng, shippable=shippable)
     return folder, TRAINED

@@ -17,13 +17,12 @@ from assets.training_process import (
     TRIAL_ENVS,
     TRIAL_ITERATIONS,
     TrainingFailedError,
-    commit_of,
     gpus_here,
-    started_module,
     train,
 )
 from pipeline.batch import Manifest
 from pipeline.files import digest
+from pipeline.learning.run_command import commit_of, started_module
 from pipeline.tracking.task import ITERATIONS
 
 TRAINED, SHIPPED = "trained here", "ships with the project"

@@ -16,8 +16,11 @@ import dagster as dg
 
 from pipeline.errors import PipelineError
 from pipeline.files import digest
+from pipeline.learning.run_command import started_module
 from pipeline.training.config import DEFAULT
 
+PROGRESS = ("iteration ", "validation: ")
+"""How lines of progress begin."""
 LOG_EVERY_S = 10.0
 """Shortest time between lines of progress in the log [s]."""
 TRIAL_ENVS, TRIAL_ITERATIONS = 8, 2
@@ -46,13 +49,6 @@ class TrainingConfig(dg.Config):
     """Of AMP + PPO, and in a trial of distillation; 0: the preset's, or 2 in a trial."""
     minutes: float = 0.0
     """AMP + PPO ends after this time; 0: the preset's."""
-
-
-def started_module(name: str, gpus: int) -> list[str]:
-    """Arguments of Python that start a module, on several GPUs by torchrun."""
-    if gpus == 1:
-        return ["-m", name]
-    return ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m", name]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,12 +177,12 @@ def _follow(command: list[str], root: Path, held: IO[str], log: Any) -> None:
     try:
         for line in process.stdout:
             last = [*last[-19:], line.rstrip()]
-            if line.startswith("iteration ") and time.monotonic() - logged > LOG_EVERY_S:
+            if line.startswith(PROGRESS) and time.monotonic() - logged > LOG_EVERY_S:
                 logged = time.monotonic()
                 log.info(line.rstrip())
     finally:
         _end(process)
-    if last and last[-1].startswith("iteration "):
+    if last and last[-1].startswith(PROGRESS):
         log.info(last[-1])
     if process.returncode != 0:
         lines = "\n".join(last)
@@ -218,26 +214,3 @@ def _alone(path: Path, log: Any) -> Iterator[IO[str]]:
             log.info("waiting for another training to end")
             fcntl.flock(stream, fcntl.LOCK_EX)
         yield stream
-
-
-def policy_of_checkpoint(run: Run, checkpoint: Path, root: Path) -> Path:
-    """The npz of a checkpoint, written where it does not exist yet. Raises TrainingFailedError."""
-    path = run.folder / "policies" / f"{checkpoint.stem}.npz"
-    if not path.is_file():
-        module = [sys.executable, "-m", "pipeline.training.export_policy"]
-        given = ["--checkpoint", str(checkpoint), "--bundle", str(run.bundle), "--out", str(path)]
-        done = subprocess.run([*module, *given], cwd=root, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise TrainingFailedError(f"{checkpoint}: could not be exported. {done.stderr.strip()}")
-    return path
-
-
-def commit_of(root: Path) -> str:
-    """The commit that the code below `root` is at, with `+` where files differ from it; empty outside a repository."""
-    try:
-        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
-        state = ["git", "status", "--porcelain", "--untracked-files=no"]
-        changed = subprocess.run(state, cwd=root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")

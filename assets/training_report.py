@@ -1,5 +1,6 @@
 """What a page shows of a training run: its curves, its last figures, velocity against command."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -25,3 +26,19 @@ def curves_of(folder: Path) -> dict[str, Any]:
     )
     achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
     return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
+
+
+def validation_of(folder: Path) -> dict[str, Any]:
+    """What validation found of a run's checkpoints and of the chosen policy; empty for a run that is not validated."""
+    found = folder / "validation"
+    if not (found / "figures.json").is_file():
+        return {}
+    sweep, figures = (json.loads((found / name).read_text()) for name in ("sweep.json", "figures.json"))
+    swept = pd.DataFrame(sweep["checkpoints"])
+    measured = pd.DataFrame([{"figure": name, "value": value} for name, value in figures["figures"].items()])
+    return {
+        "verdict": figures["summary"],
+        "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} in the sweep without noise",
+        "sweep of checkpoints": table_of(swept, list(swept)),
+        "figures": table_of(measured, list(measured)),
+    }

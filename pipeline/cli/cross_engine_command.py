@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 
+from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import CrossEngine
-from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import find_project
 from pipeline.cli.text_table import text_table
 from pipeline.cli.validate_command import policy_of, robot_folder

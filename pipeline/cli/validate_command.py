@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from pipeline.batch.reporting_pool import ReportingPool
 from pipeline.cli.policy_arguments import Validate
-from pipeline.cli.progress import ReportingPool
 from pipeline.cli.project import Project, find_project
 from pipeline.cli.text_table import text_table
 from pipeline.deployment import Policy, digest, load_policy

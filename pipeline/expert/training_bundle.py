@@ -2,6 +2,7 @@
 
 <folder>/robot.xml     the MuJoCo model: no ground, motors, sensors or lights
 <folder>/robot.json    names, orders, default pose, gains, motor limits, mirror, sites, collision shapes
+<folder>/adapted_robot/<robot>/  the robot's own folder, for validation
 <folder>/expert.npz    frames of the expert database, where each clip begins, its weight and commands
 <folder>/tracker.npz   the tracker, where the project has one
 <folder>/references.npz  clips that it follows, with the velocity of its undisturbed rollouts
@@ -33,7 +34,9 @@ from pipeline.files import atomic, digest
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
 
-SCHEMA = "booster-lab training bundle 1"
+SCHEMA = "booster-lab training bundle 2"
+ROBOT = "adapted_robot"
+"""Where the robot's folder is."""
 COMMAND_WINDOW_S = 1.0
 """The command that a frame obeys is its velocity averaged over this time: about a stride."""
 
@@ -77,6 +80,11 @@ def write_training_bundle(
         "robot.xml": robot.mjcf.encode(),
         "robot.json": _json(robot_facts(robot, robot_folder)),
         "expert.npz": expert_arrays(database),
+        **{
+            f"{ROBOT}/{robot.name}/{path.name}": path.read_bytes()
+            for path in sorted(robot_folder.iterdir())
+            if path.is_file()
+        },
     }
     if tracker is not None and tracker.clips:
         files |= {"tracker.npz": tracker.network.read_bytes(), "references.npz": reference_arrays(tracker.clips)}

@@ -1,13 +1,13 @@
 """Export a trained policy: `python -m pipeline.export RUN --robot t1 --name NAME --out DIR`.
 
-RUN                 folder of a training run: policy.npz, config.json, curves.csv, done.json; or of a compact export
+RUN                 folder of a training run (`pipeline.training`); or of a compact export
                     (it has card.json), which is then completed: only --robot, --naming and --out are read
 --policy FILE       npz of a chosen checkpoint, instead of RUN/policy.npz
 --robot NAME        folder of robots/
 --name NAME         name of the policy
---commit HASH       commit of the code that trained it
---command TEXT      command that trained it
---figures FILE      JSON with its measured figures
+--commit HASH       commit of the code that trained it, instead of what the run states
+--command TEXT      command that trained it, likewise
+--figures FILE      JSON with its measured figures, instead of those of the run's validation
 --out DIR           output folder
 --shippable         mark it as a policy that may ship; refused if its database's licence forbids it
 --naming NAMING     names of the joints in ONNX metadata and booster_deploy task: a column of robots/NAME/aliases.csv
@@ -17,17 +17,15 @@ RUN                 folder of a training run: policy.npz, config.json, curves.cs
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from pipeline.errors import FileError, PipelineError
+from pipeline.errors import PipelineError
 from pipeline.export.card import FILE, ModelCard
-from pipeline.export.folder import CURVES, POLICY, Source, complete_export, export_policy
-from pipeline.export.metadata import ExportError, training_data, training_run
+from pipeline.export.folder import complete_export, export_policy, source_of_run
+from pipeline.export.metadata import ExportError
 from pipeline.robot import Robot, load_robot
 
 
@@ -47,14 +45,8 @@ def main(arguments: list[str]) -> int:
 def _export(given: argparse.Namespace) -> ModelCard:
     if given.name is None:
         raise ExportError("--name is missing; give the policy a name.")
-    curves = given.run / CURVES
-    source = Source(
-        policy=given.policy or given.run / POLICY,
-        run=training_run(given.run, commit=given.commit, command=given.command),
-        data=training_data(given.run),
-        curves=curves if curves.is_file() else None,
-        figures=_json(given.figures) if given.figures else None,
-    )
+    stated = {name: text for name, text in (("commit", given.commit), ("command", given.command)) if text}
+    source = source_of_run(given.run, given.policy, stated, given.figures)
     robot, rng = _robot(given), np.random.default_rng(0)
     return export_policy(given.out, given.name, robot, source, rng, shippable=given.shippable, compact=given.compact)
 
@@ -82,13 +74,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--shippable", action="store_true")
     parser.add_argument("--compact", action="store_true")
     return parser
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise FileError(path, f"is not JSON ({error}).") from error
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,16 @@ import numpy as np
 from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
-from pipeline.export.metadata import ExportError, metadata, refuse_unless_allowed, shipping, trained_task
+from pipeline.export.metadata import (
+    ExportError,
+    metadata,
+    read_json,
+    refuse_unless_allowed,
+    shipping,
+    trained_task,
+    training_data,
+    training_run,
+)
 from pipeline.export.onnx_model import write_onnx
 from pipeline.export.parity import (
     GoldenVectors,
@@ -39,6 +49,8 @@ from pipeline.files import digest as digests
 from pipeline.robot import Robot
 
 POLICY, ONNX, GOLDEN, CURVES = "policy.npz", "policy.onnx", "golden.npz", "curves.csv"
+FIGURES = "validation/figures.json"
+"""Of a training run (`pipeline.training.validation_stage`)."""
 DEPLOY = "booster_deploy"
 TORCH_SCRIPT = f"{DEPLOY}/{booster_deploy.FOLDER.as_posix()}/{booster_deploy.MODEL}"
 
@@ -55,6 +67,30 @@ class Source:
     """The expert database, see `ModelCard.data`; with its `licence` as in the database's manifest."""
     curves: Path | None = None
     figures: dict[str, Any] | None = None
+
+
+def source_of_run(
+    run: Path, policy: Path | None = None, stated: Mapping[str, Any] | None = None, figures: Path | None = None
+) -> Source:
+    """What an export of a training run is made from.
+
+    Args:
+        run: the run's folder: policy.npz, config.json, curves.csv, done.json, validation/figures.json
+        policy: npz of a chosen checkpoint; None: the run's policy
+        stated: facts that replace those of the run, as `commit`
+        figures: JSON with measured figures; None: those of the run's validation, where it was validated
+
+    Raises FileError for a file that is missing or no JSON.
+    """
+    measured = run / FIGURES if figures is None and (run / FIGURES).is_file() else figures
+    curves = run / CURVES
+    return Source(
+        policy=policy or run / POLICY,
+        run=training_run(run, stated),
+        data=training_data(run),
+        curves=curves if curves.is_file() else None,
+        figures=read_json(measured) if measured else None,
+    )
 
 
 def export_policy(

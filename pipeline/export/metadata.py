@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,24 +18,24 @@ BUNDLE = "bundle"
 DATA_FACTS = ("robot_digest", "clips", "seconds", "licence")
 
 
-def training_run(folder: Path, commit: str = "", command: str = "") -> dict[str, Any]:
-    """The facts of the run in `folder`: config, end, commit and command. Raises FileError."""
-    facts = _read(folder / CONFIG)
+def training_run(folder: Path, stated: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """The facts of the run in `folder`: config, end, and what is stated over them. Raises FileError."""
+    facts = read_json(folder / CONFIG)
     facts.pop(BUNDLE, None)
-    ended = _read(folder / DONE) if (folder / DONE).is_file() else {}
-    named = {"commit": commit, "command": command}
-    return {"name": folder.name, **facts, **ended, **{name: text for name, text in named.items() if text}}
+    ended = read_json(folder / DONE) if (folder / DONE).is_file() else {}
+    return {"name": folder.name, **facts, **ended, **(stated or {})}
 
 
 def training_data(folder: Path) -> dict[str, Any]:
     """The facts of the expert database that the run in `folder` was trained on. Raises FileError."""
-    facts = _read(folder / CONFIG).get(BUNDLE)
+    facts = read_json(folder / CONFIG).get(BUNDLE)
     if not isinstance(facts, dict) or "database_digest" not in facts:
         raise FileError(folder / CONFIG, "does not say which database the run was trained on.", "Train it again.")
     return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object. Raises FileError."""
     if not path.is_file():
         raise FileError(path, "there is no such file.", "Name the folder that training wrote.")
     try:

@@ -1,18 +1,20 @@
-"""What the commands that train share: their exit status, the device's name, and the JSON files of a run."""
+"""What the commands that train share: start, exit status, commit, the device's name, and the JSON files of a run."""
 
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import PipelineError
 from pipeline.learning.training_error import TrainingError
 
 
 def exit_status(train: Callable[[], None], interrupted: str) -> int:
-    """Run `train`: 0 when it is done, 2 with the sentence of a TrainingError, 130 where a person interrupts it.
+    """Run `train`: 0 when it is done, 2 with the sentence of an error of ours, 130 where a person interrupts it.
 
     Args:
         train: the work
@@ -20,7 +22,7 @@ def exit_status(train: Callable[[], None], interrupted: str) -> int:
     """
     try:
         train()
-    except TrainingError as error:
+    except (TrainingError, PipelineError) as error:
         print(error, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -34,6 +36,24 @@ def device_name(device: str) -> str:
     import torch  # takes seconds; `--help` of a command does not wait for it
 
     return torch.cuda.get_device_name(device) if device.startswith("cuda") else "cpu"
+
+
+def started_module(name: str, gpus: int) -> list[str]:
+    """Arguments of Python that start a module, on several GPUs by torchrun."""
+    if gpus == 1:
+        return ["-m", name]
+    return ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m", name]
+
+
+def commit_of(root: Path) -> str:
+    """The commit that the code below `root` is at, with `+` where files differ from it; empty outside a repository."""
+    try:
+        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=True)
+        state = ["git", "status", "--porcelain", "--untracked-files=no"]
+        changed = subprocess.run(state, cwd=root, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return head.stdout.strip() + ("+" if changed.stdout.strip() else "")
 
 
 def write_json(path: Path, value: dict[str, Any]) -> None:

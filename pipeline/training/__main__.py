@@ -1,12 +1,12 @@
-"""Train a walking policy: `python -m pipeline.training --bundle DIR --out DIR`.
+"""Train a walking policy and validate it: `python -m pipeline.training --out DIR`.
 
-    --bundle DIR        robot, expert frames and tracker as plain files; amp_policy writes it to
-                        data/policies/<robot>/bundle
+    --bundle DIR        robot, expert frames and tracker as plain files; the asset amp_policy writes them
+                        (default: data/policies/t1/bundle)
     --out DIR           folder of the run
     --preset NAME       `recipe` (the default) or `paper`
     --set NAME=VALUE    change one option, as `discriminator.loss=bce`; may be repeated (`--list` prints all options)
     --device cuda|cpu   or `cuda:1`; `cuda` without a GPU is an error. On a CPU only distillation is trained
-    --stages NAME ...   `distillation`, `amp`: other stages than the device's
+    --stages NAME ...   `distillation`, `amp`, `validation`: other stages than the device's
     --physics plain|warp  MuJoCo in threads (the default on a CPU), or MuJoCo Warp (on a GPU)
     --seed S            of everything random
     --list              print all options with their values in both presets, units and sources, and exit
@@ -14,7 +14,7 @@
 Repeating the command continues from the newest checkpoint; `chain.py` lists the files. Progress is a line an iteration:
 `iteration 12 of 3000 of amp, 5 s, 30.1 min left: ...`. Exit status: 0 when done, 2 for wrong arguments or files, 130
 when interrupted. Several GPUs: `torchrun --nproc-per-node 4 -m pipeline.training ...`; `simulation.num_envs` is that of
-each. A checkpoint becomes a policy by
+each. Another checkpoint than the chosen one becomes a policy by
 `python -m pipeline.training.export_policy --checkpoint FILE --bundle DIR --out FILE`.
 """
 
@@ -47,8 +47,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _train(given: argparse.Namespace) -> None:
-    if given.bundle is None or given.out is None:
-        raise TrainingError("--bundle and --out are needed; see python -m pipeline.training --help.")
+    if given.out is None:
+        raise TrainingError("--out is needed; see python -m pipeline.training --help.")
     config = changed_by_texts(preset(given.preset), pairs(given.set))
     device = chosen_device(given.device)
     from pipeline.training.bundle import read_bundle  # mjlab takes seconds to import
@@ -87,12 +87,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m pipeline.training", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--bundle", type=Path)
+    parser.add_argument("--bundle", type=Path, default=Path("data/policies/t1/bundle"))
     parser.add_argument("--out", type=Path)
     parser.add_argument("--preset", default=DEFAULT)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--device", default="cuda")
-    parser.add_argument("--stages", nargs="+", choices=("distillation", "amp"))
+    parser.add_argument("--stages", nargs="+", choices=("distillation", "amp", "validation"))
     parser.add_argument("--physics", choices=("warp", "plain"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--list", action="store_true")

@@ -202,7 +202,8 @@ def _pair_faults(run: ArmRun, runs: list[ArmRun]) -> Iterator[str]:
 
 def _settings(config: dict[str, Any], left_out: tuple[str, ...]) -> dict[str, Any]:
     """All of a config, flat, but for its seed and what follows from the arm."""
-    kept = {name: value for name, value in config.items() if name not in ("seed", "options", "changed", *left_out)}
+    left_out = ("command", "seed", "options", "changed", *left_out)
+    kept = {name: value for name, value in config.items() if name not in left_out}
     for part in ("options", "changed"):
         kept |= {f"{part}.{name}": value for name, value in config[part].items() if name != OPTION}
     return kept

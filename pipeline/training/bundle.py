@@ -14,11 +14,11 @@ import numpy as np
 from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
 from pipeline.learning.training_error import TrainingError
 
-SCHEMA = "booster-lab training bundle 1"
+SCHEMA = "booster-lab training bundle 2"
 FPS = 50.0
 TRACKER, REFERENCES = "tracker.npz", "references.npz"
 """Files that distillation needs; a bundle of a project without a tracker lacks them."""
-CURE = "Write the bundle again: dagster asset materialize --select amp_policy."
+CURE = "Write the bundle again: dagster asset materialize --select t1/amp_policy, or of another robot."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +96,7 @@ class Teacher:
 class Bundle:
     """What a run is trained on."""
 
+    folder: Path
     robot: RobotFacts
     expert: ExpertFrames
     about: dict[str, Any]
@@ -104,6 +105,11 @@ class Bundle:
     """Of `bundle.json`, which states the digests of the other files."""
     teacher: Teacher | None = None
     """None in a bundle without a tracker."""
+
+    @property
+    def robot_folder(self) -> Path:
+        """The robot as a folder like those of `robots/`, for validation."""
+        return self.folder / "adapted_robot" / self.robot.name
 
 
 def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
@@ -123,6 +129,7 @@ def read_bundle(folder: Path, use_augmented: bool = True) -> Bundle:
             raise TrainingError(f"{folder / name}: its digest is not the one bundle.json states. {CURE}")
     robot = read_robot_facts(folder)
     return Bundle(
+        folder=folder,
         robot=robot,
         expert=_expert(folder / "expert.npz", use_augmented),
         about=about,

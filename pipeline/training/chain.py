@@ -1,11 +1,13 @@
-"""The training chain: bundle -> distillation from the tracker -> AMP + PPO -> `policy.npz`.
+"""The training chain: bundle -> distillation from the tracker -> AMP + PPO -> validation -> policy with its card.
 
-<out>/config.json      preset, every option, seed, device, digests of bundle and database, versions
+<out>/config.json      command, commit, preset, every option, seed, device, digests of bundle and database, versions
 <out>/distillation/    the first stage (`stage.py` lists the files of a stage)
 <out>/amp/             the second one
-<out>/policy.npz       the last stage's network, as `pipeline.deployment.load_policy` reads it
-<out>/curves.csv       the last stage's curves
-<out>/done.json        written last: iterations, seconds and steps of all stages
+<out>/validation/      the last one (`validation_stage.py` lists its files)
+<out>/policy.npz       the chosen network, without validation the newest, as `pipeline.deployment.load_policy` reads it
+<out>/curves.csv       curves of the last training stage
+<out>/export/          after validation: ONNX, deployment task and card (`pipeline.export`)
+<out>/done.json        written last: iterations, steps, seconds and GPU minutes of all stages
 
 A stage that is done is not repeated; one that was interrupted continues from its newest checkpoint.
 """
@@ -15,28 +17,33 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shlex
 import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mjlab
 import numpy as np
 import torch
 
 from pipeline.learning.checkpoint import load_checkpoint, newest_checkpoint
-from pipeline.learning.run_command import device_name, write_json
+from pipeline.learning.run_command import commit_of, device_name, started_module, write_json
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.bundle import Bundle
-from pipeline.training.config import changed_from
+from pipeline.training.config import changed_from, texts_of
 from pipeline.training.distillation.run import DistillationStage
 from pipeline.training.environment import chosen_physics
 from pipeline.training.runner import AmpStage
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY, Request
 
-DISTILLATION, AMP = "distillation", "amp"
-STAGES = (DISTILLATION, AMP)
+if TYPE_CHECKING:
+    from pipeline.training.validation_stage import ValidationStage
+
+DISTILLATION, AMP, VALIDATION = "distillation", "amp", "validation"
+STAGES = (DISTILLATION, AMP, VALIDATION)
+EXPORT = "export"
 CONFIG = "config.json"
 SETTINGS = ("options", "seed", "bundle_digest", "stages")
 """Parts of `config.json` that must be equal for a run to continue."""
@@ -45,19 +52,25 @@ POLL_S = 1.0
 
 
 def stages_of(request: Request, asked: Sequence[str] | None) -> tuple[str, ...]:
-    """The stages of a run: those that are asked for; otherwise both, and on a CPU distillation alone.
+    """The stages of a run: those that are asked for; otherwise all, and on a CPU all but AMP + PPO.
 
-    Raises TrainingError where nothing is left to do.
+    Raises TrainingError where nothing is left to train.
     """
-    stages = tuple(asked) if asked else STAGES if request.device != "cpu" else (DISTILLATION,)
+    taken = asked or (STAGES if request.device != "cpu" else (DISTILLATION, VALIDATION))
     if request.config.distillation.iterations == 0:
-        stages = tuple(name for name in stages if name != DISTILLATION)
-    if not stages:
+        taken = [name for name in taken if name != DISTILLATION]
+    stages = tuple(name for name in STAGES if name in taken)
+    if not trained(stages):
         raise TrainingError(
             "on a CPU only distillation is trained, and distillation.iterations is 0. Use a GPU, raise it, or give "
-            "--stages amp."
+            "--stages amp validation."
         )
     return stages
+
+
+def trained(stages: Sequence[str]) -> list[str]:
+    """The stages that train."""
+    return [name for name in stages if name != VALIDATION]
 
 
 def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
@@ -71,11 +84,13 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
             "train from scratch: --set distillation.iterations=0."
         )
     first = int(os.getenv("RANK", "0")) == 0
+    last = request.out / trained(stages)[-1]
+    validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
     config = _config(bundle, request, stages)
     _check_same_run(request.out, config)
     if first:
         write_json(request.out / CONFIG, config)
-    for name in stages:
+    for name in trained(stages):
         folder = request.out / name
         if (folder / DONE).is_file():
             continue
@@ -87,7 +102,19 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
         else:
             AmpStage(bundle, request, folder, _distilled(request, stages)).run()
     if first:
-        _finish(request, stages)
+        _finish(bundle, request, stages, validation)
+
+
+def _validation(bundle: Bundle, folder: Path, last: Path) -> ValidationStage:
+    """The last stage. Raises TrainingError where something that it needs is missing, so that it shows at the start."""
+    try:  # what trains alone has mjlab's packages and no others
+        from pipeline.training.validation_stage import ValidationStage
+    except ImportError as error:
+        raise TrainingError(
+            f"validation needs the package {error.name}, which is not installed. Install the project, or leave "
+            "validation out (--stages distillation amp) and repeat the command with it where the project is installed."
+        ) from error
+    return ValidationStage(bundle, folder, last)
 
 
 def _distilled(request: Request, stages: Sequence[str]) -> dict[str, torch.Tensor] | None:
@@ -106,20 +133,31 @@ def _wait_for(path: Path) -> None:
         time.sleep(POLL_S)
 
 
-def _finish(request: Request, stages: Sequence[str]) -> None:
-    last = request.out / stages[-1]
-    for name in (CURVES, POLICY):
+def _finish(bundle: Bundle, request: Request, stages: Sequence[str], validation: ValidationStage | None) -> None:
+    """Validate, and put the policy, its curves, its card and its times into the run's folder."""
+    last = request.out / trained(stages)[-1]
+    if validation is not None and not (validation.folder / DONE).is_file():
+        validation.run()
+    for name, folder in ((CURVES, last), (POLICY, last if validation is None else validation.folder)):
         part = request.out / f"{name}.part"
         try:
-            shutil.copyfile(last / name, part)
+            shutil.copyfile(folder / name, part)
             part.replace(request.out / name)
         except OSError as error:
             problem = f"could not be written ({error.strerror or error}). Is the disk full?"
             raise TrainingError(f"{request.out / name}: {problem}") from error
     each = {name: json.loads((request.out / name / DONE).read_text()) for name in stages}
-    sums = {key: sum(done[key] for done in each.values()) for key in ("seconds", "steps")}
-    done = {**each[stages[-1]], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9)}
-    write_json(request.out / DONE, {**done, "stages": each})
+    training = [each[name] for name in trained(stages)]
+    sums = {key: sum(done[key] for done in training) for key in ("seconds", "steps", "gpu_seconds")}
+    done = {**training[-1], **sums, "steps_per_s": sums["steps"] / max(sums["seconds"], 1e-9), "stages": each}
+    if validation is not None:
+        from pipeline.export.folder import export_policy, source_of_run
+        from pipeline.robot import load_robot
+
+        source = source_of_run(request.out, stated=done)
+        robot, rng = load_robot(bundle.robot_folder), np.random.default_rng(0)
+        export_policy(request.out / EXPORT, request.out.name, robot, source, rng, shippable=False)
+    write_json(request.out / DONE, done)
 
 
 def _check_same_run(out: Path, config: dict[str, Any]) -> None:
@@ -141,13 +179,36 @@ def _check_same_run(out: Path, config: dict[str, Any]) -> None:
         raise TrainingError(f"{out}: is of a run with another {', '.join(differs)}. Give another --out.")
 
 
+def command_of(bundle: Bundle, request: Request, stages: Sequence[str]) -> str:
+    """The command that makes the run again, its paths from the working folder where they lie in it."""
+    given = {
+        "bundle": _near(bundle.folder),
+        "out": _near(request.out),
+        "preset": request.preset,
+        "device": request.device.split(":")[0],
+        "physics": request.physics,
+        "seed": request.seed,
+    }
+    words = ["python", *started_module("pipeline.training", int(os.getenv("WORLD_SIZE", "1")))]
+    words += [text for name, value in given.items() if value is not None for text in (f"--{name}", str(value))]
+    words += [text for each in texts_of(changed_from(request.preset, request.config)) for text in ("--set", each)]
+    return shlex.join([*words, "--stages", *stages])
+
+
+def _near(path: Path) -> Path:
+    path = path.resolve()
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
 def _config(bundle: Bundle, request: Request, stages: Sequence[str]) -> dict[str, Any]:
     return {
+        "command": command_of(bundle, request, stages),
+        "commit": commit_of(Path(__file__).parent),
         "preset": request.preset,
         "options": request.config.values(),
         "changed": changed_from(request.preset, request.config),
         "seed": request.seed,
-        "stages": list(stages),
+        "stages": trained(stages),
         "num_envs": request.config.simulation.num_envs,
         "processes": int(os.getenv("WORLD_SIZE", "1")),
         "device": device_name(request.device),

@@ -57,7 +57,7 @@ class SimulationConfig:
 class CommandsConfig:
     """How velocity commands are drawn; what the shares leave is drawn on all axes."""
 
-    standing_share: float = share(0.15, "commands to stand", source="paper: 0.10; sudden stops need more")
+    standing_share: float = share(0.20, "commands to stand", source="paper: 0.10; pushes at standing need more")
     single_axis_share: float = share(0.45, "commands on one axis alone", source="the suite's single commands")
     fast_share: float = share(0.20, "commands of 1 to 2 m/s forward", source="paper: 0.35")
     fast_yaw: float = option(
@@ -195,7 +195,7 @@ class ScheduleConfig:
         (0.02, 0.06), "the style reward grows to its share", source="after the critic has learned"
     )
     disturbance_ramp: tuple[float, float] = share(
-        (0.1, 0.4), "delays, slopes and pushes grow to their largest", source="most of the run at full strength"
+        (0.02, 0.1), "delays, slopes and pushes grow to their largest", source="small pushes teach the wrong step"
     )
 
 

@@ -146,4 +146,5 @@ class Stage(ABC):
     def _finish(self, reason: str, seconds: float) -> None:
         steps = self.iteration * self.request.config.simulation.num_envs * STEPS * self._workers
         done = {"reason": reason, "iterations": self.iteration, "seconds": seconds, "steps": steps}
+        done["gpu_seconds"] = 0.0 if self.request.device == "cpu" else seconds * self._workers
         write_json(self.folder / DONE, {**done, "steps_per_s": steps / max(seconds, 1e-9)})

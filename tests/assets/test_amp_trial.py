@@ -57,11 +57,11 @@ def test_the_asset_trains_and_says_that_it_is_a_trial(project, robot):
         [amp_policy.amp_policy(TRAINED, DATABASE, ADAPTED)],
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
     )
-    (event,) = result.asset_materializations_for_node("amp_policy")
+    (event,) = result.asset_materializations_for_node("t1__amp_policy")
     said: dict[str, Any] = {name: value.value for name, value in event.metadata.items()}
     assert said["what it is"].startswith("a trial")
     assert said["strictest licence"] == "public-domain"
-    (facts,) = project.store.load("amp_policy").settings.values()
+    (facts,) = project.store.load("t1/amp_policy").settings.values()
     run = project.root / facts["folder"]
     config = json.loads((run / "config.json").read_text())
     assert (config["num_envs"], config["device"], config["seed"]) == (8, "cpu", 1)
@@ -86,5 +86,5 @@ def test_a_run_that_materializes_everything_trains_nothing(project):
         resources={"io_manager": dg.mem_io_manager, "clip_pool": ClipPoolResource(workers=1)},
     )
     assert result.success
-    assert result.asset_materializations_for_node("amp_policy") == []
+    assert result.asset_materializations_for_node("t1__amp_policy") == []
     assert not project.policy_runs("t1").exists()

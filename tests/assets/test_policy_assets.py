@@ -54,13 +54,17 @@ def ship(project, robot, name="walk"):
     return export_policy(folder, name, robot, source, np.random.default_rng(0), shippable=True, compact=True)
 
 
+RUN = {"preset": "paper", "seed": 3, "commit": "abc", "command": "python -m pipeline.training --seed 3"}
+"""What a run's configuration says of it."""
+
+
 def trained(project, robot, *, trial, licence=FREE, store=True):
     """A training run as `amp_policy` leaves it."""
     folder = project.policy_runs("t1") / "run7"
     folder.mkdir(parents=True)
     network_file(folder / "policy.npz", robot, seed=2)
     about = {"database_digest": "d1", "licence": licence}
-    (folder / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "bundle": about}))
+    (folder / "config.json").write_text(json.dumps({**RUN, "bundle": about}))
     (folder / "done.json").write_text(json.dumps({"iterations": 300}))
     facts = {
         "stage": "amp_policy",
@@ -68,12 +72,11 @@ def trained(project, robot, *, trial, licence=FREE, store=True):
         "folder": folder.relative_to(project.root).as_posix(),
         "policy": "policy.npz",
         "trial": trial,
-        "commit": "abc",
-        "command": "python -m pipeline.training --seed 3",
+        **RUN,
     }
     manifest = Manifest(stage="amp_policy", entries=(), judged=(), settings={"run7": facts})
     if store:
-        project.store.save("amp_policy", manifest)
+        project.store.save("t1/amp_policy", manifest)
     return folder
 
 
@@ -104,7 +107,7 @@ def test_without_any_policy_the_export_says_what_to_do(project):
     result = export()
     assert not result.success
     assert "robots/t1/policies/walk ships none" in why(result)
-    assert "dagster asset materialize --select amp_policy" in why(result)
+    assert "dagster asset materialize --select t1/amp_policy" in why(result)
 
 
 def test_the_policy_that_ships_is_served_with_the_run_that_made_it(project, robot):
@@ -197,7 +200,7 @@ def test_a_training_is_new_content_and_its_lack_makes_nothing_stale(project, rob
         instance.report_runless_asset_event(
             dg.AssetMaterialization(TRAINED.key, tags={"dagster/data_version": "a training"})
         )
-        assert stale() == "'amp_policy' has new content"
+        assert stale() == "'t1/amp_policy' has new content"
         assert export(instance).success
         assert stale() is None
         path = project.root / policy.served(project.store.load("exported_policy"))["folder"] / "policy.npz"
@@ -229,16 +232,15 @@ def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypa
         resources={"io_manager": StoreIOManager(bootstrap=False), "clip_pool": ClipPoolResource(workers=1)},
         raise_on_error=False,
     )
-    said = told(result, "amp_policy")
+    said = told(result, "t1__amp_policy")
     assert said["what it is"] == "a trial: a few iterations without a GPU, no policy"
-    assert said["checkpoint"] == "the newest, not swept: a trial"
     assert (said["iterations"], said["d_policy"], said["episode_s"]) == (2, -0.5, 7.0)
     assert said["expert database"] == "d1"
     assert str(project.root) not in said["command"]
     assert "data:image/png;base64" in said["curves"]
     (row,) = said["achieved against commanded velocity"].records
     assert row.data == {"command": "top", "commanded": "1.9", "achieved": "1.7"}
-    (facts,) = project.store.load("amp_policy").settings.values()
+    (facts,) = project.store.load("t1/amp_policy").settings.values()
     assert facts["trial"] is True
 
 

@@ -33,9 +33,9 @@ def versions(root: Path, changed: str, monkeypatch: pytest.MonkeyPatch) -> dict[
 @pytest.mark.parametrize(
     ("library", "stale"),
     [
-        ("dartpy", {"cross_engine_validation", "limit_cycles"}),
+        ("dartpy", {"amp_policy", "cross_engine_validation", "limit_cycles"}),
         ("torch", {"amp_policy", "augmentation_ablation", "exported_policy", *TRACKED}),
-        ("onnx", {"exported_policy"}),
+        ("onnx", {"amp_policy", "exported_policy"}),
         ("mjlab", {"amp_policy", "augmentation_ablation", *TRACKED}),
         ("a library of nobody", set()),
     ],

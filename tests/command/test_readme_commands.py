@@ -1,5 +1,6 @@
 """Every command of the README, as it is written there, on a fresh clone."""
 
+import json
 import os
 import re
 import signal
@@ -19,9 +20,9 @@ ELSEWHERE = {
     "make test": "CI runs it (.ci/run)",
     "dagster asset materialize --select expert_db": "tests/command/test_materialize.py",
     "dagster dev": "tests/command/test_web_ui.py",
-    "dagster asset materialize --select amp_policy": "tests/assets/test_amp_trial.py trains the same trial",
 }
 """Commands that other tests run."""
+TRAIN = "dagster asset materialize --select t1/amp_policy"
 
 
 def commands(root: Path) -> list[str]:
@@ -36,9 +37,10 @@ def checkout(root, tmp_path_factory) -> Checkout:
 
 
 def test_the_commands_are_those_that_are_tested(root):
-    known = {command for command in commands(root) if command in ELSEWHERE or command.startswith("booster-lab ")}
+    here = {"inspect", "retarget", "validate"} | {command.split()[1] for command in SERVING}
+    known = {each for each in commands(root) if each in ELSEWHERE or each == TRAIN or each.split()[1] in here}
     assert known == set(commands(root))
-    assert set(ELSEWHERE) <= known
+    assert {*ELSEWHERE, TRAIN} <= known
 
 
 @pytest.mark.parametrize("start", ["inspect", "retarget", "validate"])
@@ -49,6 +51,15 @@ def test_a_command_of_the_readme_ends_well(root, checkout, start):
     assert done.stdout.strip()
     if start == "retarget":
         assert (checkout.root / "walk.csv").stat().st_size > 10_000
+
+
+def test_the_command_that_trains_ends_with_a_trial_of_a_policy(checkout):
+    """On the fresh clone, so that it makes the database first."""
+    done = checkout.run(*TRAIN.split(), timeout_s=580)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (config,) = (checkout.root / "data" / "policies" / "t1" / "runs").glob("*/config.json")
+    assert json.loads(config.read_text())["num_envs"] == 8
+    assert (config.parent / "policy.npz").is_file()
 
 
 @pytest.mark.parametrize("start", SERVING)

@@ -24,7 +24,7 @@ def small_bundle(folder: Path, root: Path, robot: Robot, tracker: str = "") -> P
     `shipped`: the one that ships.
     """
     actuators = adapt(robot, [], settings.read(root / "data" / "actuators.yaml", ActuatorSettings))
-    write_adapted_robot(folder / "robot", root / "robots" / robot.name, actuators)
+    write_adapted_robot(folder / "adapted" / robot.name, root / "robots" / robot.name, actuators)
     entries = [
         ExpertEntry(clip=clip, weight=weight, skill="stand", licence="CC0-1.0", numbers={"variant": variant}, stages={})
         for clip, weight, variant in (
@@ -39,7 +39,7 @@ def small_bundle(folder: Path, root: Path, robot: Robot, tracker: str = "") -> P
         shipped = root / "robots" / robot.name / "policies" / "tracker" / "tracker.npz"
         network = shipped if tracker == "shipped" else tracker_file(folder / "tracker.npz", robot)
         files = TrackerFiles(network=network, clips=[TrackedClip(reference=clip, rollout=clip) for clip in clips])
-    write_training_bundle(folder / "bundle", folder / "database", folder / "robot", files)
+    write_training_bundle(folder / "bundle", folder / "database", folder / "adapted" / robot.name, files)
     return folder / "bundle"
 
 

@@ -22,7 +22,8 @@ states.mkdir(parents=True, exist_ok=True)
 begun = sorted(states.glob("model_*.pt"))
 first = int(begun[-1].stem[-6:]) + 1 if begun else 1
 about = json.loads((Path(given.bundle) / "bundle.json").read_text())
-config = {"preset": given.preset, "seed": int(given.seed), "num_envs": num_envs, "device": given.device}
+made = {"command": "python -m pipeline.training", "commit": "abc"}
+config = {**made, "preset": given.preset, "seed": int(given.seed), "num_envs": num_envs, "device": given.device}
 (out / "config.json").write_text(json.dumps({**config, "bundle": about, "set": given.set}))
 with (out / "starts").open("a") as stream:
     stream.write(f"from {first}\\n")

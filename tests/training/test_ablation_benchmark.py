@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from pathlib import Path
 
 import pytest
 
-from benchmarks.ablation import arm_of, bars_of, discriminator_figures, draw, planted_figures
+from benchmarks.ablation import arm_of, bars_of, draw, figures_of, planted_figures
+from pipeline.training.policy_figures import as_json, discriminator_figures
 from tests.factories.training_bundle import small_bundle
 
 SHIPPED = Path("robots/t1/policies/walk/policy.npz")
@@ -37,9 +39,17 @@ def test_the_discriminators_figures_are_the_worst_of_the_second_half(tmp_path):
 def test_a_command_that_the_policy_follows_has_no_failures(tmp_path, root, robot, monkeypatch):
     monkeypatch.setattr("benchmarks.ablation.PLANTED_WALKS", 1)
     bundle = small_bundle(tmp_path, root, robot)
-    found = planted_figures(bundle, root / SHIPPED, "shipped", (0.6, 0.0, 0.0))
+    found = planted_figures(bundle, root / SHIPPED, (0.6, 0.0, 0.0))
     assert found == {"failures at 0.6 0 0": 0.0}
-    assert planted_figures(bundle, root / SHIPPED, "shipped", (4.0, 0.0, 0.0)) == {"failures at 4 0 0": 1.0}
+    assert planted_figures(bundle, root / SHIPPED, (4.0, 0.0, 0.0)) == {"failures at 4 0 0": 1.0}
+
+
+def test_figures_of_a_run_are_those_of_its_validation(tmp_path):
+    (tmp_path / "validation").mkdir()
+    found = as_json({"speed error": 0.04, "accuracy": math.nan})
+    (tmp_path / "validation" / "figures.json").write_text(json.dumps({"figures": found}, allow_nan=False))
+    figures = figures_of(tmp_path, tmp_path, argparse.Namespace(planted=None))
+    assert figures == pytest.approx({"speed error": 0.04, "accuracy": math.nan}, nan_ok=True)
 
 
 def test_bars_are_means_and_ranges_over_seeds_without_those_that_fell(tmp_path):

@@ -102,7 +102,7 @@ def tracked(tmp_path, root, robot):
         TrackedClip(reference=moved(other, 0.60), rollout=moved(other, 0.58)),
     ]
     files = TrackerFiles(network=tracker_file(tmp_path / "tracker.npz", robot), clips=clips)
-    write_training_bundle(folder, tmp_path / "database", tmp_path / "robot", files)
+    write_training_bundle(folder, tmp_path / "database", tmp_path / "adapted" / "t1", files)
     return read_bundle(folder)
 
 
@@ -131,6 +131,6 @@ def test_a_tracker_of_another_robot_is_refused(tmp_path, root, robot):
     other = tracker_file(tmp_path / "tracker.npz", robot, joint_names=np.array(robot.joint_names[::-1]))
     clip = wandering(robot)
     files = TrackerFiles(network=other, clips=[TrackedClip(reference=clip, rollout=clip)])
-    write_training_bundle(folder, tmp_path / "database", tmp_path / "robot", files)
+    write_training_bundle(folder, tmp_path / "database", tmp_path / "adapted" / "t1", files)
     with pytest.raises(TrainingError, match=r"tracker.npz: the tracker is of 't1' with other joints or links"):
         read_bundle(folder)

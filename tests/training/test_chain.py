@@ -124,9 +124,9 @@ def test_a_folder_of_another_run_is_refused(run, folder, capsys):
     assert "another ppo.entropy." in capsys.readouterr().err
 
 
-def test_on_a_cpu_only_distillation_is_trained(folder, tmp_path):
-    assert main(command(folder, tmp_path)) == 0
-    assert not (tmp_path / "amp").exists()
+def test_without_validation_the_policy_is_the_last_stages_newest(folder, tmp_path):
+    assert main(command(folder, tmp_path, "distillation")) == 0
+    assert not (tmp_path / "amp").exists() and not (tmp_path / "export").exists()
     assert (tmp_path / "policy.npz").read_bytes() == (tmp_path / "distillation" / "policy.npz").read_bytes()
 
 
@@ -146,7 +146,7 @@ def test_a_bundle_without_a_tracker_is_refused_with_what_to_do(tmp_path, root, r
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--device", "cpu"], "--bundle and --out are needed"),
+        (["--device", "cpu"], "--out is needed"),
         (["--bundle", "b", "--out", "o", "--device", "cpu", "--preset", "none"], "unknown preset 'none'"),
         (["--bundle", "b", "--out", "o", "--device", "cpu"], "bundle.json: the file is missing"),
         (["--bundle", "b", "--out", "o", "--device", "cuda"], "PyTorch finds no GPU here. Use --device cpu"),

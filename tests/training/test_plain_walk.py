@@ -27,7 +27,7 @@ def bundle_folder(tmp_path_factory, root, robot):
 @pytest.mark.parametrize("command", [(0.6, 0.0, 0.0), (0.0, 0.0, 1.0)])
 def test_a_walk_has_the_figures_that_validation_measures(bundle_folder, root, command):
     """Two independent implementations agree within a few per cent."""
-    one = deployed(bundle_folder.parent / "robot", load_policy(root / SHIPPED))
+    one = deployed(bundle_folder.parent / "adapted" / "t1", load_policy(root / SHIPPED))
     (cell,) = (each for each in command_cells((0,)) if each.trials[0].command.last.goal == command)
     (expected,) = measure(one, [cell])[0].trials
     found = walked(bundle_folder, root / SHIPPED, "", Walk(cell="", command=command))
@@ -42,7 +42,7 @@ def test_a_push_ends_in_a_fall_exactly_where_validation_has_one(bundle_folder, r
     """Straight back, on both sides of the limit of 60 to 65 N s, where the outcome depends on rounding."""
     cell = push_cell(robot, "force", "standing", impulse)
     straight_back = dataclasses.replace(cell, trials=cell.trials[4:5])
-    one = deployed(bundle_folder.parent / "robot", load_policy(root / SHIPPED))
+    one = deployed(bundle_folder.parent / "adapted" / "t1", load_policy(root / SHIPPED))
     assert measure(one, [straight_back])[0].fallen == ((0,) if falls else ())
     walk = Walk(cell="", command=(0.0, 0.0, 0.0), seconds=7.0, push=(-impulse, 0.0, 4.0))
     found = walked(bundle_folder, root / SHIPPED, "", walk)

@@ -64,13 +64,26 @@ def test_tracking_is_one_at_the_command_and_falls_as_a_bell():
 def test_progress_is_the_mean_share_of_the_commanded_halves():
     command = torch.tensor([[2.0, 0, 0], [0.3, 0, 0], [0, 0, -1.0], [1.0, 0, 1.0], [0, 0, 0], [0.5, 0, 0]])
     velocity = torch.tensor([[0.5, 0, 0], [0.3, 0.2, 0], [0, 0, -0.5], [1.0, 0, 0], [1.0, 0, 1.0], [-2.0, 0, 0]])
-    assert rewards.reached_share(command, velocity).tolist() == pytest.approx([0.25, 1.0, 0.5, 0.5, 0.0, -1.0])
+    assert rewards.reached_share(command, velocity).tolist() == pytest.approx([0.3125, 1.0, 0.625, 0.5, 0.0, -1.0])
+
+
+def test_progress_pays_nothing_for_more_than_the_command_to_a_gait_that_sways():
+    """A velocity that sways by 15 % about the command, and one about 1.1 of it."""
+    sway = 1.0 + 0.15 * torch.sin(torch.linspace(0.0, 2.0 * math.pi, 101)[:-1])
+    command = torch.tensor([[1.0, 0.0, 0.0]]).expand(100, 3)
+    means = [rewards.reached_share(command, factor * sway[:, None] * command).mean().item() for factor in (1.0, 1.1)]
+    assert means == pytest.approx([1.0, 1.0])
+    weak = rewards.reached_share(command, 0.6 * sway[:, None] * command).mean().item()
+    assert weak == pytest.approx(0.75, abs=0.01)
 
 
 def test_standing_still_costs_only_at_the_command_to_stand():
     state = {"contacts": (True, False), "joint_vel": (3.0, 4.0)}
-    assert rewards.stand_still(env((0.0, 0.0, 0.0), **state)).item() == pytest.approx(1.25)
-    assert rewards.stand_still(env((0.3, 0.0, 0.0), **state)).item() == 0.0
+    still = {"lin_vel_b": (0.0, 0.1, 0.0), **state}
+    assert rewards.stand_still(env((0.0, 0.0, 0.0), **still)).item() == pytest.approx(1.25)
+    assert rewards.stand_still(env((0.3, 0.0, 0.0), **still)).item() == 0.0
+    pushed = env((0.0, 0.0, 0.0), lin_vel_b=(0.0, 0.4, 0.0), **state)
+    assert rewards.stand_still(pushed).item() == pytest.approx(0.25), "a step that catches a push is free"
 
 
 def test_power_is_the_sum_and_energy_the_norm():

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from pipeline.cli import progress
-from pipeline.cli.progress import ReportingPool
+from pipeline.batch import reporting_pool
+from pipeline.batch.reporting_pool import ReportingPool
 
 
 def double(number: int) -> int:
@@ -14,7 +14,7 @@ def double(number: int) -> int:
 
 @pytest.mark.parametrize("backend", ["sequential", "loky"])
 def test_the_results_are_those_of_the_pool_and_progress_is_on_stderr(capsys, monkeypatch, backend):
-    monkeypatch.setattr(progress, "EVERY_S", 0.0)
+    monkeypatch.setattr(reporting_pool, "EVERY_S", 0.0)
     pool = ReportingPool(backend=backend, workers=2, what="halves done")
     assert list(pool.map(double, [(1,), (2,), (3,)])) == [2, 4, 6]
     printed = capsys.readouterr()

@@ -1,0 +1,129 @@
+"""The last stage of the chain: a checkpoint is chosen, judged in MuJoCo and DART, and gets a card. It needs no GPU.
+
+<folder>/checkpoints/model_000100.npz   the last checkpoints as policies
+<folder>/sweep.json      figures of each in a sweep without noise, and the chosen iteration
+<folder>/policy.npz      the chosen policy
+<folder>/mujoco.json     verdict of the full suite
+<folder>/dart.json       verdict of the walks in DART and across the bridge
+<folder>/figures.json    figures of the chosen policy (`policy_figures.py`)
+<folder>/done.json       written last
+
+Repeating the command continues with the first file that is missing. The sweep and the suite draw different noise.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pipeline
+from pipeline.batch.reporting_pool import ReportingPool
+from pipeline.deployment import digest, load_policy
+from pipeline.files import atomic, settings
+from pipeline.learning.checkpoint import load_checkpoint
+from pipeline.learning.policy_file import policy_arrays, write_policy
+from pipeline.learning.run_command import write_json
+from pipeline.learning.training_error import TrainingError
+from pipeline.training import policy_figures
+from pipeline.training.bundle import CURE, Bundle
+from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY
+from pipeline.validation.bars import ValidationSettings, read_validation
+from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
+from pipeline.validation.cross_engine import cross_engine
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
+from pipeline.validation.deployed import Deployed, deployed
+from pipeline.validation.measure import measure
+from pipeline.validation.suites import cells_of
+from pipeline.validation.verdict import judge
+
+ROOT = Path(pipeline.__file__).resolve().parents[1]
+"""The checkout whose settings and thresholds are used."""
+CANDIDATES = 5
+"""The last checkpoints, of which the best in the sweep is chosen."""
+SUITE = "full"
+SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figures.json"
+
+
+class ValidationStage:
+    """Choose, judge, measure; `trained` is the folder of the last training stage."""
+
+    def __init__(self, bundle: Bundle, folder: Path, trained: Path):
+        """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
+        self.bundle, self.folder, self._trained = bundle, folder, trained
+        if importlib.util.find_spec("dartpy") is None:
+            raise TrainingError("validation walks the policy in DART, and the package dartpy is not installed.")
+        if not bundle.robot_folder.is_dir():
+            raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
+        self._bars: ValidationSettings = read_validation(
+            ROOT / "data" / "validation.yaml", ROOT / "robots" / bundle.robot.name / "validation.yaml"
+        )
+        self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
+
+    def run(self) -> None:
+        """Do what is missing of the stage."""
+        began = time.monotonic()
+        sweep = self._file(SWEEP, self._sweep)
+        chosen = self.folder / CHECKPOINTS / f"model_{sweep['iteration']:06d}.npz"
+        atomic.write_bytes(self.folder / POLICY, chosen.read_bytes())
+        mujoco, dart = self._file(MUJOCO, self._mujoco), self._file(DART, self._dart)
+        self._file(FIGURES, lambda: self._figures(mujoco, dart))
+        write_json(self.folder / DONE, {"seconds": time.monotonic() - began, "chosen": sweep["iteration"]})
+
+    def _file(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """A part that is there already, or is made now."""
+        path = self.folder / name
+        if not path.is_file():
+            write_json(path, make())
+        return json.loads(path.read_text())
+
+    def _sweep(self) -> dict[str, Any]:
+        """The last checkpoints as policies, and which of them is the best."""
+        files: dict[int, Path] = {}
+        for state in sorted((self._trained / CHECKPOINTS).glob("model_*.pt"))[-CANDIDATES:]:
+            path = self.folder / CHECKPOINTS / f"{state.stem}.npz"
+            write_policy(path, policy_arrays(load_checkpoint(state, "cpu"), self.bundle.robot))
+            files[int(state.stem.split("_")[1])] = path
+        if not files:
+            raise TrainingError(f"{self._trained}: is done but has no checkpoint. Remove the folder.")
+        found = sweep_checkpoints({number: self._deployed(path) for number, path in files.items()}, _pool("sweep"))
+        return {"iteration": best(found).iteration, "checkpoints": [each.to_dict() for each in found]}
+
+    def _mujoco(self) -> dict[str, Any]:
+        one = self._deployed(self.folder / POLICY)
+        measured = measure(one, cells_of(SUITE, one.robot), _pool("trials in MuJoCo"))
+        verdict = judge(measured, self._bars, suite=SUITE, policy=digest(one.policy), robot=one.robot.digest)
+        figures = policy_figures.as_json(policy_figures.suite_figures(verdict))
+        required = sum(cell.bars.required for cell in verdict.cells)
+        return {"figures": figures, "required": required, "verdict": verdict.to_dict()}
+
+    def _dart(self) -> dict[str, Any]:
+        one = self._deployed(self.folder / POLICY)
+        found = cross_engine(one, self._walks, self._bars, pool=_pool("walks in DART"))
+        required = sum(cell.required for cell in found.cells)
+        return {"passed": required - len(found.failed_cells), "required": required, "verdict": found.to_dict()}
+
+    def _figures(self, mujoco: dict[str, Any], dart: dict[str, Any]) -> dict[str, Any]:
+        bundle, policy = self.bundle.folder, self.folder / POLICY
+        figures = {
+            **policy_figures.from_json(mujoco["figures"]),
+            "required cells in DART": float(dart["passed"]),
+            **policy_figures.style_figures(bundle, policy),
+            **policy_figures.walk_figures(bundle, policy),
+            **policy_figures.discriminator_figures(self._trained / CURVES),
+        }
+        passed = f"{figures['required cells']:.0f} of {mujoco['required']} required cells in MuJoCo"
+        summary = f"{passed}, {dart['passed']} of {dart['required']} in DART"
+        print(f"validation: {summary}", flush=True)
+        return {"summary": summary, "figures": policy_figures.as_json(figures)}
+
+    def _deployed(self, policy: Path) -> Deployed:
+        return deployed(self.bundle.robot_folder, load_policy(policy))
+
+
+def _pool(what: str) -> ReportingPool:
+    """Processes on all cores that report what is done."""
+    return ReportingPool(workers=0, what=f"validation: {what} done")
