@@ -69,7 +69,7 @@ dev: setup
 motions: setup
 	$(BIN)/python -m pipeline.generator data/motions
 
-# The pictures of README and docs/curate.md, from the database in place; needs Chromium.
+# The pictures of README (the film from the database in place) and docs/curate.md; needs Chromium.
 pictures: setup
 	booster-lab view booster_lab/walk@0-840~mirror~rollout --record docs/pictures/mocap_to_robot.gif --start 2 --seconds 2.4
 	BOOSTER_LAB_PICTURES=$(CURDIR)/docs/pictures $(BIN)/python -m pytest tests/command/test_curate_in_a_browser.py

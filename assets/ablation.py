@@ -11,18 +11,20 @@ import pandas as pd
 
 from assets.actuators import declared
 from assets.amp_policy import bundle_of, run_facts, train_beside_others
-from assets.asked_for import asked_for
-from assets.plainly import told_plainly
 from assets.plan import Plan
 from assets.policy import NoPolicyError, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, table_of
+from assets.report import as_failure, picture, table_of
 from assets.resources import ClipPoolResource
-from assets.training_process import TrainingConfig, gpus_here, run_of
+from assets.training_process import TrainingConfig, asked_for, gpus_here, run_of
 from pipeline.batch import Manifest
+from pipeline.deployment import load_policy
 from pipeline.files import atomic, digest
 from pipeline.training.ablation_runs import CURVES, OPTION, POLICY, ArmRun, read_runs
 from pipeline.training.config import texts_of
+from pipeline.validation.deployed import deployed
+from pipeline.validation.figures import measure
+from pipeline.validation.sweep import error_of, sweep_cells
 
 ARMS = {"augmented": True, "original": False}
 """Arm -> its value of the one option in which trainings differ, OPTION."""
@@ -53,7 +55,7 @@ def augmentation_ablation(plan: Plan, database: Plan, adapted: Plan) -> Any:
     ) -> Iterator[dg.MaterializeResult]:
         """The discriminator's score on policy samples, command and push figures with and without augmented clips."""
         if asked_for(context, plan):
-            with told_plainly():
+            with as_failure():
                 yield _measured(plan, config, clip_pool, context.log)
 
     return augmentation_ablation
@@ -179,11 +181,6 @@ def label_of(ways: Sequence[str]) -> str:
 
 def figures_of(policy: Path, robot: str, pool: ClipPoolResource) -> dict[str, float]:
     """Command and push figures of a policy in the sweep without noise in plain MuJoCo."""
-    from pipeline.deployment import load_policy
-    from pipeline.validation.checkpoint_choice import error_of
-    from pipeline.validation.deployed import deployed
-    from pipeline.validation.measure import measure
-    from pipeline.validation.sweep import sweep_cells
 
     one = deployed(PROJECT.adapted_robot(robot), load_policy(policy))
     figures = {}
@@ -219,7 +216,7 @@ def read_ablation(project: Project, folder: Path) -> dict[str, Any]:
 
 def ablation_metadata(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
     """Both arms' curves in one picture, and their figures side by side."""
-    from pipeline.viewing.training_curves import discriminator_curves
+    from pipeline.viewing.tracking_plots import discriminator_curves
 
     names = {"augmented": f"augmented ({facts['label']})", "original": "original clips only"}
     curves = {

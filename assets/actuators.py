@@ -7,13 +7,25 @@ import dagster as dg
 import pandas as pd
 
 from assets.approved import approval_metadata, approved_key, approved_part
-from assets.groups import group_of
-from assets.plainly import plainly
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import picture, table_of
+from assets.report import models_agree, picture, plain_errors, table_of
+from pipeline.actuators import (
+    ActuatorSettings,
+    Calibration,
+    adapt,
+    calibrate_folder,
+    read_standing_pose,
+    stand,
+    torque_envelope,
+    write_adapted_robot,
+)
+from pipeline.actuators.folder import read_published
 from pipeline.batch import Manifest
+from pipeline.feedback.cell_weights import check_limits, lowered
+from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import digest, settings
+from pipeline.robot import load_robot
 
 CALIBRATED = "every_motor_calibrated"
 AGREE = "adapted_models_agree"
@@ -24,7 +36,7 @@ MAX_TILT_DEG = 1.0
 
 def measurements_key(robot: str) -> dg.AssetKey:
     """Key of the external asset that a robot's measurement folder is."""
-    return Plan(name="actuator_measurements", packages=(), robot=robot).key
+    return Plan("actuator_measurements", ROBOT, (), robot=robot).key
 
 
 def measurements_version(project: Project, robot: str) -> str:
@@ -62,10 +74,9 @@ def actuator_calibration(plan: Plan) -> Any:
     )
 
     @dg.asset(**declared(plan, "scipy", deps=[measurements_key(plan.robot or DEFAULT_ROBOT)]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-        from pipeline.actuators import ActuatorSettings, calibrate_folder
 
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
@@ -88,8 +99,7 @@ def actuator_calibration(plan: Plan) -> Any:
 
 
 def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
-    from pipeline.actuators.folder import read_published
-    from pipeline.viewing.actuator_plots import calibration_curves
+    from pipeline.viewing.plots import calibration_curves
 
     curves = read_published(folder)
     models = {motor.name: motor.model for motor in found.motors}
@@ -98,7 +108,7 @@ def _calibration_metadata(found: Any, folder: Any) -> dict[str, Any]:
     metadata: dict[str, Any] = {
         "motors": len(found.motors),
         "motors refused": sum(not each.accepted for each in found.calibrations),
-        "synthetic": any("synthetic: never measured" in each.notes for each in found.calibrations),
+        "synthetic": any(each.synthetic for each in found.calibrations),
         "files of no motor": ", ".join(found.unused) or "none",
     }
     if found.calibrations:
@@ -144,14 +154,9 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     ]
 
     @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[approved_key("motors", plan.robot)]), check_specs=specs)
-    @plainly
+    @plain_errors
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-        from assets.model_report import models_agree
-        from pipeline.actuators import ActuatorSettings, Calibration, adapt, write_adapted_robot
-        from pipeline.feedback.motor_limits import check_limits, lowered
-        from pipeline.feedback.rules import FeedbackRules
-        from pipeline.robot import load_robot
 
         name = plan.robot or DEFAULT_ROBOT
         nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
@@ -185,7 +190,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
     """The robot held in its standing pose, with its armatures and without."""
-    from pipeline.actuators import read_standing_pose, stand, torque_envelope
 
     pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
     if pose is None:
@@ -212,6 +216,8 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
+    from pipeline.actuators import motors_source
+
     table = pd.DataFrame([vars(each) for each in actuators])
     columns = {
         "joint": "joint",
@@ -228,6 +234,7 @@ def _difference(actuators: Any) -> dict[str, Any]:
     shown = pd.DataFrame({name: list(table[source]) for name, source in columns.items()})
     changed = [each.joint for each in actuators if each.changed]
     return {
+        "motor limits": motors_source(actuators),
         "nominal against adapted": table_of(shown, list(shown)),
         "actuators": table_of(table, list(table)),
         "joints changed": ", ".join(changed) or "none",

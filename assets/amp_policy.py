@@ -9,36 +9,41 @@ import dagster as dg
 
 from assets.actuators import declared
 from assets.approved import approved_key, approved_part
-from assets.asked_for import asked_for
-from assets.plainly import told_plainly
 from assets.plan import Plan, robot_plans
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import as_failure
 from assets.resources import store_left_to_others
 from assets.tracking_policy import tracker_file
 from assets.training_process import (
     Run,
     TrainingConfig,
     TrainingFailedError,
+    asked_for,
+    curves_of,
     run_of,
     train,
+    validation_of,
 )
-from assets.training_report import curves_of, validation_of
 from pipeline.batch import Manifest
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.expert.training_bundle import TrackedClip, TrackerFiles, write_training_bundle
 from pipeline.files import digest
+from pipeline.training.config import preset
 
 
 def amp_policy(plan: Plan, database: Plan, adapted: Plan) -> Any:
     """The asset `amp_policy` of a robot."""
 
     deps = [database.key, adapted.key, approved_key("randomization", plan.robot)]
-    deps += [each.key for each in robot_plans(plan.robot or DEFAULT_ROBOT) if each.name in TRACKED]
+    plans = robot_plans(plan.robot or DEFAULT_ROBOT)
+    deps += [plans[name].key for name in TRACKED]
 
     @dg.asset(**declared(plan, "pytorch", deps=deps), output_required=False)
     def amp_policy(context: dg.AssetExecutionContext, config: TrainingConfig) -> Iterator[dg.MaterializeResult]:
         """A policy trained by AMP on the expert database, in a process of its own; a trial of it where no GPU is."""
         if asked_for(context, plan):
-            with told_plainly():
+            with as_failure():
                 yield _trained(plan, config, context.log)
 
     return amp_policy
@@ -70,7 +75,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
     The largest kick grows by the same share as the approved one, since presets have different ones.
     """
-    from pipeline.training.config import preset
 
     values = preset(preset_name).values()
     ends: dict[str, tuple[float, float]] = {}
@@ -84,7 +88,6 @@ def widened(preset_name: str, changes: Sequence[Any]) -> tuple[str, ...]:
 
 def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
     """Write the files that training takes, from database, adapted robot and tracker; the folder, and what they are."""
-    from pipeline.expert.training_bundle import write_training_bundle
 
     folder = project.policies(robot) / "bundle"
     tracker = tracker_files(project, robot)
@@ -94,11 +97,9 @@ def bundle_of(project: Project, robot: str) -> tuple[Path, dict[str, Any]]:
 def tracker_files(project: Project, robot: str) -> Any:
     """The tracker and each reference that its undisturbed rollout follows to the end, with that rollout; None where
     nothing was rolled out."""
-    from pipeline.clips.robot_clip import RobotClip
-    from pipeline.expert.training_bundle import TrackedClip, TrackerFiles
 
-    keys = {plan.name: plan.key.to_user_string() for plan in robot_plans(robot)}
-    names = [keys[name] for name in TRACKED]
+    plans = robot_plans(robot)
+    names = [plans[name].key.to_user_string() for name in TRACKED]
     if not all(project.store.manifest_path(name).is_file() for name in names):
         return None
     references, rollouts, policy = (project.store.load(name) for name in names)

@@ -1,9 +1,9 @@
-"""What was approved of the feedback from hardware, from outside the graph: an external asset a part, heeded by a stage.
+"""What was approved of the feedback from hardware, from outside the graph: an external asset per part, used by a stage.
 
 A person stands between `curation_feedback`, which proposes, and these. So the graph has no cycle, nothing takes effect
 unseen, and a change of weights makes nothing stale but KP5 and the database. Without `data/feedback/approved.yaml` all
-parts are empty, and nothing of the hardware's is looked at. A part of that file that can't be used has a version of its
-own, so that what heeds it is stale and fails with the sentence that says why; nothing else does.
+parts are empty, and nothing of the hardware's is read. A part of that file that can't be used has a version of its
+own, so that the asset that uses it is stale and fails with that reason; nothing else does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.groups import group_of
+from assets.plan import group_of
 from assets.project import DEFAULT_ROBOT, Project
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
@@ -93,7 +93,7 @@ def noting(manifest: Manifest, part: Sequence[Change], section: str) -> Manifest
 
 
 def approval_metadata(part: Sequence[Change]) -> dict[str, Any]:
-    """What the page of an asset says of approved changes; nothing where there are none."""
+    """Approved changes for the page of an asset; empty without any."""
     return {"feedback": dg.MetadataValue.md(markdown_list(change.text() for change in part))} if part else {}
 
 

@@ -11,16 +11,22 @@ import dagster as dg
 import pandas as pd
 
 from assets.checks import check_specs
-from assets.plainly import plainly
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, stage_metadata, table_of
+from assets.report import picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
 from assets.tracking_policy import no_tracker, tracker_file
+from pipeline.actuators import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.clips.outcome import Outcome
 from pipeline.files import settings
+from pipeline.robot import load_robot
+from pipeline.tracking.before_after import by_skill
+from pipeline.tracking.neighbours import compared_with_neighbours
+from pipeline.tracking.process import motion_to_failure, process
+from pipeline.tracking.settings import TrackingSettings
+from pipeline.tracking.tracker import load_tracker
 
 BEFORE_AND_AFTER = (
     *("speed_before_m_s", "speed_after_m_s", "drift_m"),
@@ -35,7 +41,7 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
     inputs = inputs_of(reference_motions=references, tracking_policy=policy, adapted_robot=adapted)
 
     @dg.asset(**declared_motions(plan, "mujoco", "4", inputs), check_specs=check_specs(plan))
-    @plainly
+    @plain_errors
     def augmented_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -44,12 +50,6 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
         adapted_robot: Manifest,
     ):
         """KP4: what the robot does when it tracks each reference in simulation, undisturbed and disturbed."""
-        from pipeline.actuators import read_actuators, torque_envelope
-        from pipeline.robot import load_robot
-        from pipeline.tracking.neighbours import compared_with_neighbours
-        from pipeline.tracking.process import motion_to_failure, process
-        from pipeline.tracking.settings import TrackingSettings
-        from pipeline.tracking.tracker import load_tracker
         from pipeline.viewing.tracking_plots import before_and_after, tracking_errors, worst_tracked
 
         folder = PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT)
@@ -90,7 +90,6 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
 def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
     """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
     their end."""
-    from pipeline.tracking.before_after import by_skill
 
     if worst.empty:
         return {"references tracked": 0}

@@ -1,19 +1,68 @@
 """Bring the inputs of a run up to date, in a run of their own, before the run's first step.
 
 So `dagster asset materialize --select expert_db` is enough on a fresh clone and after any change: the history shows a
-second run with what was missing or stale.
+second run with what was missing or stale. Versions of what comes from outside the graph are recorded first.
 """
 
 import logging
 import time
+from typing import Any
 
 import dagster as dg
 
-from assets.external import note_external
+from assets.actuators import measurements_key, measurements_version
+from assets.approved import approved_versions
 from assets.freshness import stale_reasons
+from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, plans
 from assets.project import Project
-from assets.sources import find_motions, remember_sources
+from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, find_motions, motions_version, remember_sources
+from pipeline.errors import PipelineError
+
+
+def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
+    """Version of each external asset; one that changed since it was last noted is noted in the history.
+
+    Motions that can't be listed keep the version that was noted last: what needs them asks for them itself
+    (`assets.bootstrap`) and fails with the reason, what does not (logs, approvals) is not kept from its work.
+    """
+    versions = _motions(instance, project)
+    for robot in project.robots:
+        key, version = measurements_key(robot), measurements_version(project, robot)
+        versions[key] = version
+        _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
+    versions[HARDWARE_LOGS], facts = logs_version(project)
+    _note(instance, HARDWARE_LOGS, versions[HARDWARE_LOGS], facts)
+    for key, (version, facts) in approved_versions(project).items():
+        versions[key] = version
+        _note(instance, key, version, facts)
+    return versions
+
+
+def _motions(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
+    """The version of the motions, where there is one."""
+    try:
+        version, facts = motions_version(project)
+    except PipelineError:
+        noted = _noted(instance, RAW_MOTIONS)
+        return {} if noted is None else {RAW_MOTIONS: noted}
+    _note(instance, RAW_MOTIONS, version, facts)
+    return {RAW_MOTIONS: version}
+
+
+def _noted(instance: dg.DagsterInstance, key: dg.AssetKey) -> str | None:
+    """The version of an asset that the history notes."""
+    last = instance.get_latest_materialization_event(key)
+    noted = last.asset_materialization.tags if last and last.asset_materialization else None
+    return (noted or {}).get(DATA_VERSION_TAG)
+
+
+def _note(instance: dg.DagsterInstance, key: dg.AssetKey, version: str, facts: dict[str, Any]) -> None:
+    """As a materialization that happened outside: Dagster holds an external asset's versions against these."""
+    if _noted(instance, key) != version:
+        event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
+        instance.report_runless_asset_event(event)
+
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
@@ -101,7 +150,7 @@ def assets_of(run: dg.DagsterRun) -> set[dg.AssetKey]:
 
 
 def cause(event: dg.DagsterEvent) -> str:
-    """The sentence of the innermost error of a failed step."""
+    """Message of the innermost error of a failed step."""
     error = event.step_failure_data.error
     while error is not None and error.cause is not None:
         error = error.cause
@@ -127,7 +176,7 @@ def _made_for_children(
 def _upstream(
     keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]], made: set[dg.AssetKey]
 ) -> set[dg.AssetKey]:
-    """What lies upstream of some assets. What comes from outside is not made here, nor is what it comes from."""
+    """Assets upstream of some assets. External assets are not made here, nor are their parents."""
     found, todo = set(keys), list(keys)
     while todo:
         key = todo.pop()

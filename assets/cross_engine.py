@@ -6,20 +6,19 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.judged_policy import JudgedPolicyConfig, judged_policy
-from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, table_of
+from assets.report import picture, plain_errors, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files import settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.validation.bars import read_validation
 
 HOLDS = "holds_in_both_engines"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
@@ -28,24 +27,23 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "dart", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def cross_engine_validation(
         context: dg.AssetExecutionContext,
-        config: JudgedPolicyConfig,
+        config: EvaluatedPolicyConfig,
         clip_pool: ClipPoolResource,
         exported_policy: Manifest,
     ):
         """The same policy, gains and motors in engines with other contacts: a figure a cell, every reason."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.cross_engine import cross_engine
         from pipeline.validation.cross_engine_trials import write_failures
         from pipeline.validation.cross_engine_walk import CrossEngineSettings
-        from pipeline.viewing.engine_plots import cross_engine_plots
+        from pipeline.viewing.validation_plots import cross_engine_plots
 
         grid = settings.read(PROJECT.settings("cross_engine.yaml"), CrossEngineSettings)
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         found = cross_engine(judged.deployed, grid, bars, pool=clip_pool.pool())
         folder = PROJECT.simulated_failures(robot, "cross_engine")
         logs = write_failures(judged.deployed, found, grid, folder)

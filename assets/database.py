@@ -1,4 +1,4 @@
-"""`expert_db`: written when something it depends on changed, left alone when nothing did."""
+"""`expert_db`, written when something it depends on changed, and the database in the forms that other programs load."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,27 +6,30 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
+from assets.actuators import declared
 from assets.bootstrap import stale_now
-from assets.curator_link import curator_link
-from assets.database_checks import judge_database, last_verdicts
-from assets.plan import FINGERPRINT_TAG, Plan
+from assets.database_checks import judge_database, last_verdicts, realizability_check
+from assets.plan import EXPORTS, FINGERPRINT_TAG, Plan, robot_plans
+from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.realizability import realizability_check
-from assets.report import picture, table_of
+from assets.report import curator_link, picture, plain_errors, table_of
 from pipeline.batch import Manifest
-from pipeline.files import settings
+from pipeline.dataset_export import export_database
+from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
+from pipeline.expert.index import database_version
+from pipeline.expert.swap import replace_folder
+from pipeline.feasibility.command_space import by_command
+from pipeline.files import digest, settings
+from pipeline.robot import load_robot
 
 
 def materialize_database(
     context: dg.AssetExecutionContext, plan: Plan, feasible: Manifest, pool: Any
 ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
-    """Write the database of what left KP5 and judge it, or say that nothing is stale and what was judged.
+    """Write the database from the output of KP5 and check it, or report that nothing is stale, with the last checks.
 
     Raises NoClipsError and DatabaseLossError for a database that may not take the place of the one before.
     """
-    from pipeline.expert import DatabaseSettings, write_database
-    from pipeline.expert.index import database_version
-    from pipeline.robot import load_robot
 
     why = stale_now(context.instance, PROJECT).get(plan.key)
     if why is None:
@@ -57,8 +60,6 @@ def materialize_database(
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
-    from pipeline.expert import ExpertEntry, StoredClip
-
     for entry in feasible.entries:
         yield ExpertEntry(
             clip=StoredClip(name=entry.clip, blob=entry.blob, store=PROJECT.store),
@@ -71,7 +72,6 @@ def _entries(feasible: Manifest) -> Iterator[Any]:
 
 
 def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
-    from pipeline.feasibility.command_space import by_command
     from pipeline.viewing.plots import command_seconds
 
     title = f"{manifest['robot']} expert database"
@@ -89,3 +89,55 @@ def _metadata(manifest: dict[str, Any], index: pd.DataFrame) -> dict[str, Any]:
         "seconds by skill": table_of(by_skill, ["skill", "seconds"]),
         "clips of the database": table_of(index.sort_values("clip"), columns),
     }
+
+
+EXPORT = "export"
+"""Key under which an export's facts are in its manifest."""
+
+
+def dataset_exports(robot: str) -> list[Any]:
+    """An asset for each format of `booster-lab export`."""
+    plans = robot_plans(robot)
+    return [_export(plans[name], kind, plans["expert_db"]) for kind, name in EXPORTS.items()]
+
+
+def _export(plan: Plan, kind: str, database: Plan) -> Any:
+    @dg.asset(
+        **declared(plan, kind, deps=[database.key]),
+        description=f"The expert database as `booster-lab export --format {kind}` writes it, with its dataset card.",
+    )
+    @plain_errors
+    def dataset_export(context: dg.AssetExecutionContext):
+
+        robot = plan.robot or DEFAULT_ROBOT
+        folder = PROJECT.exports(robot, kind)
+        written: list[int] = []
+
+        def fill(part: Any) -> None:
+            source = PROJECT.expert_db(robot)
+            written.append(export_database(source, kind, lambda name: load_robot(PROJECT.robot_folder(name)), part))
+
+        replace_folder(folder, fill)
+        files = {
+            path.relative_to(folder).as_posix(): digest.of_file(path)
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
+        facts = {
+            "stage": plan.name,
+            "format": kind,
+            "folder": folder.relative_to(PROJECT.root).as_posix(),
+            "clips": written[0],
+            "files": files,
+        }
+        context.log.info(f"{written[0]} clips in {folder}")
+        manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={EXPORT: facts})
+        metadata = {
+            "clips": written[0],
+            "files": len(files),
+            "size [MB]": sum((folder / name).stat().st_size for name in files) / 1e6,
+            "dagster/uri": dg.MetadataValue.path(str(folder)),
+        }
+        return result_of(plan, manifest, metadata, [])
+
+    return dataset_export

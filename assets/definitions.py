@@ -1,29 +1,78 @@
-"""Assembles the graph: sources, the shared stages, the stages of each robot, resources. Nothing else."""
+"""Assembles the graph: sources, the shared stages, the stages and policies of each robot, resources. Nothing else."""
 
 from typing import Any
 
 import dagster as dg
 
+from assets.ablation import augmentation_ablation
+from assets.amp_policy import amp_policy
 from assets.approval import approve_feedback, take_back_feedback
 from assets.approved import approved_specs
 from assets.bootstrap import serve
-from assets.dataset_exports import dataset_exports
-from assets.engine_assets import engine_assets
+from assets.cross_engine import cross_engine_validation
+from assets.database import dataset_exports
 from assets.failure_modes import failure_modes
 from assets.feedback import curation_feedback, sim_to_real_report
 from assets.hardware import hardware_logs, hardware_trials
-from assets.log_sensor import hardware_log_sensor, ingest_logs
+from assets.limit_cycles import limit_cycles
 from assets.motions import motion_catalog, repaired_motions, selected_motions
-from assets.page_renewal import renew_feedback_page
-from assets.plan import named_plans
-from assets.policy_assets import policy_assets, training_jobs
-from assets.project import PROJECT
-from assets.recuration import approved_feedback_sensor, nightly_recuration, recurate
+from assets.plan import robot_plans
+from assets.policy import exported_policy
+from assets.project import DEFAULT_ROBOT, PROJECT
+from assets.release import release_report, released
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.robot_motions import robot_assets
+from assets.sensors import (
+    approved_feedback_sensor,
+    hardware_log_sensor,
+    ingest_logs,
+    nightly_recuration,
+    recurate,
+    renew_feedback_page,
+)
 from assets.sources import raw_motions
 from assets.tracking_policy import tracker_jobs
-from assets.validation import validation_assets
+from assets.validation import mujoco_validation
+from assets.webots import webots_validation
+
+
+def policy_assets(robot: str) -> list[Any]:
+    """Training, ablation, export, limit cycles and release report of the robot in `robots/<robot>`."""
+    plans = robot_plans(robot)
+    database, adapted, exported = (plans[name] for name in ("expert_db", "adapted_robot", "exported_policy"))
+    known = released(robot)
+    trials = known.get("hardware_trials")
+    return [
+        amp_policy(plans["amp_policy"], database, adapted),
+        augmentation_ablation(plans["augmentation_ablation"], database, adapted),
+        exported_policy(exported, plans["amp_policy"], plans["robot_model"]),
+        limit_cycles(plans["limit_cycles"], exported, adapted, trials.key if trials else None),
+        release_report(plans["release_report"], known),
+    ]
+
+
+def training_jobs(robots: tuple[str, ...]) -> list[Any]:
+    """The job `train` of each robot (`train_k1` of another one): started by a person, never by itself."""
+    return [
+        dg.define_asset_job(
+            "train" if robot == DEFAULT_ROBOT else f"train_{robot}",
+            selection=dg.AssetSelection.assets(robot_plans(robot)["amp_policy"].key),
+            description="Trains a policy on the expert database, which is brought up to date first.",
+        )
+        for robot in robots
+    ]
+
+
+def validation_assets(robot: str) -> list[Any]:
+    """MuJoCo, cross-engine and Webots validation of the robot in `robots/<robot>`."""
+    plans = robot_plans(robot)
+    judged = plans["exported_policy"], plans["adapted_robot"]
+    return [
+        mujoco_validation(plans["mujoco_validation"], *judged),
+        cross_engine_validation(plans["cross_engine_validation"], *judged),
+        webots_validation(plans["webots_validation"], *judged),
+    ]
+
 
 _assets: list[Any] = [
     raw_motions,
@@ -43,7 +92,6 @@ for _robot in PROJECT.robots:
         *dataset_exports(_robot),
         *policy_assets(_robot),
         *validation_assets(_robot),
-        *engine_assets(_robot),
     ]
 
 defs = serve(
@@ -56,7 +104,7 @@ defs = serve(
             approve_feedback,
             take_back_feedback,
             *training_jobs(PROJECT.robots),
-            *tracker_jobs(PROJECT.robots, {robot: named_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
+            *tracker_jobs(PROJECT.robots, {robot: robot_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
         ],
         sensors=[hardware_log_sensor, approved_feedback_sensor],
         schedules=[nightly_recuration],

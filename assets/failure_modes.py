@@ -1,4 +1,4 @@
-"""What went wrong in each trial, and its twin in simulation where its policy is at hand; each is looked at once."""
+"""Failures of each trial, and its repetition in simulation where its policy is available; each trial once."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,17 +7,24 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.groups import group_of
 from assets.hardware import trials_of
-from assets.plainly import plainly, told_plainly
-from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, robot_plans
+from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, group_of, robot_plans
 from assets.project import PROJECT
-from assets.report import table_of
+from assets.report import as_failure, plain_errors, table_of
+from pipeline.actuators import ActuatorSettings, Calibration, adapt
 from pipeline.batch import Manifest
+from pipeline.deployment import digest as policy_digest
+from pipeline.deployment import load_policy
 from pipeline.errors import FileError, PipelineError
 from pipeline.failures.failure import NOT_OF_POLICY
+from pipeline.failures.find import find_failures
+from pipeline.failures.settings import FailureSettings
+from pipeline.failures.trial_report import NOTED, TrialReport
+from pipeline.feedback.sim_to_real import twin_of, with_cycle_failures
 from pipeline.files import digest, settings
 from pipeline.files.shown_text import markdown_list
+from pipeline.hardware_logs import read_trial
+from pipeline.robot import load_robot
 
 FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
@@ -38,7 +45,7 @@ def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
 
 def _calibrations() -> dict[str, Plan]:
     """Each robot's calibration: what its motors can do by measurement, before any log."""
-    return {robot: robot_plans(robot)[1] for robot in PROJECT.robots}
+    return {robot: robot_plans(robot)["actuator_calibration"] for robot in PROJECT.robots}
 
 
 @dg.asset(
@@ -50,9 +57,9 @@ def _calibrations() -> dict[str, Plan]:
         )
     ],
 )
-@plainly
+@plain_errors
 def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
-    """What went wrong in each trial: kind, time, command, evidence, confidence, and whether the policy is to blame."""
+    """Failures of each trial: kind, time, command, evidence, confidence, and whether the policy is the cause."""
     found = {name: _answer(name, path, numbers) for name, path, numbers in trials_of(hardware_trials)}
     unread = [f"{name}: {each['unread']}" for name, each in found.items() if "unread" in each]
     manifest = Manifest(
@@ -89,9 +96,6 @@ def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
 
 def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
     """The report of a trial, and its twin where its policy is at hand; remembered by all that they depend on."""
-    from pipeline.actuators import ActuatorSettings, Calibration, adapt
-    from pipeline.failures.settings import FailureSettings
-    from pipeline.robot import load_robot
 
     robot = str(numbers["robot"])
     if robot not in PROJECT.robots:
@@ -110,17 +114,13 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]
         known = {"pieces": [], **_look(path, numbers, nominal, adapt(nominal, calibrations, limits), policy, values)}
-        with told_plainly():
+        with as_failure():
             PROJECT.store.remember(key, known, FAILURES.name)
         return {**known, "new": True}
     return known
 
 
 def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, policy: Path | None, values: Any) -> dict:
-    from pipeline.deployment import load_policy
-    from pipeline.failures.find import find_failures
-    from pipeline.feedback.sim_to_real import twin_of, with_cycle_failures
-    from pipeline.hardware_logs import read_trial
 
     trial = read_trial(path)
     report = find_failures(trial, robot, actuators, values, file=str(numbers.get("log", trial.name)))
@@ -134,8 +134,6 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
 
 def policy_path(robot: str, wanted: str) -> Path | None:
     """The policy of a digest among those at hand: the digest of the file, or of the network and gains in it."""
-    from pipeline.deployment import digest as policy_digest
-    from pipeline.deployment import load_policy
 
     for path in PROJECT.policy_files(robot) if wanted else ():
         try:
@@ -148,7 +146,6 @@ def policy_path(robot: str, wanted: str) -> Path | None:
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
-    from pipeline.failures.missed import NOTED
 
     rows, kinds = [], {}
     reports = reports_of(manifest)
@@ -185,7 +182,6 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
 
 def reports_of(manifest: Manifest) -> list[Any]:
     """The reports in the result of `failure_modes`."""
-    from pipeline.failures.trial_report import TrialReport
 
     return [TrialReport.from_dict(each["report"]) for _, each in sorted(manifest.settings.items()) if "report" in each]
 

@@ -1,4 +1,4 @@
-"""What is stale, and why. Dagster's own record of versions is asked, plus what only the disk knows.
+"""What is stale, and why: by Dagster's record of versions, and by the files on disk.
 
 An asset is stale when it was never materialized, when its stored result is not the one of the last
 materialization, when its code, settings or robot changed, or when an input changed or is stale.
@@ -12,6 +12,8 @@ from assets.plan import EXPORTS, FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG
 from pipeline.errors import PipelineError
+from pipeline.expert.index import database_version
+from pipeline.feasibility.criteria_table import belongs, path_beside
 from pipeline.files import digest
 
 INPUT_VERSION_PREFIX = "dagster/input_data_version/"
@@ -26,7 +28,7 @@ def stale_reasons(
     parents: Mapping[dg.AssetKey, set[dg.AssetKey]],
     external: Mapping[dg.AssetKey, str],
 ) -> dict[dg.AssetKey, str]:
-    """Each stale asset with the sentence that says why, upstream before downstream.
+    """Each stale asset with the reason, upstream before downstream.
 
     Args:
         parents: the assets that each one takes, external ones among them
@@ -89,11 +91,9 @@ def _noted(tags: Mapping[str, str], parent: dg.AssetKey) -> str | None:
 
 
 def stored_version(project: Project, plan: Plan) -> str | None:
-    """Data version of what is on disk for an asset; None where nothing readable is, or not all that it names."""
+    """Data version of what is on disk for an asset; None if nothing readable is there, or a file is missing."""
     try:
         if plan.name == "expert_db":
-            from pipeline.expert.index import database_version
-
             return database_version(project.expert_db(plan.robot or ""))
         if plan.name in ("adapted_robot", "exported_policy", *EXPORTS.values()) and not _whole(project, plan):
             return None
@@ -114,7 +114,6 @@ def _whole(project: Project, plan: Plan) -> bool:
 
 def _has_criteria(project: Project, plan: Plan) -> bool:
     """The table of criteria beside the manifest is that of this manifest."""
-    from pipeline.feasibility.criteria_table import belongs, path_beside
 
     manifest = project.store.manifest_path(plan.key.to_user_string())
     return belongs(path_beside(manifest), manifest)

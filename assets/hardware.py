@@ -1,19 +1,173 @@
-"""Logs of the robot: the folder they are dropped into, and the trials that are made of them."""
+"""Logs of the robot: the folder they are dropped into, and the trials that are made of them.
 
-from collections.abc import Iterator
+A log that was read before comes from the memo; one that is refused gets a text file with the reason beside it.
+"""
+
+import logging
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
 import pandas as pd
 
-from assets.groups import HARDWARE
-from assets.plainly import plainly
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, TRIALS
+from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, HARDWARE, TRIALS, Plan, digest_of_robot
 from assets.project import PROJECT, Project
-from assets.report import table_of
-from pipeline.batch import Manifest
+from assets.report import plain_errors, table_of
+from pipeline.batch import Entry, Judged, Manifest
+from pipeline.clips.outcome import Reason
+from pipeline.errors import PipelineError
 from pipeline.files import digest, settings
+from pipeline.hardware_logs import LogError, LogSettings, ingest, layouts
+from pipeline.hardware_logs.log_folder import (
+    QUARANTINE,
+    LogFile,
+    closed_folders,
+    complete_logs,
+    note_refusals,
+    packed_files,
+    without_copies,
+)
+from pipeline.robot import load_robot
+
+Answer = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class IngestedLogs:
+    """What became of all logs."""
+
+    manifest: Manifest
+    faults: int
+    """Logs that could not be read for a reason outside the log: they are tried again."""
+    passed_over: tuple[str, ...]
+    """A message for each file that is no log yet, or a duplicate."""
+
+
+def ingest_folder(project: Project, plan: Plan, values: LogSettings, log: logging.Logger) -> IngestedLogs:
+    """The manifest of trials of `data/hardware_logs`. One log never stops the others."""
+    folder = project.hardware_logs
+    files, waiting = complete_logs(folder, project.log_digests)
+    files, copies = without_copies(files, _names_before(project, plan))
+    robots = {robot: digest_of_robot(project, robot) for robot in project.robots}
+    version = digest.of_json([plan.name, plan.code_version(), settings.plain(values), robots])
+    answers: dict[str, Answer] = {}
+    read, faults = 0, 0
+    for file in files:
+        key = digest.of_json([version, file.name, file.question])
+        answer = project.store.recall(key, plan.name)
+        if answer is None:
+            log.info(f"'{file.name}' is read")
+            answer, is_fault = _ask(project, file, values)
+            read, faults = read + 1, faults + is_fault
+            if not is_fault:
+                project.store.remember(key, answer, plan.name)
+        answers[file.name] = answer
+    refused = {name: answer["refused"] for name, answer in answers.items() if answer["refused"]}
+    unwritten = note_refusals(folder / QUARANTINE, refused)
+    for sentence in unwritten:
+        log.warning(sentence)
+    passed_over = [f"{path.relative_to(folder)} is still being written or can't be read." for path in waiting] + copies
+    passed_over += [
+        *unwritten,
+        *(f"{path.relative_to(folder)} can't be looked into." for path in closed_folders(folder)),
+    ]
+    passed_over += [f"{path.relative_to(folder)} is packed or of ROS 1: unpack it." for path in packed_files(folder)]
+    return IngestedLogs(
+        manifest=_manifest(plan, files, answers, values, read), faults=faults, passed_over=tuple(passed_over)
+    )
+
+
+def _names_before(project: Project, plan: Plan) -> dict[str, str]:
+    """Names of the logs of the last manifest, by what they were."""
+    try:
+        before = project.store.load(plan.key.to_user_string())
+    except PipelineError:
+        return {}
+    return {row.numbers["question"]: row.clip for row in before.judged}
+
+
+def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
+    """The answer on a log, and whether a fault of the machine kept us from reading it."""
+
+    aside: Path | None = None
+    try:
+        root = project.store.root / "ingest"
+        root.mkdir(parents=True, exist_ok=True)
+        aside = Path(tempfile.mkdtemp(dir=root))
+        robots = [load_robot(project.robot_folder(robot)) for robot in project.robots]
+        made = ingest(file.path, file.name, aside, layouts=layouts(robots), settings=values, sidecar=file.sidecar)
+        pieces = [
+            {"clip": each.name, "blob": project.store.blobs.take(each.path), "numbers": each.numbers}
+            for each in made.trials
+        ]
+        facts = {"integrity": made.integrity, "messages": made.messages, "notes": list(made.notes)}
+        return {"pieces": pieces, **facts, "refused": ""}, False
+    except LogError as error:
+        where = f" (at byte {error.offset}, {error.recovered} messages read)."
+        return _refused(f"{file.name}: {error.reason}{where}", error.recovered), False
+    except (PipelineError, OSError) as error:
+        return _refused(f"{file.name}: {' '.join(str(error).split())}", 0), True
+    except MemoryError:
+        return _refused(f"{file.name}: there is not enough memory to read it; it is tried again.", 0), True
+    finally:
+        if aside is not None:
+            shutil.rmtree(aside, ignore_errors=True)
+
+
+def _refused(sentence: str, messages: int) -> Answer:
+    return {"pieces": [], "integrity": "", "messages": messages, "notes": [], "refused": sentence}
+
+
+def _manifest(
+    plan: Plan, files: list[LogFile], answers: Mapping[str, Answer], values: LogSettings, read: int
+) -> Manifest:
+    stated = settings.plain(values)
+    record = ({"stage": plan.name, "version": plan.code_version(), "settings": digest.of_json(stated)},)
+    entries, judged = [], []
+    for file in files:
+        answer = answers[file.name]
+        about = {"log": file.name, "log_sha256": file.content}
+        for piece in answer["pieces"]:
+            numbers = {**piece["numbers"], **about}
+            entries.append(Entry(clip=piece["clip"], blob=piece["blob"], numbers=numbers, record=record))
+        seconds = sum(piece["numbers"]["seconds"] for piece in answer["pieces"])
+        judged.append(
+            Judged(
+                clip=file.name,
+                pieces=tuple(piece["clip"] for piece in answer["pieces"]),
+                reasons=tuple(each.to_dict() for each in _reasons(answer)),
+                numbers={
+                    **about,
+                    "question": file.question,
+                    "integrity": answer["integrity"],
+                    "messages": answer["messages"],
+                    "seconds_in": seconds,
+                    "seconds_out": seconds,
+                },
+            )
+        )
+    return Manifest(
+        stage=plan.name,
+        entries=tuple(entries),
+        judged=tuple(judged),
+        settings={digest.of_json(stated): {"stage": plan.name, **stated}},
+        recomputed=read,
+    )
+
+
+def _reasons(answer: Answer) -> list[Reason]:
+    if answer["refused"]:
+        return [Reason(code="refused", text=answer["refused"], effect="rejected")]
+    code = answer["integrity"] if answer["integrity"] != "complete" else "noted"
+    return [
+        Reason(code=code if number == 0 else "noted", text=text, effect="noted")
+        for number, text in enumerate(answer["notes"])
+    ]
+
 
 HARDWARE_LOGS = dg.AssetKey(["hardware_logs"])
 READABLE = "every_log_readable"
@@ -31,9 +185,8 @@ hardware_logs = dg.AssetSpec(
 def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
     """Digest of the logs that are complete, and what is noted of them in the history.
 
-    A copy of a log changes nothing. Files that cannot be looked at are passed over: no other asset waits for logs.
+    A copy of a log changes nothing. Files that cannot be read are skipped: no other asset waits for logs.
     """
-    from pipeline.hardware_logs.log_folder import complete_logs
 
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)
     version = digest.of_json(sorted({log.question for log in logs}))
@@ -51,11 +204,9 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
         dg.AssetCheckSpec(VERIFIED, asset=TRIALS.key, description="Every log has checksums, which hold."),
     ],
 )
-@plainly
+@plain_errors
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
-    from assets.log_ingest import ingest_folder
-    from pipeline.hardware_logs import LogSettings
 
     values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)
     found = ingest_folder(PROJECT, TRIALS, values, context.log)

@@ -7,18 +7,20 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.judged_policy import JudgedPolicyConfig, judged_policy
-from assets.plainly import plainly
+from assets.hardware import trials_of as files_of
 from assets.plan import Plan
-from assets.policy import result_of, served
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, table_of
+from assets.report import picture, plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.hardware_logs.trial import read_trial
+from pipeline.validation.bars import read_validation
+from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:
@@ -29,18 +31,16 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     @dg.asset(
         **declared(plan, "mujoco", ins=inputs, deps=[adapted.key, *([trials] if trials else [])]), check_specs=[spec]
     )
-    @plainly
-    def limit_cycles(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
+    @plain_errors
+    def limit_cycles(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """Hip pitch against knee, and each against its speed, at .6 and 2.0 m/s: shape distance, period, amplitude."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.limit_cycle_walks import limit_cycles as find
-        from pipeline.validation.limit_cycles import LimitCycleSettings
-        from pipeline.viewing.engine_plots import limit_cycle_plots
+        from pipeline.viewing.validation_plots import limit_cycle_plots
 
         values = settings.read(PROJECT.settings("limit_cycles.yaml"), LimitCycleSettings)
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         names = {judged.digest, *_file_of(exported_policy, judged.digest)}
         found = find(judged.deployed, trials_of(trials, robot, names), values, rules.limit_cycles)
         reasons = [reason for each in found if each.required for reason in each.reasons]
@@ -66,7 +66,10 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             check_name=AGREE,
             passed=passed,
             severity=dg.AssetCheckSeverity.WARN,
-            metadata={"found": "; ".join(reasons) or "within the bars", **({"note": note} if note else {})},
+            metadata={
+                "found": "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED),
+                **({"note": note} if note else {}),
+            },
         )
         rows = pd.DataFrame([row for each in found for row in each.rows()])
         compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
@@ -84,10 +87,11 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
     return limit_cycles
 
 
+NONE_REQUIRED = "no speed is required: nothing was shown"
+
+
 def trials_of(trials: dg.AssetKey | None, robot: str, policies: set[str]) -> Iterator[Any]:
     """The trials of a robot that a policy of these digests walked; none where no log was read."""
-    from assets.hardware import trials_of as files_of
-    from pipeline.hardware_logs.trial import read_trial
 
     if trials is None or not PROJECT.store.manifest_path(trials.to_user_string()).is_file():
         return

@@ -1,6 +1,11 @@
-"""What each asset's answer depends on besides its inputs: code, settings, robot. No heavy imports here."""
+"""What each asset's result depends on besides its inputs (code, settings, robot), and its group in Dagster's graph.
 
-from dataclasses import dataclass
+No heavy imports here.
+"""
+
+import dataclasses
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 import dagster as dg
 
@@ -15,30 +20,30 @@ FINGERPRINT_TAG = "booster_lab/fingerprint"
 FAULTS_TAG = "booster_lab/faults"
 """Tag of a materialization: how many clips were lost to a fault of the stage itself, not to a verdict."""
 
-BARS = ("validation.yaml",)
-"""A robot's thresholds for policies, in its folder."""
-
 FINGERPRINT_DIGITS = 40
 """Hex digits of a fingerprint; Dagster allows a tag 63 characters."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Plan:
     """One asset of the graph."""
 
     name: str
     """Last part of the asset key."""
+    group: str
+    """Its group in Dagster's graph; of a robot's asset without the robot's name."""
     packages: tuple[str, ...]
     """The packages of `pipeline/` that do the work."""
     settings_files: tuple[str, ...] = ()
     """Files of `data/` that parametrise it."""
-    robot_settings_files: tuple[str, ...] = ()
-    """Files of the robot's folder that parametrise it without being part of its model; a robot may lack them."""
+    _: KW_ONLY
     robot: str | None = None
     """Robot folder it depends on; None for what all robots share."""
+    robot_settings_files: tuple[str, ...] = ()
+    """Files of the robot's folder that parametrise it without being part of its model; a robot may lack them."""
     as_they_are: tuple[str, ...] = ()
-    """Names of inputs that are taken as they are: never made for this asset, and it is not stale because they are.
-    New content of them makes it stale."""
+    """Names of soft inputs: they are used as they are, are not materialized for this asset, and their staleness does
+    not propagate. New content of them makes it stale."""
     names_robot: bool = False
     """Whether the key has the robot's name although it is the default robot: a training is started by its name."""
     shipped_policies: bool = False
@@ -83,16 +88,49 @@ def digest_of_policies(project: Project, robot: str) -> str:
     return digest.of_files(sorted(folder.rglob("*.json")), folder)
 
 
+SOURCES, SELECTION, REPAIR, HARDWARE = "sources", "KP1_selection", "KP2_repair", "hardware_feedback"
+ROBOT, RETARGETING, AUGMENTATION, FEASIBILITY = "robot", "KP3_retargeting", "KP4_augmentation", "KP5_feasibility"
+DATABASE, TRAINING, VALIDATION = "database", "training", "validation"
+
 SHARED = (
     Plan(
-        name="motion_catalog",
-        packages=("catalog", "readers", "hardware_logs"),
-        settings_files=("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
+        "motion_catalog",
+        SOURCES,
+        ("catalog", "readers", "hardware_logs"),
+        ("catalog.yaml", "sources.yaml", "hardware_logs.yaml"),
     ),
-    Plan(name="selected_motions", packages=("selection",), settings_files=("curation.yaml",)),
-    Plan(name="repaired_motions", packages=("repair",), settings_files=("repair.yaml",)),
+    Plan("selected_motions", SELECTION, ("selection",), ("curation.yaml",)),
+    Plan("repaired_motions", REPAIR, ("repair",), ("repair.yaml",)),
 )
 """The stages that are the same for every robot."""
+
+TRIALS = Plan("hardware_trials", HARDWARE, ("hardware_logs",), ("hardware_logs.yaml",))
+"""What is made of each log by itself."""
+
+FIELD = (
+    Plan(
+        "failure_modes",
+        HARDWARE,
+        ("failures", "feedback", "virtual_robot", "validation", "hardware_logs", "deployment", "actuators"),
+        ("failures.yaml", "actuators.yaml"),
+    ),
+    Plan(
+        "curation_feedback",
+        HARDWARE,
+        ("feedback", "failures", "feasibility", "selection"),
+        ("feedback_rules.yaml", "commands.yaml", "curation.yaml"),
+    ),
+    Plan("sim_to_real_report", HARDWARE, ("feedback",)),
+)
+"""What is made of the logs of hardware."""
+
+EXPORTS = {
+    "mjlab": "mjlab_motions",
+    "gmr": "gmr_motions",
+    "lerobot": "lerobot_dataset",
+    "rerun": "rerun_recordings",
+}
+"""Format of `booster-lab export` -> the asset that holds a robot's database in it. Nothing depends on them."""
 
 RELEASED = (
     "exported_policy",
@@ -109,143 +147,81 @@ RELEASED = (
 )
 """What the release report is made from, as it is: it runs nothing, and says what was not run."""
 
+_TRAINING = ("training", "learning", "expert", "tracking")
+_WALKS = ("validation", "deployment", "actuators")
+_BARS: dict[str, Any] = {"robot_settings_files": ("validation.yaml",)}
+"""A robot's thresholds for policies, in its folder."""
 
-TRIALS = Plan(name="hardware_trials", packages=("hardware_logs",), settings_files=("hardware_logs.yaml",))
-"""What is made of each log by itself."""
-
-FIELD = (
+_OF_ROBOT = (
+    Plan("robot_model", ROBOT, ("robot",)),
+    Plan("actuator_calibration", ROBOT, ("actuators",), ("actuators.yaml",)),
+    Plan("adapted_robot", ROBOT, ("actuators",), ("actuators.yaml",)),
+    Plan("retargeted_motions", RETARGETING, ("retarget", "scoring"), ("retarget.yaml",)),
+    Plan("motion_variants", AUGMENTATION, ("augment",), ("augment.yaml",)),
+    Plan("reference_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml",)),
+    Plan("tracking_policy", AUGMENTATION, ("tracking", "learning"), shipped_policies=True),
+    Plan("augmented_motions", AUGMENTATION, ("tracking", "actuators", "deployment"), ("tracking.yaml",)),
+    Plan("feasible_motions", FEASIBILITY, ("feasibility",), ("feasibility.yaml", "commands.yaml", "curation.yaml")),
+    Plan("expert_db", DATABASE, ("expert", "tracking")),
+    *(Plan(name, DATABASE, ("dataset_export",)) for name in EXPORTS.values()),
+    Plan("amp_policy", TRAINING, (*_TRAINING, "validation", "dart", "export", "deployment"), names_robot=True),
+    Plan("augmentation_ablation", TRAINING, _TRAINING, shipped_policies=True),
     Plan(
-        name="failure_modes",
-        packages=("failures", "feedback", "virtual_robot", "validation", "hardware_logs", "deployment", "actuators"),
-        settings_files=("failures.yaml", "actuators.yaml"),
+        "exported_policy",
+        VALIDATION,
+        ("export", "deployment"),
+        robot_settings_files=("deployment.yaml",),
+        as_they_are=("amp_policy",),
+        shipped_policies=True,
     ),
+    Plan("mujoco_validation", VALIDATION, (*_WALKS, "virtual_robot", "hardware_logs"), ("validation.yaml",), **_BARS),
     Plan(
-        name="curation_feedback",
-        packages=("feedback", "failures", "feasibility", "selection"),
-        settings_files=("feedback_rules.yaml", "commands.yaml", "curation.yaml"),
+        "cross_engine_validation",
+        VALIDATION,
+        (*_WALKS, "dart", "virtual_robot", "hardware_logs"),
+        ("cross_engine.yaml", "validation.yaml"),
+        **_BARS,
     ),
-    Plan(name="sim_to_real_report", packages=("feedback",)),
+    Plan("webots_validation", VALIDATION, (*_WALKS, "webots"), ("webots.yaml", "validation.yaml"), **_BARS),
+    Plan(
+        "limit_cycles",
+        VALIDATION,
+        (*_WALKS, "dart", "hardware_logs"),
+        ("limit_cycles.yaml", "validation.yaml"),
+        as_they_are=("hardware_trials",),
+        **_BARS,
+    ),
+    Plan("release_report", VALIDATION, ("release",), as_they_are=RELEASED),
 )
-"""What is made of the logs of hardware."""
 
 
-def robot_plans(robot: str) -> tuple[Plan, ...]:
-    """The stages of one robot."""
-    return (
-        Plan(name="robot_model", packages=("robot",), robot=robot),
-        Plan(name="actuator_calibration", packages=("actuators",), settings_files=("actuators.yaml",), robot=robot),
-        Plan(name="adapted_robot", packages=("actuators",), settings_files=("actuators.yaml",), robot=robot),
-        Plan(
-            name="retargeted_motions", packages=("retarget", "scoring"), settings_files=("retarget.yaml",), robot=robot
-        ),
-        Plan(name="motion_variants", packages=("augment",), settings_files=("augment.yaml",), robot=robot),
-        Plan(name="reference_motions", packages=("feasibility",), settings_files=("feasibility.yaml",), robot=robot),
-        Plan(name="tracking_policy", packages=("tracking", "learning"), robot=robot, shipped_policies=True),
-        Plan(
-            name="augmented_motions",
-            packages=("tracking", "actuators", "deployment"),
-            settings_files=("tracking.yaml",),
-            robot=robot,
-        ),
-        Plan(
-            name="feasible_motions",
-            packages=("feasibility",),
-            settings_files=("feasibility.yaml", "commands.yaml", "curation.yaml"),
-            robot=robot,
-        ),
-        Plan(name="expert_db", packages=("expert", "tracking"), robot=robot),
-    )
-
-
-def named_plans(robot: str) -> dict[str, Plan]:
-    """The stages of one robot by name."""
-    return {plan.name: plan for plan in robot_plans(robot)}
-
-
-def policy_plans(robot: str) -> tuple[Plan, ...]:
-    """What is made of a robot's database: policies, and what is asked of them. Training never starts by itself."""
-    export, trained = ("export", "deployment"), ("training", "learning", "expert", "tracking")
-    return (
-        Plan(name="amp_policy", packages=(*trained, "validation", "dart", *export), robot=robot, names_robot=True),
-        Plan(name="augmentation_ablation", packages=trained, robot=robot, shipped_policies=True),
-        Plan(
-            name="exported_policy",
-            packages=export,
-            robot=robot,
-            robot_settings_files=("deployment.yaml",),
-            as_they_are=("amp_policy",),
-            shipped_policies=True,
-        ),
-        Plan(
-            name="limit_cycles",
-            packages=("validation", "dart", "deployment", "actuators", "hardware_logs"),
-            settings_files=("limit_cycles.yaml", "validation.yaml"),
-            robot_settings_files=BARS,
-            robot=robot,
-            as_they_are=("hardware_trials",),
-        ),
-        Plan(name="release_report", packages=("release",), robot=robot, as_they_are=RELEASED),
-    )
-
-
-EXPORTS = {
-    "mjlab": "mjlab_motions",
-    "gmr": "gmr_motions",
-    "lerobot": "lerobot_dataset",
-    "rerun": "rerun_recordings",
-}
-"""Format of `booster-lab export` -> the asset that holds a robot's database in it."""
-
-
-def export_plans(robot: str) -> dict[str, Plan]:
-    """By format, what a robot's database is exported as. Nothing depends on them."""
-    return {kind: Plan(name=name, packages=("dataset_export",), robot=robot) for kind, name in EXPORTS.items()}
-
-
-def validation_plan(robot: str) -> Plan:
-    """What is asked of a robot's policy in MuJoCo."""
-    packages = ("validation", "deployment", "actuators", "virtual_robot", "hardware_logs")
-    return Plan(
-        name="mujoco_validation",
-        packages=packages,
-        settings_files=("validation.yaml",),
-        robot_settings_files=BARS,
-        robot=robot,
-    )
-
-
-def engine_plans(robot: str) -> tuple[Plan, ...]:
-    """What holds a robot's policy against other physics engines."""
-    walked = ("validation", "deployment", "actuators")
-    return (
-        Plan(
-            name="cross_engine_validation",
-            packages=(*walked, "dart", "virtual_robot", "hardware_logs"),
-            settings_files=("cross_engine.yaml", "validation.yaml"),
-            robot_settings_files=BARS,
-            robot=robot,
-        ),
-        Plan(
-            name="webots_validation",
-            packages=(*walked, "webots"),
-            settings_files=("webots.yaml", "validation.yaml"),
-            robot_settings_files=BARS,
-            robot=robot,
-        ),
-    )
+def robot_plans(robot: str) -> dict[str, Plan]:
+    """The assets of one robot by name. Training never starts by itself."""
+    return {plan.name: dataclasses.replace(plan, robot=robot) for plan in _OF_ROBOT}
 
 
 def plans(project: Project) -> dict[dg.AssetKey, Plan]:
     """Every asset of the graph by key."""
-    by_robot = (
-        plan
-        for robot in project.robots
-        for plan in (
-            *robot_plans(robot),
-            *export_plans(robot).values(),
-            *policy_plans(robot),
-            *engine_plans(robot),
-            validation_plan(robot),
-        )
-    )
-    return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *by_robot)}
+    of_robots = [plan for robot in project.robots for plan in robot_plans(robot).values()]
+    return {plan.key: plan for plan in (*SHARED, TRIALS, *FIELD, *of_robots)}
+
+
+_EXTERNAL = {
+    "raw_motions": SOURCES,
+    "approved_windows": SELECTION,
+    "actuator_measurements": ROBOT,
+    "approved_limits": ROBOT,
+    "approved_variants": AUGMENTATION,
+    "approved_weights": FEASIBILITY,
+    "approved_randomization": TRAINING,
+}
+_GROUPS = _EXTERNAL | {plan.name: plan.group for plan in (*SHARED, TRIALS, *FIELD, *_OF_ROBOT)}
+
+
+def group_of(name: str, robot: str | None = None) -> str:
+    """Group of an asset by the last part of its key.
+
+    Args:
+        robot: whose asset it is; None for one that all robots share
+    """
+    return _GROUPS[name] if robot is None else f"{robot}_{_GROUPS[name]}"

@@ -1,17 +1,27 @@
-"""`exported_policy`: the policy that validation and robot take, trained here or shipped with the project."""
+"""`exported_policy`: the policy that validation and robot take, trained here or shipped with the project.
 
+`evaluated_policy` is the policy that a validation evaluates: the exported one, or an npz given by path.
+"""
+
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import dagster as dg
+import numpy as np
 
 from assets.actuators import declared
-from assets.plainly import plainly
 from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.training_report import curves_of
+from assets.report import plain_errors
+from assets.training_process import curves_of
 from pipeline.batch import Manifest
+from pipeline.deployment import digest as policy_digest
+from pipeline.deployment import load_policy
 from pipeline.errors import PipelineError
+from pipeline.export.card import page
+from pipeline.robot import load_robot
+from pipeline.validation.deployed import deployed as deployed_policy
 
 EXACT = "gives_the_networks_actions"
 MAY_SHIP = "may_ship"
@@ -38,7 +48,7 @@ def exported_policy(plan: Plan, trained: Plan, model: Plan) -> Any:
     ]
 
     @dg.asset(**declared(plan, "onnx", deps=[trained.key, model.key]), check_specs=specs)
-    @plainly
+    @plain_errors
     def exported_policy(context: dg.AssetExecutionContext, config: ExportConfig):
         """The policy as ONNX, TorchScript, golden vectors, model card and booster_deploy task; trained or shipped."""
         robot = plan.robot or DEFAULT_ROBOT
@@ -69,10 +79,7 @@ def serve(project: Project, robot: str, trained: Plan, *, shippable: bool) -> tu
 
     Raises NoPolicyError where there is neither, ExportError where it is to be marked shippable and may not.
     """
-    import numpy as np
-
     from pipeline.export.folder import complete_export, export_policy, source_of_run
-    from pipeline.robot import load_robot
 
     facts = full_training(project, trained)
     folder, rng = project.exported_policy(robot), np.random.default_rng(0)
@@ -106,7 +113,6 @@ def full_training(project: Project, trained: Plan) -> dict[str, Any] | None:
 def read_served_folder(folder: Path, robot: str) -> Any:
     """The whole export in a folder. Raises FileError where a file isn't the one its card states."""
     from pipeline.export.folder import read_export
-    from pipeline.robot import load_robot
 
     return read_export(folder, load_robot(PROJECT.robot_folder(robot)))
 
@@ -119,14 +125,12 @@ def served(manifest: Manifest) -> dict[str, Any]:
 
 def served_policy(manifest: Manifest) -> Any:
     """The network that `exported_policy` serves (`pipeline.deployment.Policy`)."""
-    from pipeline.deployment import load_policy
     from pipeline.export.folder import POLICY
 
     return load_policy(PROJECT.root / served(manifest)["folder"] / POLICY)
 
 
 def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
-    from pipeline.export.card import page
 
     card = export.card
     metadata: dict[str, Any] = {
@@ -178,3 +182,24 @@ def result_of(
         data_version=dg.DataVersion(manifest.digest),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
     )
+
+
+class EvaluatedPolicyConfig(dg.Config):
+    """The policy to evaluate."""
+
+    policy: str = ""
+    """An npz to evaluate in place of the exported policy. The release report then calls it another policy's result."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluatedPolicy:
+    """A policy on the adapted robot, and the digest of what walks, whatever its manifest says."""
+
+    deployed: Any
+    digest: str
+
+
+def evaluated_policy(config: EvaluatedPolicyConfig, exported: Manifest, robot: str) -> EvaluatedPolicy:
+    """The policy that is meant. Raises FileError."""
+    policy = load_policy(Path(config.policy)) if config.policy else served_policy(exported)
+    return EvaluatedPolicy(deployed=deployed_policy(PROJECT.adapted_robot(robot), policy), digest=policy_digest(policy))

@@ -1,6 +1,7 @@
-"""KP4's references: variants of the retargeted motions, and which of them are worth tracking."""
+"""KP4's references: variants of the retargeted motions, of all clips or some skills, and which are worth tracking."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -8,16 +9,65 @@ import dagster as dg
 
 from assets.approved import approval_metadata, approved_part, noting
 from assets.checks import check_specs
-from assets.criteria import references_of, thresholds, write_table
-from assets.plainly import plainly
 from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, stage_metadata
+from assets.report import picture, plain_errors, stage_metadata
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
-from assets.variants import all_variants
+from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
+from pipeline.augment import AugmentSettings, process
+from pipeline.augment.mirror import mirror_skill
+from pipeline.augment.process import KINDS
 from pipeline.batch import Entry, Manifest, run_stage
+from pipeline.feasibility import FeasibilitySettings
+from pipeline.feasibility import process as feasibility
+from pipeline.feasibility.criteria_table import split
+from pipeline.feedback.approved import further_variants
+from pipeline.feedback.change import Change
 from pipeline.files import settings
+from pipeline.robot import load_robot
+
+MakeVariants = Callable[[Any, Sequence[Entry]], Manifest]
+"""`make(settings, entries)`: the stage with these settings on these entries, on all where there are none."""
+
+
+def all_variants(retargeted: Manifest, values: Any, feedback: Sequence[Change], make: MakeVariants) -> Manifest:
+    """The variants of all clips by the settings `values`, and those that approved changes want of the clips of a skill.
+
+    A variant of a mirror image is of the mirrored skill, so the clips on the skill's other side are worked on too.
+    """
+
+    manifest = make(values, ())
+    for skill, further in further_variants(feedback, values).items():
+        sides = {skill, mirror_skill(skill)} if values.mirror else {skill}
+        entries = [entry for entry in retargeted.entries if entry.numbers.get("skill") in sides]
+        if entries:
+            manifest = with_further_variants(manifest, make(further, entries), skill)
+    return manifest
+
+
+def with_further_variants(manifest: Manifest, made: Manifest, skill: str) -> Manifest:
+    """The manifest and the variants of a skill in another one; the clips of both are the same."""
+    there = {entry.clip for entry in manifest.entries}
+    new = [entry for entry in made.entries if entry.clip not in there and entry.numbers.get("skill") == skill]
+    seconds = {entry.clip: float(entry.numbers.get("seconds", 0.0)) for entry in new}
+    rows = {row.clip: row for row in made.judged}
+    judged = []
+    for row in manifest.judged:
+        if row.clip in rows:
+            names = [clip for clip in rows[row.clip].pieces if clip in seconds]
+            more_s = sum(seconds[name] for name in names)
+            numbers = {**row.numbers, "seconds_out": row.numbers.get("seconds_out", 0.0) + more_s}
+            reasons = (*row.reasons, *rows[row.clip].reasons)
+            row = dataclasses.replace(row, pieces=(*row.pieces, *names), numbers=numbers, reasons=reasons)
+        judged.append(row)
+    return dataclasses.replace(
+        manifest,
+        entries=(*manifest.entries, *new),
+        judged=tuple(judged),
+        settings={**manifest.settings, **made.settings},
+        recomputed=manifest.recomputed + made.recomputed,
+        unsound=manifest.unsound + made.unsound,
+    )
 
 
 def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
@@ -28,17 +78,14 @@ def motion_variants(plan: Plan, retargeted: Plan, model: Plan) -> Any:
         **declared_motions(plan, "numpy", "4", inputs, "augmentation"),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def motion_variants(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
         retargeted_motions: Manifest,
         robot_model: Manifest,
     ):
-        """KP4: each clip, its mirror image, both at other speeds, and with other steps or postures where asked for."""
-        from pipeline.augment import AugmentSettings, process
-        from pipeline.augment.settings import KINDS
-        from pipeline.robot import load_robot
+        """KP4: each clip, its mirror image, both at other speeds, and other steps or postures by the settings."""
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("augment.yaml"), AugmentSettings)
@@ -66,7 +113,7 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         **declared_motions(plan, "mujoco", "4", inputs_of(motion_variants=variants, adapted_robot=adapted)),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def reference_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -74,14 +121,11 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         adapted_robot: Manifest,
     ):
         """KP4: variants that are worth tracking: limits, slip, penetration, self-collision, likeness hold."""
-        from pipeline.feasibility import FeasibilitySettings, process
-        from pipeline.feasibility.criteria_table import split
-        from pipeline.robot import load_robot
-        from pipeline.viewing.worst_clips import worst_clips
+        from pipeline.viewing.contact_sheet import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
-        function = partial(process, settings=values, robot=robot, references=references_of(motion_variants))
+        function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())

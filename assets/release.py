@@ -6,24 +6,29 @@ from collections.abc import Mapping
 from typing import Any
 
 import dagster as dg
+import numpy as np
 
 from assets.actuators import declared
 from assets.bootstrap import cause, stale_now
-from assets.curator_link import page_link
-from assets.plainly import plainly
 from assets.plan import RELEASED, Plan, plans
 from assets.policy import result_of, served, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import page_link, plain_errors
 from assets.sources import DATA_VERSION_TAG
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
+from pipeline.export.card import card_rows, read_card
 from pipeline.files import atomic, digest
 from pipeline.files.shown_text import markdown_list
 from pipeline.release.dossier import Dossier, Origin, Picture, Verdict, verdict_of
+from pipeline.release.page import page
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.run import run
+from pipeline.validation.deployed import deployed
 
 READY = "ready_to_sign"
 VERDICTS = ("mujoco_validation", "cross_engine_validation", "webots_validation", "limit_cycles")
-"""Assets that judge the policy; each stores what it found under a key `passed`."""
+"""Assets that evaluate the policy; each stores its verdict under the key `passed`."""
 SPEEDS_M_S = (0.6, 2.0)
 """Walks that are shown."""
 LONGEST_FACT = 90
@@ -38,10 +43,9 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
     spec = dg.AssetCheckSpec(READY, asset=plan.key, description="Every check was run on this policy and passed.")
 
     @dg.asset(**declared(plan, "html", deps=[each.key for each in known.values()]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def release_report(context: dg.AssetExecutionContext):
         """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
-        from pipeline.release.page import page
 
         robot = plan.robot or DEFAULT_ROBOT
         stale = {key: why for key, why in stale_now(context.instance, PROJECT).items()}
@@ -190,7 +194,6 @@ def _card(
     """Rows of the model card, and what holds for the policy's use."""
     if not facts:
         return (("policy", "none was exported"),), ()
-    from pipeline.export.card import card_rows, read_card
 
     card = read_card(project.root / facts["folder"])
     rows = {"origin": facts["origin"], **card_rows(card)}
@@ -205,13 +208,7 @@ def _card(
 
 def _walks(exported: Manifest, robot: str) -> tuple[Picture, ...]:
     """The policy walking in MuJoCo at some speeds: two seconds moving, and a contact sheet of the same."""
-    import numpy as np
-
-    from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-    from pipeline.simulation.run import run
-    from pipeline.validation.deployed import deployed
-    from pipeline.viewing.contact_sheet import contact_sheet
-    from pipeline.viewing.walk_gif import walk_gif
+    from pipeline.viewing.contact_sheet import contact_sheet, walk_gif
 
     one = deployed(PROJECT.adapted_robot(robot), served_policy(exported))
     pictures = []

@@ -1,14 +1,25 @@
-"""What a person sees of a stage: numbers that plot over time, a table of clips, pictures."""
+"""What a person sees of a stage: metadata, tables, pictures, links, and errors of one sentence.
+
+`plain_errors`: a PipelineError or TrainingError becomes a Failure with that sentence, without a traceback of ours.
+"""
 
 import base64
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote
 
 import dagster as dg
+import mujoco
 import pandas as pd
 
 from pipeline.batch import Manifest
+from pipeline.errors import PipelineError
 from pipeline.files.shown_text import escaped
+from pipeline.learning.training_error import TrainingError
+from pipeline.robot import Robot
 
 MAX_ROWS = 200
 """Rows of a table that are shown; the manifest has all."""
@@ -17,7 +28,7 @@ MAX_ROWS = 200
 def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: str = "") -> dict[str, Any]:
     """Counts, seconds and reasons of a stage, and its clips with the named numbers, the worst first.
 
-    Clips that went on are in the manifest's order, or those with the largest number `highest_first` come first.
+    Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
     fates = [row.fate for row in manifest.judged]
     table = manifest.judged_table()
@@ -76,3 +87,77 @@ def _cell(value: Any) -> str:
 def picture(png: bytes) -> dg.MarkdownMetadataValue:
     """A PNG inside the event, for `Show Markdown`."""
     return dg.MetadataValue.md(f"![picture](data:image/png;base64,{base64.b64encode(png).decode()})")
+
+
+ADDRESS = "http://127.0.0.1:8090"
+"""Where `booster-lab curate` serves unless another port is named."""
+
+
+def curator_link(page: str) -> dict[str, dg.MarkdownMetadataValue]:
+    """The metadata row of a link: `databases`, `proposals`, or `?stage=…` for the clips of a stage."""
+    return page_link(f"#/{quote(page, safe='?=&')}", "curator's page")
+
+
+def page_link(path: str, name: str) -> dict[str, dg.MarkdownMetadataValue]:
+    """The metadata row of a link to a path of the curator's server."""
+    link = f"{ADDRESS}/{path}"
+    return {name: dg.MetadataValue.md(f"[{link}]({link}) (start it with `booster-lab curate`)")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Whether the models agree, and what was found."""
+
+    holds: bool
+    found: str
+
+
+def models_agree(robot: Robot) -> Agreement:
+    """Compile both model files with their own tools and compare mass and joints."""
+    import pinocchio
+
+    mjcf = mujoco.MjModel.from_xml_string(robot.mjcf)
+    urdf = pinocchio.buildModelFromXML(robot.urdf, pinocchio.JointModelFreeFlyer())
+    masses = float(mjcf.body_subtreemass[0]), sum(inertia.mass for inertia in urdf.inertias)
+    joints = {mjcf.joint(index).name for index in range(1, mjcf.njnt)}, set(urdf.names) - {"universe", "root_joint"}
+    holds = abs(masses[0] - masses[1]) < 1e-6 and joints[0] == joints[1] == set(robot.joint_names)
+    return Agreement(
+        holds=holds, found=f"mass MJCF {masses[0]:.6f} kg, URDF {masses[1]:.6f} kg; {len(joints[0])} joints each"
+    )
+
+
+def joint_table(robot: Robot) -> pd.DataFrame:
+    """One row a joint: limits, gains, armature. rad, rad/s, N m, kg m2."""
+    columns = {
+        "joint": robot.joint_names,
+        "lower": robot.joint_lower,
+        "upper": robot.joint_upper,
+        "speed": robot.motor_speed_limit,
+        "retarget speed": robot.retarget_speed_limit,
+        "torque": robot.torque_limit,
+        "armature": robot.armature,
+        "kp": robot.kp,
+        "kd": robot.kd,
+        "default": robot.default_joint_pos,
+    }
+    return pd.DataFrame({name: list(values) for name, values in columns.items()})
+
+
+@contextmanager
+def as_failure() -> Iterator[None]:
+    """Turn a PipelineError or TrainingError into a Failure with its message, without a retry."""
+    try:
+        yield
+    except (PipelineError, TrainingError) as error:
+        raise dg.Failure(str(error), allow_retries=False) from None
+
+
+def plain_errors(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`as_failure` around the body of an asset."""
+
+    @functools.wraps(function)
+    def wrapped(*arguments: Any, **named: Any) -> Any:
+        with as_failure():
+            return function(*arguments, **named)
+
+    return wrapped

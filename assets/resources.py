@@ -9,9 +9,9 @@ from typing import IO, Any
 import dagster as dg
 
 from assets.bootstrap import BOOTSTRAP_TAG, bring_up_to_date
-from assets.plainly import told_plainly
 from assets.project import PROJECT
-from assets.run_locks import alive, tell_dead_runs
+from assets.report import as_failure
+from assets.runs import alive, fail_dead_runs
 from pipeline.batch import ClipPool, Manifest
 from pipeline.batch.store import LOCK
 
@@ -48,8 +48,8 @@ class StoreIOManager(dg.ConfigurableIOManager):
             return
         runs = PROJECT.store.root / "runs"
         with alive(runs, run.run_id), _one_run_at_a_time(context):
-            with told_plainly():
-                tell_dead_runs(instance, runs)
+            with as_failure():
+                fail_dead_runs(instance, runs)
                 if self.bootstrap:
                     bring_up_to_date(instance, run, PROJECT, context.log)
             yield self
@@ -79,15 +79,15 @@ def _one_run_at_a_time(context: dg.InitResourceContext) -> Iterator[None]:
 
 
 _HELD: list[tuple[IO[str], str]] = []
-"""The lock on the store that this process holds, and what it says of its holder."""
+"""The lock on the store that this process holds, and the text that names the holder."""
 
 
 @contextmanager
 def store_left_to_others(log: Any) -> Iterator[None]:
-    """Other runs may work on the store for as long as the context lasts; then it is waited for and taken again.
+    """Release the store to other runs while the context lasts; then wait for it and take it again.
 
-    For what lasts long and touches nothing in the store. Who uses it looks afterwards whether its inputs are still
-    what they were.
+    For work that lasts long and changes nothing in the store. The caller checks afterwards whether its inputs have
+    changed.
     """
     held = tuple(_HELD)
     for stream, _ in held:
@@ -101,7 +101,7 @@ def store_left_to_others(log: Any) -> Iterator[None]:
 
 
 def _take(stream: IO[str], holder: str, log: Any) -> None:
-    """Lock the store's file, waiting for who has it, and write down who has it now."""
+    """Lock the store's file, waiting for who has it, and record the new holder."""
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

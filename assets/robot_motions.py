@@ -12,19 +12,26 @@ from assets.actuators import actuator_calibration, actuator_measurements, adapte
 from assets.approved import approval_metadata, approved_part, approved_specs, noting
 from assets.augmented_motions import augmented_motions
 from assets.checks import check_specs
-from assets.criteria import references_of, thresholds, write_table
 from assets.database import materialize_database
 from assets.database_checks import database_check_specs
-from assets.plainly import plainly, told_plainly
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import picture, stage_metadata, table_of
+from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
-from assets.stage import declared_motions, inputs_of, materialized, stage_of
+from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracking_policy import no_tracker, tracking_policy
 from pipeline.batch import Manifest, run_stage
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
+from pipeline.feasibility.command_space import by_command
+from pipeline.feasibility.criteria_table import split
+from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
+from pipeline.robot import load_robot
+from pipeline.robot.size import scaled
+from pipeline.selection import Curation, without_excluded
+from pipeline.tracking.neighbours import AT_FAULT
+from pipeline.tracking.variations import accepted_variations, distances
 
 EFFECTIVE_SECONDS = (
     *("axis", "low", "high", "low_2", "high_2", "seconds", "clips", "families"),
@@ -38,9 +45,12 @@ COMMANDS = "commands that weights are spread over"
 
 def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
     """Model, its adaptation, KP3, KP4, KP5 and database of the robot in `robots/<robot>`."""
-    model, calibration, adapted, retargeted, variants, references, tracker, rollouts, feasible, database = robot_plans(
-        robot
+    plans = robot_plans(robot)
+    model, calibration, adapted = (plans[name] for name in ("robot_model", "actuator_calibration", "adapted_robot"))
+    retargeted, variants, references = (
+        plans[name] for name in ("retargeted_motions", "motion_variants", "reference_motions")
     )
+    tracker, rollouts, feasible = (plans[name] for name in ("tracking_policy", "augmented_motions", "feasible_motions"))
     return [
         *approved_specs(robot),
         actuator_measurements(robot),
@@ -53,7 +63,7 @@ def robot_assets(robot: str) -> list[dg.AssetsDefinition | dg.AssetSpec]:
         tracking_policy(tracker, references, adapted),
         augmented_motions(rollouts, references, tracker, adapted),
         _feasible_motions(feasible, rollouts, references, adapted),
-        _expert_db(database, feasible, model),
+        _expert_db(plans["expert_db"], feasible, model),
     ]
 
 
@@ -69,11 +79,9 @@ def _robot_model(plan: Plan) -> Any:
             )
         ],
     )
-    @plainly
+    @plain_errors
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-        from assets.model_report import joint_table, models_agree
-        from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
@@ -95,7 +103,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         **declared_motions(plan, "placo", "3", inputs),
         check_specs=check_specs(plan),
     )
-    @plainly
+    @plain_errors
     def retargeted_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -105,7 +113,6 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         """KP3: human windows onto the robot; its own recordings pass, those of other robots do not."""
         from pipeline.retarget import RetargetSettings
         from pipeline.retarget.process import onto_robot
-        from pipeline.robot import load_robot
 
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         values = settings.read(PROJECT.settings("retarget.yaml"), RetargetSettings)
@@ -133,7 +140,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         **declared_motions(plan, "mujoco", "5", inputs, "weights"),
         check_specs=[*check_specs(plan), stored],
     )
-    @plainly
+    @plain_errors
     def feasible_motions(
         context: dg.AssetExecutionContext,
         clip_pool: ClipPoolResource,
@@ -143,14 +150,8 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
 
-        from pipeline.feasibility import CommandSettings, FeasibilitySettings, coverage, process
-        from pipeline.feasibility.command_space import by_command
-        from pipeline.feasibility.criteria_table import split
-        from pipeline.robot import load_robot
-        from pipeline.robot.size import scaled
-        from pipeline.selection import Curation, without_excluded
+        from pipeline.viewing.contact_sheet import worst_clips
         from pipeline.viewing.plots import command_seconds, lost_seconds
-        from pipeline.viewing.worst_clips import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
         values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
@@ -205,7 +206,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
     A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
     """
-    from pipeline.tracking.neighbours import AT_FAULT
 
     if kind == "rollouts":
         return rollouts
@@ -223,7 +223,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-    from pipeline.tracking.variations import accepted_variations, distances
 
     found = accepted_variations(rollouts, feasible)
     if found.empty:
@@ -239,7 +238,6 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
-    from pipeline.feasibility import balance
 
     made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
         index=False
@@ -255,7 +253,6 @@ def _reweighed(
     """KP5's result with approved factors on command cells, and what became of each cell; as it is without any."""
     if not feedback or not manifest.entries:
         return manifest, {}
-    from pipeline.feedback.cell_weights import reweigh
 
     factors = {change.what: change.value for change in feedback}
     found = reweigh(manifest.entry_table(), factors, values.balance, commands)
@@ -280,7 +277,7 @@ def _expert_db(plan: Plan, feasible: Plan, model: Plan) -> Any:
         robot_model: Manifest,
     ) -> Iterator[dg.MaterializeResult | dg.AssetCheckResult]:
         """The expert motion database: one AMP clip a file, an index with weights and provenance, a manifest."""
-        with told_plainly():
+        with as_failure():
             yield from materialize_database(context, plan, feasible_motions, clip_pool.pool())
 
     return expert_db

@@ -7,7 +7,7 @@ from typing import Any
 
 import dagster as dg
 
-from assets.groups import group_of
+from assets.plan import group_of
 from assets.project import Project
 from pipeline.files import digest
 from pipeline.files.shown_text import escaped

@@ -7,10 +7,10 @@ from typing import Any
 
 import dagster as dg
 
-from assets.plainly import plainly
 from assets.plan import Plan
 from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.report import plain_errors
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
 from assets.training_process import (
@@ -21,9 +21,14 @@ from assets.training_process import (
     train,
 )
 from pipeline.batch import Manifest
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.expert.training_bundle import robot_facts
 from pipeline.files import digest
 from pipeline.learning.run_command import commit_of, started_module
+from pipeline.robot import load_robot
 from pipeline.tracking.task import ITERATIONS
+from pipeline.tracking.tracker_folder import read_card
+from pipeline.tracking.write_bundle import write_tracking_bundle
 
 TRAINED, SHIPPED = "trained here", "ships with the project"
 
@@ -82,7 +87,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
     """The asset `tracking_policy` of a robot."""
 
     @dg.asset(**declared_motions(plan, "pytorch", "4", inputs_of(reference_motions=references, adapted_robot=adapted)))
-    @plainly
+    @plain_errors
     def tracking_policy(
         context: dg.AssetExecutionContext,
         config: TrackerConfig,
@@ -94,7 +99,6 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
 
         A robot without any has an empty result; its database is then made of references.
         """
-        from pipeline.tracking.tracker_folder import read_card
 
         robot = plan.robot or DEFAULT_ROBOT
         if config.train:
@@ -172,11 +176,7 @@ def _train(
     plan: Plan, config: TrackerConfig, references: Manifest, robot_name: str, clip_pool: ClipPoolResource, log: Any
 ) -> None:
     """Train on the references and put the tracker's folder beside the policies. A trial leaves the served one alone."""
-    from pipeline.clips.robot_clip import RobotClip
-    from pipeline.expert.training_bundle import robot_facts
-    from pipeline.robot import load_robot
     from pipeline.tracking.export_tracker import export_tracker
-    from pipeline.tracking.write_bundle import write_tracking_bundle
 
     adapted = PROJECT.adapted_robot(robot_name)
     robot = load_robot(adapted)

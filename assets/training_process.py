@@ -1,6 +1,10 @@
-"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues."""
+"""A training run in a process of its own: one at a time on this machine's GPUs; repeated, it continues.
+
+The button `Materialize all` makes everything else and trains nothing (`asked_for`).
+"""
 
 import fcntl
+import json
 import os
 import signal
 import subprocess
@@ -13,7 +17,10 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 import dagster as dg
+import pandas as pd
 
+from assets.plan import SHARED, Plan
+from assets.report import picture, table_of
 from pipeline.errors import PipelineError
 from pipeline.files import digest
 from pipeline.learning.run_command import started_module
@@ -53,7 +60,7 @@ class TrainingConfig(dg.Config):
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One training run as it is asked for."""
+    """One training run as requested."""
 
     folder: Path
     bundle: Path
@@ -93,7 +100,7 @@ STAGES = ("distillation", "amp")
 def run_of(config: TrainingConfig, runs: Path, bundle: Path, bundle_digest: str, options: Sequence[str] = ()) -> Run:
     """The run that a config asks for on this machine; equal requests have the same folder, and continue in it.
 
-    Raises TrainingFailedError where GPUs are asked for that are not there.
+    Raises TrainingFailedError where more GPUs are requested than there are.
     """
     there = gpus_here()
     device = config.device if config.device != "auto" else "cuda" if there else "cpu"
@@ -214,3 +221,51 @@ def _alone(path: Path, log: Any) -> Iterator[IO[str]]:
             log.info("waiting for another training to end")
             fcntl.flock(stream, fcntl.LOCK_EX)
         yield stream
+
+
+def asked_for(context: Any, plan: Plan) -> bool:
+    """False, with a warning that says what to do, in a run that makes the motions as well as this training."""
+    made = context.run.asset_selection or context.job_def.asset_layer.executable_asset_keys
+    if SHARED[0].key not in made:
+        return True
+    name = plan.key.to_user_string()
+    context.log.warning(
+        f"'{name}' is not trained, and what is made of it is skipped: this run materializes everything. To train, "
+        f"materialize '{name}' alone, or start its job."
+    )
+    return False
+
+
+def curves_of(folder: Path) -> dict[str, Any]:
+    """A run's curves as a picture, and its last figures as numbers that plot over materializations."""
+    from pipeline.viewing.tracking_plots import training_curves
+
+    path = folder / "curves.csv"
+    if not path.is_file():
+        return {}
+    table = pd.read_csv(path)
+    last = table.iloc[-1]
+    shown = ("task_reward", "style_reward", "d_expert", "d_policy", "episode_s", "steps_per_s")
+    numbers = {name: float(last[name]) for name in shown if name in table and last[name] == last[name]}
+    bins = [name.removesuffix("_commanded") for name in table if name.endswith("_commanded")]
+    speeds = pd.DataFrame(
+        [{"command": name, **{kind: last[f"{name}_{kind}"] for kind in ("commanded", "achieved")}} for name in bins]
+    )
+    achieved = {"achieved against commanded velocity": table_of(speeds, list(speeds))} if bins else {}
+    return {**numbers, "curves": picture(training_curves({"": table})), **achieved}
+
+
+def validation_of(folder: Path) -> dict[str, Any]:
+    """What validation found of a run's checkpoints and of the chosen policy; empty for a run that is not validated."""
+    found = folder / "validation"
+    if not (found / "figures.json").is_file():
+        return {}
+    sweep, figures = (json.loads((found / name).read_text()) for name in ("sweep.json", "figures.json"))
+    swept = pd.DataFrame(sweep["checkpoints"])
+    measured = pd.DataFrame([{"figure": name, "value": value} for name, value in figures["figures"].items()])
+    return {
+        "verdict": figures["summary"],
+        "checkpoint": f"iteration {sweep['iteration']}, the best of {len(swept)} in the sweep without noise",
+        "sweep of checkpoints": table_of(swept, list(swept)),
+        "figures": table_of(measured, list(measured)),
+    }

@@ -1,4 +1,4 @@
-"""`mujoco_validation`: does the exported policy do in MuJoCo what is asked of it, on the adapted robot?"""
+"""`mujoco_validation`: does the exported policy follow its commands in MuJoCo, on the adapted robot?"""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -7,18 +7,25 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.plainly import plainly
-from assets.plan import Plan, policy_plans, robot_plans, validation_plan
+from assets.plan import Plan
 from assets.policy import result_of, served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, table_of
+from assets.report import picture, plain_errors, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
+from pipeline.deployment import digest, load_policy
 from pipeline.files.shown_text import markdown_list
+from pipeline.validation.bars import read_validation
+from pipeline.validation.deployed import deployed
+from pipeline.validation.failed_trials import write_failed_trials
+from pipeline.validation.figures import measure
+from pipeline.validation.suites import cells_of, named
+from pipeline.validation.verdict import judge, table
+from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 
@@ -31,13 +38,6 @@ class ValidationConfig(dg.Config):
     """An npz to validate in place of the exported policy. The release report then calls it another policy's result."""
 
 
-def validation_assets(robot: str) -> list[Any]:
-    """The asset of the robot in `robots/<robot>`."""
-    adapted = next(plan for plan in robot_plans(robot) if plan.name == "adapted_robot")
-    exported = next(plan for plan in policy_plans(robot) if plan.name == "exported_policy")
-    return [mujoco_validation(validation_plan(robot), exported, adapted)]
-
-
 def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     """The asset `mujoco_validation` of a robot."""
     spec = dg.AssetCheckSpec(
@@ -46,7 +46,7 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "mujoco", ins=inputs, deps=[adapted.key]), check_specs=[spec])
-    @plainly
+    @plain_errors
     def mujoco_validation(
         context: dg.AssetExecutionContext,
         config: ValidationConfig,
@@ -54,13 +54,6 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         exported_policy: Manifest,
     ):
         """Commands, switches, starts, terrain, conditions, pushes in MuJoCo: one verdict with every reason."""
-        from pipeline.deployment import digest, load_policy
-        from pipeline.validation.bars import read_validation
-        from pipeline.validation.deployed import deployed
-        from pipeline.validation.failed_trials import write_failed_trials
-        from pipeline.validation.measure import measure
-        from pipeline.validation.suites import cells_of
-        from pipeline.validation.verdict import judge
 
         robot = plan.robot or DEFAULT_ROBOT
         bars = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
@@ -99,9 +92,6 @@ def _note(verdict: Any) -> dict[str, str]:
 
 
 def _metadata(one: Any, verdict: Any, logs: tuple[Path, ...]) -> dict[str, Any]:
-    from pipeline.validation.suites import named
-    from pipeline.validation.verdict import table
-    from pipeline.validation.walk import Worlds, walk
     from pipeline.viewing.validation_plots import command_tracking, foot_contacts, survival_heatmap, torque_speed
 
     worlds = Worlds(one)

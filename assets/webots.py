@@ -1,4 +1,4 @@
-"""`webots_validation`: a Webots project of the robot and its policy, in Webots and in what stands in for it."""
+"""`webots_validation`: a Webots project of the robot and its policy, in Webots and in its stand-ins."""
 
 from typing import Any
 
@@ -6,23 +6,26 @@ import dagster as dg
 import pandas as pd
 
 from assets.actuators import declared
-from assets.judged_policy import JudgedPolicyConfig, judged_policy
-from assets.plainly import plainly
 from assets.plan import Plan
-from assets.policy import result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import table_of
+from assets.report import plain_errors, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
+from pipeline.robot.load import read_description
+from pipeline.validation.bars import read_validation
+from pipeline.webots.project import write_project
+from pipeline.webots.result import WebotsSettings
+from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 IS_THE_ROBOT = "project_is_the_robot"
 WALKS = "walks_in_webots"
 VERDICT = "verdict"
-"""Key under which the result lies in the manifest."""
+"""Key of the result in the manifest."""
 
 
 def webots_folder(project: Project, robot: str) -> Any:
-    """Where the project lies; a person may open it in Webots."""
+    """Folder of the project; a person may open it in Webots."""
     return project.data / "webots" / robot
 
 
@@ -37,19 +40,15 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
     inputs = {"exported_policy": dg.AssetIn(exported.key)}
 
     @dg.asset(**declared(plan, "webots", ins=inputs, deps=[adapted.key]), check_specs=specs)
-    @plainly
-    def webots_validation(context: dg.AssetExecutionContext, config: JudgedPolicyConfig, exported_policy: Manifest):
+    @plain_errors
+    def webots_validation(context: dg.AssetExecutionContext, config: EvaluatedPolicyConfig, exported_policy: Manifest):
         """PROTO, world and controller of the robot; their walk in Webots, where it is there, and in stand-ins."""
-        from pipeline.validation.bars import read_validation
         from pipeline.validation.derived_bars import allowed_of
-        from pipeline.webots.checks import project_faults
-        from pipeline.webots.result import WebotsSettings
-        from pipeline.webots.validate import WEBOTS, validate
 
         values = settings.read(PROJECT.settings("webots.yaml"), WebotsSettings)
         robot = plan.robot or DEFAULT_ROBOT
         rules = read_validation(PROJECT.settings("validation.yaml"), PROJECT.bars(robot))
-        judged = judged_policy(config, exported_policy, robot)
+        judged = evaluated_policy(config, exported_policy, robot)
         project = _written(robot, judged.deployed, values)
         faults = project_faults(project.world, judged.deployed.robot)
         verdicts = validate(project, values, allowed_of(rules.webots))
@@ -72,7 +71,7 @@ def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
 
 def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: str) -> dict[str, Any]:
     """What the manifest keeps: passed, failed, or null and why there is no verdict: the program is missing or failed to
-    run. What stood in stands by its own name; one that failed to run is listed too."""
+    run. A stand-in has its own name; one that failed to run is listed too."""
     own = verdicts[webots]
     others = {name: each.to_dict() for name, each in verdicts.items() if name != webots}
     return {
@@ -94,8 +93,6 @@ def stored_verdict(stage: str, policy: str, verdicts: dict[str, Any], webots: st
 
 def _written(robot: str, one: Any, values: Any) -> Any:
     """The project's folder."""
-    from pipeline.robot.load import read_description
-    from pipeline.webots.project import write_project
 
     source = read_description(PROJECT.adapted_robot(robot))
     return write_project(webots_folder(PROJECT, robot), source, one.task, one.envelope, one.policy, values)

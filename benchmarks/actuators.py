@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from pipeline.actuators import (  # noqa: E402
     ActuatorSettings,
-    Stood,
+    StandingResult,
     adapt,
     calibrate,
     read_motors,
@@ -147,7 +147,7 @@ def robot_bars(values: ActuatorSettings) -> list[Bar]:
     ]
 
 
-def _falls_after(stood: Stood) -> float:
+def _falls_after(stood: StandingResult) -> float:
     return stood.seconds if stood.fell else float("inf")
 
 

@@ -30,7 +30,7 @@ from pipeline.clips.outcome import Reason  # noqa: E402
 from pipeline.clips.robot_clip import RobotClip  # noqa: E402
 from pipeline.feasibility import FeasibilitySettings, process  # noqa: E402
 from pipeline.files import settings  # noqa: E402
-from pipeline.quality.command_velocity import command_velocity  # noqa: E402
+from pipeline.quality.planar_motion import command_velocity  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
 
 VARIANTS = [

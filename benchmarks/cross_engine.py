@@ -27,7 +27,6 @@ from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.files import settings as settings_files  # noqa: E402
 from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cross_engine import CrossEngineResult, cross_engine, errors_of  # noqa: E402
-from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.cross_engine_walk import (  # noqa: E402
     BRIDGE,
     DART,
@@ -37,6 +36,7 @@ from pipeline.validation.cross_engine_walk import (  # noqa: E402
     walk,
 )
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd  # noqa: E402
+from tests.factories.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 
 PUBLISHED = ROOT.parent / "shared" / "policies" / "t1_walk.npz"
 WEAK = ("60 % torque", "half Kp")

@@ -24,7 +24,7 @@ from pipeline import rotation  # noqa: E402
 from pipeline.failures.failure import NOT_OF_POLICY  # noqa: E402
 from pipeline.failures.find import find_failures  # noqa: E402
 from pipeline.failures.trial_report import TrialReport  # noqa: E402
-from pipeline.feedback.motor_limits import lowered  # noqa: E402
+from pipeline.feedback.cell_weights import lowered  # noqa: E402
 from pipeline.feedback.propose import propose  # noqa: E402
 from pipeline.feedback.sim_to_real import simulated  # noqa: E402
 from pipeline.simulation.record import Rollout  # noqa: E402

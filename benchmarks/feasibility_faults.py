@@ -13,7 +13,7 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.quality.sole import sole_motion
 from pipeline.robot import Kinematics, Robot
-from pipeline.simulation.self_collision import self_collision
+from pipeline.simulation.mujoco_plant import self_collision
 from tests.factories.robot_faults import FAULTS as IN_TESTS
 
 MATTERS_M = 0.05

@@ -15,15 +15,14 @@ from pipeline.deployment import load_policy
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, assess, process
 from pipeline.feasibility.motion import motion_of
 from pipeline.files import settings
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.repair.robot_motion import label_robot_contacts
 from pipeline.robot import Robot, load_robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.rollout import Rollout, steady_command
 from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import deployed
-from tests.factories.policy_walks import policy_walk
+from tests.factories.policy_walks import Rollout, policy_walk, steady_command
 
 Command = tuple[float, float, float]
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from pipeline.hardware_logs import write_mcap
-from pipeline.hardware_logs.mcap_writer import Storage
+from pipeline.hardware_logs.write import Storage
 from pipeline.readers import read_motion
 from pipeline.readers.isaac_amp import PARENTS as HUMANOID
 from pipeline.robot import Kinematics, Robot, load_robot

@@ -14,9 +14,9 @@ import logging
 
 import numpy as np
 
-from assets.plan import named_plans
+from assets.database_checks import measured
+from assets.plan import robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.realizability import measured
 from pipeline.batch.pool import ClipPool
 
 
@@ -26,7 +26,7 @@ def main() -> None:
     parser.add_argument("--robot", default=DEFAULT_ROBOT)
     parser.add_argument("--seeds", type=int, default=3)
     given = parser.parse_args()
-    plans = named_plans(given.robot)
+    plans = robot_plans(given.robot)
     for name in ("reference_motions", "augmented_motions", "feasible_motions"):
         manifest = PROJECT.store.load(plans[name].key.to_user_string())
         values = [measured(given.robot, manifest, ClipPool(), logging.getLogger(), seed) for seed in range(given.seeds)]

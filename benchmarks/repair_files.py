@@ -24,10 +24,9 @@ from pipeline.generator.generate import make_motion
 from pipeline.quality.planar_motion import planar_motion
 from pipeline.readers import ReadMotion
 from pipeline.readers.bvh import read_bvh
-from pipeline.readers.human_motion import to_human
+from pipeline.readers.human_motion import METRES, to_human
 from pipeline.readers.poses import RowPoses
-from pipeline.readers.statement import Statement
-from pipeline.readers.unit import METRES
+from pipeline.readers.source import Statement
 from pipeline.repair import RepairSettings, process
 
 WRONG_RATIO = 1.5

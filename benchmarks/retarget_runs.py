@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmarks.gmr import Gmr
 from pipeline.cli.chain import Chain
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.readers import Statement

@@ -14,7 +14,7 @@ import os
 import time
 from statistics import median
 
-from assets.plan import named_plans
+from assets.plan import robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from pipeline.actuators import read_actuators, torque_envelope
 from pipeline.batch.pool import ClipPool
@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--every", type=int, default=4)
     given = parser.parse_args()
-    plans, folder = named_plans(given.robot), PROJECT.adapted_robot(given.robot)
+    plans, folder = robot_plans(given.robot), PROJECT.adapted_robot(given.robot)
     manifest = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
     clips = [PROJECT.store.get_clip(entry.blob, entry.clip) for entry in manifest.entries[:: given.every]]
     motions = [clip for clip in clips if isinstance(clip, RobotClip)]

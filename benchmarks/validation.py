@@ -28,10 +28,9 @@ from pipeline.batch import ClipPool  # noqa: E402
 from pipeline.deployment import load_policy  # noqa: E402
 from pipeline.validation.bars import read_validation  # noqa: E402
 from pipeline.validation.cells import Cell, command_cells  # noqa: E402
-from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 from pipeline.validation.deployed import ANKLE_KD, Deployed, anchor, deployed, with_ankle_kd  # noqa: E402
 from pipeline.validation.derive import measured_or_kept  # noqa: E402
-from pipeline.validation.measure import Measured, measure  # noqa: E402
+from pipeline.validation.figures import Measured, measure  # noqa: E402
 from pipeline.validation.suites import (  # noqa: E402
     FULL,
     QUICK,
@@ -42,6 +41,7 @@ from pipeline.validation.suites import (  # noqa: E402
 )
 from pipeline.validation.verdict import judge  # noqa: E402
 from pipeline.validation.walk import Worlds, walk  # noqa: E402
+from tests.factories.cross_engine_faults import FAULTS, with_normalizer  # noqa: E402
 
 PUBLISHED = ROOT.parent / "shared" / "policies" / "t1_walk.npz"
 PARTS = ("anchor", "faults", "repeats", "quick", "full")

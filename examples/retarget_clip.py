@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from pipeline.catalog import CatalogSettings, catalogue
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files import settings

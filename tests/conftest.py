@@ -29,22 +29,23 @@ def robot() -> Robot:
 @pytest.fixture(scope="session")
 def mocap() -> Path:
     """The folder of real recordings beside the checkout; a test that asks for it has the marker `shared`."""
-    return _shared("mocap", "the real recordings")
+    return shared_folder("mocap", "the real recordings")
 
 
 @pytest.fixture(scope="session")
 def policies() -> Path:
     """The folder of published policies beside the checkout; a test that asks for it has the marker `shared`."""
-    return _shared("policies", "the published policies")
+    return shared_folder("policies", "the published policies")
 
 
 @pytest.fixture(scope="session")
 def cases() -> Path:
     """The folder of small difficult inputs beside the checkout; a test that asks for it has the marker `shared`."""
-    return _shared("cases", "the difficult inputs")
+    return shared_folder("cases", "the difficult inputs")
 
 
-def _shared(name: str, what: str) -> Path:
+def shared_folder(name: str, what: str) -> Path:
+    """A folder beside the checkout; skips the test where it is absent."""
     folder = ROOT.parent / "shared" / name
     if not folder.is_dir():
         pytest.skip(f"needs {what} of ../shared/{name}, which are not part of the project")

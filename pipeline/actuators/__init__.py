@@ -4,6 +4,7 @@ from pipeline.actuators.adapted_robot import (
     NO_MEASUREMENTS,
     JointActuator,
     adapt,
+    motors_source,
     read_actuators,
     torque_envelope,
     write_adapted_robot,
@@ -15,7 +16,7 @@ from pipeline.actuators.knee_fit import Interval, KneeFit, fit_knee
 from pipeline.actuators.log_envelope import JointLog, log_envelope
 from pipeline.actuators.motor_table import Motor, read_motors
 from pipeline.actuators.settings import ActuatorSettings
-from pipeline.actuators.standing import StandingPose, Stood, read_standing_pose, stand
+from pipeline.actuators.standing import StandingPose, StandingResult, read_standing_pose, stand
 
 __all__ = [
     "NO_MEASUREMENTS",
@@ -31,13 +32,14 @@ __all__ = [
     "KneeFit",
     "Motor",
     "StandingPose",
-    "Stood",
+    "StandingResult",
     "adapt",
     "calibrate",
     "calibrate_folder",
     "dc_motor_line",
     "fit_knee",
     "log_envelope",
+    "motors_source",
     "read_actuators",
     "read_motors",
     "read_standing_pose",

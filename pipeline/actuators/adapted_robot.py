@@ -22,7 +22,7 @@ from pipeline.actuators.knee_fit import Interval
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.files import atomic
-from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot import Robot
 from pipeline.robot.adapted import MotorLimits, adapted_description, write_robot_folder
 from pipeline.robot.load import read_description
@@ -30,6 +30,8 @@ from pipeline.simulation.torque_envelope import TorqueEnvelope
 
 TABLE = "actuators.csv"
 NO_MEASUREMENTS = "no measurements: nominal limits"
+SYNTHETIC_SWEEP = "synthetic sweep: "
+"""Start of the verdict on a joint whose sweep was never measured."""
 UNBOUNDED = 1e9
 """A speed beyond any joint's [rad/s], used if the no-load speed is unknown: the torque does not fall."""
 
@@ -75,6 +77,11 @@ class JointActuator:
     """[kg m^2]"""
 
     @property
+    def synthetic(self) -> bool:
+        """Whether the limits come from a sweep that was never measured."""
+        return self.verdict.startswith(SYNTHETIC_SWEEP)
+
+    @property
     def changed(self) -> bool:
         """Whether any number differs from the nominal model's."""
         return (self.box_effort_limit, self.box_velocity_limit, self.armature) != (
@@ -110,7 +117,7 @@ def _actuator(nominal: Robot, joint: str, found: Calibration | None, settings: A
         verdict=verdict,
         **vars(box),
         **vars(line),
-        armature=found.armature if found else armature,
+        armature=armature if found is None or found.armature is None else found.armature,
         kp=float(nominal.kp[index]),
         kd=float(nominal.kd[index]),
         measured_torque=torque.value,
@@ -141,7 +148,19 @@ def _limits(model: BoxLimits, found: Calibration | None, settings: ActuatorSetti
     chosen = {name: stated if stated in measured else measured.value for name, (measured, stated) in pairs.items()}
     words = [f"{name} {'confirmed' if chosen[name] == stated else 'changed'}" for name, (_, stated) in pairs.items()]
     box = BoxLimits(box_effort_limit=chosen["torque"], box_velocity_limit=chosen["speed"])
-    return box, knee.no_load_speed, ", ".join(words)
+    return box, knee.no_load_speed, (SYNTHETIC_SWEEP if found.synthetic else "") + ", ".join(words)
+
+
+def motors_source(actuators: Sequence[JointActuator]) -> str:
+    """Where the motor limits of a robot come from, for reports and cards: joints by kind of source."""
+    synthetic = sum(each.synthetic for each in actuators)
+    fitted = sum(not math.isnan(each.dc_motor_no_load_speed) for each in actuators)
+    counts = {
+        "measured": fitted - synthetic,
+        "synthetic sweep, never measured": synthetic,
+        "nominal": len(actuators) - fitted,
+    }
+    return ", ".join(f"{count} of {len(actuators)} joints {kind}" for kind, count in counts.items() if count)
 
 
 def _line(box: BoxLimits, no_load: float) -> DcMotorLine:

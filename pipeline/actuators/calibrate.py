@@ -101,6 +101,10 @@ IDLE_TORQUE = 0.1
 MAX_TRIMS = 6
 
 
+SYNTHETIC = "synthetic: never measured"
+"""Note on a calibration from a file that says that its points were not measured."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Knee:
     """Result of a sweep, with 95 % intervals."""
@@ -124,8 +128,8 @@ class Calibration:
 
     motor: str
     joints: tuple[str, ...]
-    armature: float
-    """[kg m^2]"""
+    armature: float | None
+    """[kg m^2]; None if the motor's gear or rotor is not known."""
     knee: Knee | None
     reasons: tuple[str, ...]
     """Reasons to refuse the knee; empty if it is accepted."""
@@ -141,6 +145,11 @@ class Calibration:
     @property
     def accepted(self) -> bool:
         return self.knee is not None and not self.reasons
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the sweep was made up rather than measured."""
+        return SYNTHETIC in self.notes
 
     @property
     def verdict(self) -> str:
@@ -229,7 +238,7 @@ def _refused(motor: Motor, reason: str) -> Calibration:
 
 
 def _with_points(calibration: Calibration, measurement: Measurement, outlier: np.ndarray) -> Calibration:
-    synthetic = ("synthetic: never measured",) if measurement.synthetic else ()
+    synthetic = (SYNTHETIC,) if measurement.synthetic else ()
     return dataclasses.replace(
         calibration,
         notes=(*synthetic, *measurement.notes),

@@ -11,7 +11,7 @@ from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Store
 from pipeline.errors import FileError
 from pipeline.files import digest, settings
-from pipeline.files.csv_text import MAX_BYTES, csv_records, read_csv_text
+from pipeline.files.csv_json import MAX_BYTES, csv_records, read_csv_text
 
 STAGE = "actuator_calibration"
 """Stage under which answers are remembered."""

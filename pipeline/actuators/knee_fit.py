@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtrit
 
 PARAMETERS = 4
 CONFIDENCE = 0.95
@@ -173,11 +172,11 @@ def _outliers(x: np.ndarray, y: np.ndarray, sigma: float) -> Bool[np.ndarray, " 
 
     "Far" has the same tail of the distribution whatever the number of points: few points need a larger distance.
     """
-    tail = float(norm.sf(sigma))
+    tail = float(ndtr(-sigma))
     residual = _least_absolute(x, y)
     correction = np.sqrt(len(x) / (len(x) - PARAMETERS))
     scale = max(MAD_TO_SIGMA * float(np.median(np.abs(residual))) * correction, OUTLIER_FLOOR)
-    outlier = np.abs(residual) > float(student.isf(tail, len(x) - PARAMETERS)) * scale
+    outlier = np.abs(residual) > float(-stdtrit(len(x) - PARAMETERS, tail)) * scale
     for _ in range(5):
         kept = ~outlier
         if kept.sum() <= PARAMETERS + 1 or len(np.unique(x[kept])) <= PARAMETERS:
@@ -186,7 +185,7 @@ def _outliers(x: np.ndarray, y: np.ndarray, sigma: float) -> Bool[np.ndarray, " 
         residual = y - _design(x, best.knees)[0] @ best.coefficients[0]
         freedom = int(kept.sum()) - PARAMETERS
         scale = max(float(np.sqrt(best.square_sum[0] / freedom)), OUTLIER_FLOOR)
-        found = np.abs(residual) > float(student.isf(tail, freedom)) * scale
+        found = np.abs(residual) > float(-stdtrit(freedom, tail)) * scale
         if np.array_equal(found, outlier):
             break
         outlier = found
@@ -277,7 +276,7 @@ def _intervals(
     x: np.ndarray, y: np.ndarray, best: _Profile, variance: float, freedom: int
 ) -> tuple[Interval, Interval]:
     """Profile intervals of knee speed and knee torque."""
-    room = variance * float(student.ppf(0.5 + CONFIDENCE / 2.0, max(freedom, 1))) ** 2
+    room = variance * float(stdtrit(max(freedom, 1), 0.5 + CONFIDENCE / 2.0)) ** 2
     bound = float(best.square_sum[0]) + room
     knee, knee_torque = float(best.knees[0]), float(best.coefficients[0, 0])
     limits = _knees(x, 2)

@@ -43,7 +43,7 @@ class JointLog:
         return not self.over_torque and not self.over_speed
 
     def text(self, samples: int) -> str:
-        """A sentence for a report."""
+        """One line for a report."""
         if self.holds:
             return f"{self.joint} stays within its calibrated limits"
         return (

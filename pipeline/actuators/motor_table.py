@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.actuators.settings import ModelSettings
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, plain_integer, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_integer, plain_number, read_csv_text
 
 COLUMNS = ("motor", "model", "joints", "motors_per_joint", "gear_ratio", "rotor_inertia [kg m^2]", "source")
 
@@ -21,16 +21,20 @@ class Motor:
     joints: tuple[str, ...]
     motors_per_joint: int
     """2 if two motors drive one joint through parallel cranks, so that the joint turns both."""
-    gear_ratio: float
-    rotor_inertia: float
+    gear_ratio: float | None
+    """None if it is not known, as is then the rotor's inertia."""
+    rotor_inertia: float | None
     """[kg m^2]"""
 
     @property
-    def armature(self) -> float:
+    def armature(self) -> float | None:
         """Inertia of the rotors seen at the joint [kg m^2]: n N^2 J_m (the paper's equation, n motors a joint).
 
-        Rounded to 12 digits, so that published figures come out as they are written.
+        Rounded to 12 digits, so that published figures come out as they are written. None without gear and rotor: the
+        joints keep the armature of the robot's folder.
         """
+        if self.gear_ratio is None or self.rotor_inertia is None:
+            return None
         return float(f"{self.motors_per_joint * self.gear_ratio**2 * self.rotor_inertia:.12g}")
 
 
@@ -64,8 +68,8 @@ def _motor(record: list[str], path: Path, line: int, settings: ModelSettings) ->
             model=model,
             joints=tuple(joints.split()),
             motors_per_joint=plain_integer(count),
-            gear_ratio=plain_number(ratio),
-            rotor_inertia=plain_number(inertia),
+            gear_ratio=plain_number(ratio) if ratio else None,
+            rotor_inertia=plain_number(inertia) if inertia else None,
         )
     except ValueError as error:
         raise FileError(path, f"motor '{name}': {error}.", "Write numbers.", line) from error
@@ -75,8 +79,10 @@ def _motor(record: list[str], path: Path, line: int, settings: ModelSettings) ->
         ("rotor_inertia", motor.rotor_inertia, settings.rotor_inertia),
         ("the armature that follows", motor.armature, settings.armature),
     )
+    if (motor.gear_ratio is None) != (motor.rotor_inertia is None):
+        raise FileError(path, f"motor '{name}' has one of gear_ratio and rotor_inertia.", "Write both or none.", line)
     for what, value, (low, high) in checks:
-        if not low <= value <= high:
+        if value is not None and not low <= value <= high:
             problem = f"motor '{name}': {what} is {value:g}."
             raise FileError(path, problem, f"It must be {low:g} to {high:g}.", line)
     return motor

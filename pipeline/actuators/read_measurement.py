@@ -22,7 +22,7 @@ from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.settings import ReadingSettings
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.files.csv_text import csv_records
+from pipeline.files.csv_json import csv_records
 
 SPEED_UNITS = {
     "rad/s": 1.0,
@@ -182,6 +182,9 @@ def _to_joint(about: dict[str, str], file: str, motor: Motor) -> tuple[float, fl
     if side != "motor":
         problem = "it does not say on which side of the gear was measured."
         raise AmbiguousFileError(file, problem, "Write a line '# side: joint' or '# side: motor'.")
+    if motor.gear_ratio is None:
+        problem = f"torque at the motor needs the gear to be one at the joint, and motor '{motor.name}' has none."
+        raise FileError(file, problem, "Write gear_ratio and rotor_inertia into motors.csv.")
     text = about.get("gear_efficiency", "")
     efficiency = number(text, ".", "gear_efficiency", file, 1) if text else 0.0
     if not 0.0 < efficiency <= 1.0:

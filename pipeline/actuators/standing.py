@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot import Kinematics, Robot, mujoco_model
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
@@ -40,7 +40,7 @@ class StandingPose:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stood:
+class StandingResult:
     """Result of the standing test."""
 
     seconds: float
@@ -78,7 +78,7 @@ def stand(
     envelope: TorqueEnvelope,
     armature: Float[np.ndarray, " j"],
     seconds: float = 10.0,
-) -> Stood:
+) -> StandingResult:
     """Hold the pose from a start on the ground, with a given armature [kg m^2]."""
     model = mujoco_model(robot, ground=True, timestep=TIMESTEP_S)
     model.dof_armature[6:] = armature
@@ -88,14 +88,14 @@ def stand(
     steps, worst = round(seconds / TIMESTEP_S), 0.0
     for step in range(steps):
         if not np.isfinite(data.qpos).all() or data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
-            return Stood(seconds=step * TIMESTEP_S, fell=True, tilt_deg=180.0, height=0.0)
+            return StandingResult(seconds=step * TIMESTEP_S, fell=True, tilt_deg=180.0, height=0.0)
         data.qfrc_applied[6:] = control.torque(pose.joint_pos, data.qpos[7:], data.qvel[6:])
         mujoco.mj_step(model, data)
         upright = 1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2)
         worst = max(worst, float(np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))))
         if worst > FALLEN_DEG:
-            return Stood(seconds=step * TIMESTEP_S, fell=True, tilt_deg=worst, height=float(data.qpos[2]))
-    return Stood(seconds=seconds, fell=False, tilt_deg=worst, height=float(data.qpos[2]))
+            return StandingResult(seconds=step * TIMESTEP_S, fell=True, tilt_deg=worst, height=float(data.qpos[2]))
+    return StandingResult(seconds=seconds, fell=False, tilt_deg=worst, height=float(data.qpos[2]))
 
 
 def _height(robot: Robot, pose: StandingPose) -> float:

@@ -1,23 +1,29 @@
-"""Command: write the synthetic measurements of the T1 and its motor table.
+"""Command: write synthetic measurements for the motors of a robot's motor table.
 
-python -m pipeline.actuators.synthesize data/actuators/t1
+python -m pipeline.actuators.synthesize data/actuators/k1 [--robot robots/k1]
 
-Knee torques and speeds are the paper's table (waist, hips, knees) and, where it has none, booster_train's figures
-(arms, ankles, head). That torque then falls in a line to 0 at 1.25 times the knee speed is an assumption.
+The knee of each sweep is the nominal limit of the motor's joints (`torque` and `motor_speed` of the robot's
+`joints.csv`). That torque then falls in a line to 0 at 1.25 times the knee speed is an assumption.
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.actuators.motor_table import COLUMNS
-from pipeline.files import atomic
+from pipeline.actuators.folder import MOTORS
+from pipeline.actuators.motor_table import Motor, read_motors
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.errors import FileError, PipelineError
+from pipeline.files import atomic, settings
+from pipeline.robot import Robot, load_robot
 
 NO_LOAD_RATIO = 1.25
 """No-load speed over knee speed. An assumption: Booster publishes no measured curves of whole joints."""
@@ -72,70 +78,49 @@ def sample(curve: Curve, sweep: Sweep, rng: np.random.Generator) -> tuple[np.nda
 
 
 SEED = 1
-"""The first seed with which all 26 intervals contain the true values; on average 95 % do."""
+"""The first seed with which all intervals of the T1's 13 motors contain the true values; on average 95 % do."""
 SWEEP = Sweep(points=60, noise=0.015, outliers=0.05)
 SAG = 0.03
 """Sag of the plateau over the knee torque."""
-SIDES = ("Left_", "Right_")
-WIKI = "Booster's motor figures, quoted by several T1 configurations"
+SETTINGS = Path("data/actuators.yaml")
+ROBOTS = Path("robots")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """A joint kind of the T1: its motor and the knee that its sweep is made from."""
+    """The knee that a motor's sweep is made from."""
 
-    joints: tuple[str, ...]
-    model: str
-    motors_per_joint: int
-    gear_ratio: str
-    rotor_inertia: str
     knee_torque: float
+    """[N m]"""
     knee_speed: float
+    """[rad/s]"""
     source: str
 
 
-def _drive(joint: str, motor: tuple[str, str, str], knee: tuple[float, float], source: str, count: int = 1) -> Drive:
-    sides = ("",) if joint in ("Waist", "AAHead_yaw", "Head_pitch") else SIDES
-    model, ratio, inertia = motor
-    return Drive(
-        joints=tuple(side + joint for side in sides),
-        model=model,
-        motors_per_joint=count,
-        gear_ratio=ratio,
-        rotor_inertia=inertia,
-        knee_torque=knee[0],
-        knee_speed=knee[1],
-        source=source,
-    )
+def drives(robot: Robot, motors: Sequence[Motor], table: Path) -> dict[str, Drive]:
+    """Drives by motor name: the nominal limits of its joints.
+
+    Raises UnknownNameError for a joint that the robot lacks, FileError naming `table` if the joints of a motor have
+    different limits.
+    """
+    found = {}
+    for motor in motors:
+        places = [robot.joint(name) for name in motor.joints]
+        limits = {(float(robot.torque_limit[place]), float(robot.motor_speed_limit[place])) for place in places}
+        if len(limits) != 1:
+            problem = f"the joints of motor '{motor.name}' have {len(limits)} different limits of torque and speed."
+            raise FileError(table, problem, "Write a motor for each, or equal limits into the robot's joints.csv.")
+        torque, speed = limits.pop()
+        found[motor.name] = Drive(knee_torque=torque, knee_speed=speed, source=f"nominal, robots/{robot.name}")
+    return found
 
 
-E8116, E8112, E6408 = ("E8116", "18", "196.3e-6"), ("E8112", "18", "161.7e-6"), ("E6408", "25", "76.5e-6")
-E4315, E4310, DM4310 = ("E4315", "36", "26.2e-6"), ("E4310", "36", "21.8e-6"), ("DM4310", "10", "18e-6")
-PAPER, TRAIN = "the paper's table of limits", "booster_train b77e0e9"
-T1 = {
-    "head_yaw": _drive("AAHead_yaw", DM4310, (7.0, 20.0), TRAIN),
-    "head_pitch": _drive("Head_pitch", DM4310, (7.0, 20.0), TRAIN),
-    "shoulder_pitch": _drive("Shoulder_Pitch", E4310, (18.0, 7.33), TRAIN),
-    "shoulder_roll": _drive("Shoulder_Roll", E4310, (18.0, 7.33), TRAIN),
-    "elbow_pitch": _drive("Elbow_Pitch", E4310, (18.0, 7.33), TRAIN),
-    "elbow_yaw": _drive("Elbow_Yaw", E4310, (18.0, 7.33), TRAIN),
-    "waist": _drive("Waist", E6408, (25.0, 12.57), PAPER),
-    "hip_pitch": _drive("Hip_Pitch", E8112, (45.0, 16.76), PAPER),
-    "hip_roll": _drive("Hip_Roll", E6408, (25.0, 12.57), PAPER),
-    "hip_yaw": _drive("Hip_Yaw", E6408, (25.0, 12.57), PAPER),
-    "knee": _drive("Knee_Pitch", E8116, (60.0, 12.57), PAPER),
-    "ankle_pitch": _drive("Ankle_Pitch", E4315, (24.0, 18.8), TRAIN, count=2),
-    "ankle_roll": _drive("Ankle_Roll", E4315, (15.0, 12.4), TRAIN, count=2),
-}
-"""The T1's drives by motor name."""
-
-
-def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG, seed: int = SEED) -> str:
-    """A measurement file of a drive; it depends only on the seed, not on other drives."""
+def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float = SAG) -> str:
+    """A measurement file of a drive; it depends on no other drive."""
     curve = Curve(knee_speed=drive.knee_speed, knee_torque=drive.knee_torque, sag=sag)
-    rng = np.random.default_rng([seed, *hashlib.sha256(motor.encode()).digest()[:4]])
+    rng = np.random.default_rng([SEED, *hashlib.sha256(motor.encode()).digest()[:4]])
     lines = [
-        f"# synthetic: never measured, python -m pipeline.actuators.synthesize, seed {seed}",
+        f"# synthetic: never measured, python -m pipeline.actuators.synthesize, seed {SEED}",
         f"# knee: {drive.knee_torque:g} N m at {drive.knee_speed:g} rad/s ({drive.source})",
         f"# assumption: beyond the knee the torque falls in a line to 0 at {NO_LOAD_RATIO:g} times the knee speed",
         f"# added: noise {100 * sweep.noise:g} %, plateau sags by {100 * sag:g} %, {100 * sweep.outliers:g} % outliers",
@@ -150,26 +135,24 @@ def measurement_text(motor: str, drive: Drive, sweep: Sweep = SWEEP, sag: float 
     return "\n".join(lines) + "\n"
 
 
-def motor_table_text() -> str:
-    """The motor table of the T1."""
-    rows = [
-        [name, drive.model, " ".join(drive.joints), str(drive.motors_per_joint), drive.gear_ratio, drive.rotor_inertia]
-        for name, drive in T1.items()
-    ]
-    head = (
-        "# Ankles: two motors move pitch and roll together through parallel cranks, so each joint carries both rotors."
-    )
-    return "\n".join([head, ",".join(COLUMNS), *(",".join([*row, f'"{WIKI}"']) for row in rows)]) + "\n"
-
-
-def main(folder: Path) -> int:
-    """Write all files. Returns the exit status."""
-    atomic.write_text(folder / "motors.csv", motor_table_text())
-    for name, drive in T1.items():
-        atomic.write_text(folder / f"{name}.csv", measurement_text(name, drive))
-        print(folder / f"{name}.csv")
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write a measurement file for each motor of the table in the folder. Returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m pipeline.actuators.synthesize", description=__doc__)
+    parser.add_argument("folder", type=Path, help="folder with motors.csv; the sweeps are written beside it")
+    parser.add_argument("--robot", type=Path, help="folder of the robot; default: robots/NAME OF THE FOLDER")
+    given = parser.parse_args(arguments)
+    try:
+        robot = load_robot(given.robot or ROBOTS / given.folder.resolve().name)
+        table = given.folder / MOTORS
+        motors = read_motors(table, settings.read(SETTINGS, ActuatorSettings).model)
+        for name, drive in drives(robot, motors, table).items():
+            atomic.write_text(given.folder / f"{name}.csv", measurement_text(name, drive))
+            print(given.folder / f"{name}.csv")
+    except PipelineError as error:
+        print(error, file=sys.stderr)
+        return 1
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    sys.exit(main())

@@ -18,7 +18,7 @@ def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:
     """The same path at `scale` times the speed and at the same rate.
 
     Frame k of the result is the motion at the clip's time scale * k / fps, by cubic splines: linear
-    interpolation would put all acceleration at the old frames. The last frame is the last that lies within.
+    interpolation would put all acceleration at the old frames. The last frame is the last one inside.
     """
     last_s = (clip.frame_count - 1) / clip.fps
     count = int(np.floor(last_s * clip.fps / scale + 1e-6)) + 1

@@ -2,7 +2,7 @@
 
 clip -> where the root and the feet are to be -> the legs solved again -> clip
 
-A foot that stands stands as it did, elsewhere; a leg follows its foot from the root that it hangs on. All else (waist,
+A foot in stance keeps its pose at another place; a leg follows its foot from the root. All else (waist,
 arms, head, how the feet roll, when they are put down) is the original's.
 """
 
@@ -17,11 +17,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.augment.leg_limits import lift_in_swings, offset_by_stance, within_limits
-from pipeline.augment.leg_solver import Leg, legs_of, reach
+from pipeline.augment.leg_solver import Leg, legs_of, lift_in_swings, offset_by_stance, reach, within_limits
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.quality.command_velocity import STRIDE_S
+from pipeline.quality.planar_motion import STRIDE_S
 from pipeline.quality.sole import ContactSettings, contact_from_sole, sole_motion
 from pipeline.robot import Kinematics, LinkPoses, Robot
 
@@ -40,7 +39,7 @@ MOST_LOWERED = 0.03
 
 @dataclass(frozen=True, kw_only=True)
 class Gait:
-    """What is looked at of the original."""
+    """Quantities of the original that the perturbations use."""
 
     clip: RobotClip
     poses: LinkPoses
@@ -68,7 +67,7 @@ class Course:
 def perturb(
     clip: RobotClip, robot: Robot, kind: str, strength: float, name: str, contact: ContactSettings
 ) -> RobotClip | Reason:
-    """The clip with a perturbation of `pipeline.augment.settings.KINDS`, or why there is none.
+    """The clip with a perturbation of `pipeline.augment.process.KINDS`, or why there is none.
 
     `contact` is what contact is in a clip that does not say its own.
     """
@@ -138,7 +137,7 @@ def gait_of(clip: RobotClip, robot: Robot, contact: ContactSettings) -> Gait:
 
 def _steady(angle: Float[np.ndarray, " t"], fps: float) -> Float[np.ndarray, " t"]:
     """Mean over a stride about each frame. The straight line between the ends is taken off meanwhile: the window
-    shrinks there, which would shift what goes on turning."""
+    shrinks there, which would shift a motion that continues to turn."""
     line = np.linspace(angle[0], angle[-1], len(angle))
     return line + time_series.moving_mean(angle - line, 2 * round(STRIDE_S * fps / 2.0) + 1)
 

@@ -1,16 +1,102 @@
-"""KP4 on one clip: the original and its variants, each with its name and numbers."""
+"""KP4 on one clip: the original and its variants, each with its name and numbers; and its settings."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Annotated
 
 from pipeline.augment.mirror import mirror_clip, mirror_numbers, time_scale_clip, time_scale_numbers
 from pipeline.augment.perturb import perturb
-from pipeline.augment.settings import AugmentSettings, Strengths, perturbed_numbers
-from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
+from pipeline.clips.outcome import LABELS, Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.files.ranges import OneOf, Range
 from pipeline.quality.sole import ContactSettings
 from pipeline.robot import Robot
+
+_SPEEDS = ("forward_m_s", "lateral_m_s")
+"""Numbers that go with the length of the steps."""
+
+
+@dataclass(frozen=True)
+class Strength(Range):
+    """A strength that changes something."""
+
+    neutral: float = 0.0
+    """The strength that changes nothing."""
+    number: str = ""
+    """What a variant's strength is called among its numbers."""
+
+    def problem(self, value: float) -> str | None:
+        return f"is {value:g}, which is the original" if value == self.neutral else super().problem(value)
+
+
+KINDS: dict[str, Strength] = {
+    "step_length": Strength(0.7, 1.3, neutral=1.0, number="step_length"),
+    "step_width": Strength(-0.05, 0.1, number="step_width_m"),
+    "foot_lift": Strength(0.0, 0.08, number="foot_lift_m"),
+    "trunk_lean": Strength(-10.0, 10.0, number="trunk_lean_deg"),
+}
+"""Kind of perturbation -> strengths that it may have."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strengths:
+    """Variants to add to each clip: one for each strength of each kind. Empty: none."""
+
+    step_length: Annotated[tuple[float, ...], KINDS["step_length"]] = ()
+    """Length of the steps over the original's, at the same cadence."""
+    step_width: Annotated[tuple[float, ...], KINDS["step_width"]] = ()
+    """Added between the feet [m]."""
+    foot_lift: Annotated[tuple[float, ...], KINDS["foot_lift"]] = ()
+    """Added to the height over the ground at the highest point of each swing [m]."""
+    trunk_lean: Annotated[tuple[float, ...], KINDS["trunk_lean"]] = ()
+    """Turn of the trunk about the lateral axis through the hips [deg]; forward is positive."""
+
+    def each(self) -> Iterator[tuple[str, float]]:
+        """Every kind with every strength, in a fixed order."""
+        for field in fields(self):
+            for strength in getattr(self, field.name):
+                yield field.name, strength
+
+
+def perturbed_numbers(numbers: Numbers, kind: str, strength: float) -> dict[str, Number]:
+    """Numbers of earlier stages, as they are for the variant, and the strength of each kind, neutral for the others.
+
+    Longer steps at the same cadence are faster in proportion. KP3's figures stay those of the original: they say how
+    alike the human and the robot are where nothing was changed on purpose.
+    """
+    found = dict(numbers)
+    for name in _SPEEDS if kind == "step_length" else ():
+        value = found.get(name)
+        if isinstance(value, (int, float)):
+            found[name] = value * strength
+    return found | {each.number: strength if name == kind else each.neutral for name, each in KINDS.items()}
+
+
+@dataclass(frozen=True)
+class _Scale(Range):
+    """A time scale that changes something."""
+
+    def problem(self, value: float) -> str | None:
+        return "is 1, which is the original" if value == 1.0 else super().problem(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AugmentSettings:
+    """`data/augment.yaml`."""
+
+    mirror: bool
+    """Add each clip reflected in the robot's left-right plane."""
+    time_scales: Annotated[tuple[float, ...], _Scale(0.5, 2.0)]
+    """Playing speeds to add beside the original: at 1.1 every speed is 1.1 times as high."""
+    unscaled_skills: Annotated[tuple[str, ...], OneOf(LABELS)]
+    """Skills that are played at no other speed: standing is the same slower."""
+    perturbations: Strengths
+    """Variants with other steps or another posture."""
+    contact: ContactSettings
+    """What contact is in a recording that does not say it, where those are made."""
 
 
 def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, robot: Robot) -> Outcome:

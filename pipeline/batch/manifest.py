@@ -63,7 +63,7 @@ class Manifest:
     recomputed: int = 0
     """Clips that were worked on in this run and not found in the memo. Not part of the content."""
     unsound: tuple[tuple[str, str], ...] = ()
-    """Clip and fault of its frames, as found when it was made (`pipeline.clips.soundness`). Not part of the content."""
+    """Clip and fault of its frames, as found when it was made (`pipeline.clips.codec`). Not part of the content."""
 
     def to_text(self) -> str:
         """JSON text, one line a clip; equal content gives equal text, whatever was recomputed."""

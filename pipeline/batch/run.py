@@ -20,7 +20,7 @@ from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
 from pipeline.clips.outcome import Clip, Outcome, Piece
-from pipeline.clips.soundness import faults_of
+from pipeline.clips.codec import faults_of
 from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
 

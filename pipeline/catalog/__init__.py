@@ -1,13 +1,12 @@
 """The catalogue: every file measured and labelled, defects of the whole file found and corrected.
 
-    ReadMotion -> frames stored once -> rate held against gravity and gait -> numbers -> one clip
+    ReadMotion -> frames stored once -> rate checked against gravity and gait -> numbers -> one clip
 
 `catalogue_file` is the stage for a file, `catalogue` the same for what a reader has read.
 """
 
 from pipeline.catalog.catalogue import Corrected, catalogue, catalogue_file, correct
-from pipeline.catalog.settings import CatalogSettings, TimeBaseSettings
-from pipeline.catalog.time_base import TimeBase, judge
+from pipeline.catalog.time_base import CatalogSettings, TimeBase, TimeBaseSettings, judge
 
 __all__ = [
     "CatalogSettings",

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.catalog.flight import Person
+from pipeline.catalog.gait import Person
 from pipeline.catalog.measure import bridged, each_once, measure, times_stored
-from pipeline.catalog.settings import CatalogSettings
-from pipeline.catalog.time_base import TimeBase, judge
+from pipeline.catalog.time_base import CatalogSettings, TimeBase, judge
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
@@ -78,9 +77,9 @@ class Corrected:
     first_frame: int
     """Frame of the file that is the clip's first."""
     time_base: TimeBase | None
-    """How the rate was judged; None for a robot, whose gait and size are not a person's."""
+    """How the rate was checked; None for a robot, whose gait and size are not a person's."""
     person: Person | None
-    """What the rate was judged by, where it is the clip's; None for a robot, and where the rate was wrong."""
+    """Evidence for the rate, where it is the clip's; None for a robot, and where the rate was wrong."""
     reasons: tuple[Reason, ...]
 
 
@@ -113,7 +112,7 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
 def _too_little_recorded(
     clip: HumanClip | RobotClip, measured: Mapping[str, Number], settings: CatalogSettings
 ) -> tuple[Reason, ...]:
-    """The reason why a file can't be judged; none for a file that can."""
+    """The reason why a file can't be evaluated; none for a file that can."""
     share, least = float(measured["recorded_share"] or 0.0), settings.least_recorded_share
     if share >= least:
         return ()
@@ -140,7 +139,7 @@ def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> dict[str, Number
 
 
 def _clocks(time_base: TimeBase | None) -> dict[str, Number]:
-    """What physics says of the rate [Hz]; nothing of a robot's."""
+    """The rate by physics [Hz]; nothing for a robot."""
     if time_base is None:
         return {}
     return {

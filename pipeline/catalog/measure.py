@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.catalog.flight import Person
-from pipeline.catalog.settings import CatalogSettings
+from pipeline.catalog.gait import Person
+from pipeline.catalog.time_base import CatalogSettings
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number
 from pipeline.clips.robot_clip import RobotClip
@@ -65,7 +65,7 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
 
     `recorded_share`: of the frames with a speed, how many were recorded and not bridged.
 
-    Short gaps are bridged first; `person` is `bridged(clip)` where that was looked at before. None stands for what
+    Short gaps are bridged first; `person` is `bridged(clip)` if that is known already. None is the value of what
     cannot be measured.
     """
     motion = planar_motion(clip, settings.velocity_s, settings.facing_s, settings.bridge_s)

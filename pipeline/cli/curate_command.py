@@ -7,7 +7,7 @@ import webbrowser
 
 from pipeline.cli.arguments import Curate
 from pipeline.cli.project import find_project
-from pipeline.curation_page.serve import CurationServer
+from pipeline.curation_page.app import CurationServer
 
 
 def run(args: Curate) -> int:

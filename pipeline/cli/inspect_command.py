@@ -11,9 +11,9 @@ from typing import Any
 
 from pipeline.cli.arguments import Inspect
 from pipeline.cli.chain import Chain
-from pipeline.cli.judged_clips import as_text as judgement_text
-from pipeline.cli.judged_clips import clip_of, judged
 from pipeline.cli.project import find_project
+from pipeline.cli.stored_clips import as_text as judgement_text
+from pipeline.cli.stored_clips import clip_of, judged
 from pipeline.cli.text_table import name_values, text_table
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.outcome import Outcome, Piece, Reason

@@ -6,11 +6,11 @@ import contextlib
 import webbrowser
 
 from pipeline.cli.policy_arguments import Play
+from pipeline.cli.policy_commands import policy_of, robot_folder
 from pipeline.cli.project import find_project
-from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.viewing.film import Walk, record_walk
 from pipeline.viewing.play_page import PlayPage
-from pipeline.viewing.walk_film import Walk, record_walk
 
 
 def run(args: Play) -> int:

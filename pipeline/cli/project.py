@@ -80,7 +80,7 @@ class Project:
 
 
 def find_project() -> Project:
-    """The checkout that is worked in (it has `data` and `robots`), else the one that this package lies in.
+    """The checkout that is worked in (it has `data` and `robots`), else the one that contains this package.
 
     Raises PipelineError when there is neither.
     """

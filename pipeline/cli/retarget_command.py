@@ -1,15 +1,23 @@
-"""`booster-lab retarget IN --out OUT.csv`: a motion file onto the robot, as CSV."""
+"""`booster-lab retarget IN --out OUT.csv`: a motion file onto the robot, as CSV that `pipeline.readers` reads back.
+
+# robot: t1
+# fps: 50
+root_x,root_y,root_z,quat_x,quat_y,quat_z,quat_w,<joint>,...
+0.00000000,...
+"""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.cli.arguments import Retarget
 from pipeline.cli.chain import Chain, reason_line
 from pipeline.cli.project import Project, find_project
-from pipeline.cli.robot_csv import encode_csv
 from pipeline.clips.outcome import Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
@@ -17,8 +25,25 @@ from pipeline.files import atomic
 from pipeline.readers import ReadMotion, Statement
 from pipeline.robot import Robot
 
-CSV_FPS = 30.0
-"""Rate of the result when none is asked for [Hz]: as most recordings have it."""
+ROOT_COLUMNS = ("root_x", "root_y", "root_z", "quat_x", "quat_y", "quat_z", "quat_w")
+"""Position of the root link [m] and its quaternion xyzw, world frame."""
+
+DECIMALS = 8
+"""10 nm, 10 nrad."""
+
+
+def encode_csv(clip: RobotClip, comments: Mapping[str, str]) -> str:
+    """The clip's text: robot, rate and `comments` a line each, the header, a row a frame."""
+    head = {"robot": clip.robot, "fps": f"{clip.fps:.10g}", **comments}
+    lines = [f"# {name}: {' '.join(value.split())}" for name, value in head.items()]
+    lines.append(",".join((*ROOT_COLUMNS, *clip.joint_names)))
+    quat_xyzw = np.roll(clip.root_quat_w, -1, axis=1)
+    values = np.concatenate([clip.root_pos_w, quat_xyzw, clip.joint_pos], axis=1)
+    values = np.round(values, DECIMALS) + 0.0  # no negative zero
+    row_format = ",".join([f"%.{DECIMALS}f"] * values.shape[1])
+    lines += [row_format % tuple(row) for row in values.tolist()]
+    return "\n".join(lines) + "\n"
+
 
 FRAME_NOTE = "world, z up; the clip starts above the origin, facing +x"
 

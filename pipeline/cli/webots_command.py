@@ -1,4 +1,4 @@
-"""`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or what stands in for it."""
+"""`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or a stand-in."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from pipeline.cli.policy_arguments import WebotsProject
+from pipeline.cli.policy_commands import policy_of, robot_folder
 from pipeline.cli.project import find_project
-from pipeline.cli.validate_command import policy_of, robot_folder
 from pipeline.deployment import deployment_task
 from pipeline.errors import FileError
 from pipeline.files import atomic
@@ -16,11 +16,19 @@ from pipeline.robot.load import read_description
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.deployed import deployed, with_ankle_kd
 from pipeline.validation.derived_bars import allowed_of
-from pipeline.webots.checks import project_faults
 from pipeline.webots.launch import launch_webots
 from pipeline.webots.project import Project, write_project
 from pipeline.webots.result import Allowed, WebotsSettings
-from pipeline.webots.validate import LABELS, MUJOCO_STAND_IN, ODE_STAND_IN, WEBOTS, WebotsVerdict, run_stand_in, verdict
+from pipeline.webots.validate import (
+    LABELS,
+    MUJOCO_STAND_IN,
+    ODE_STAND_IN,
+    WEBOTS,
+    WebotsVerdict,
+    project_faults,
+    run_stand_in,
+    verdict,
+)
 
 FAILED = 3
 """Exit code of a walk that fails or was not run; 1 is of one that could not be done."""
@@ -28,7 +36,7 @@ STAND_INS = {"mujoco": MUJOCO_STAND_IN, "ode": ODE_STAND_IN}
 
 
 def run(args: WebotsProject) -> int:
-    """Write, check, and where it is asked for walk and judge."""
+    """Write and check; on request walk and evaluate."""
     checkout = find_project()
     settings = checkout.settings("webots.yaml", WebotsSettings)
     folder = robot_folder(checkout, args.robot)

@@ -1,7 +1,8 @@
-"""Clips as Parquet bytes and back. Same motion, same bytes, whatever the clip is called.
+"""Clips as Parquet bytes and back; the same motion gives the same bytes, whatever the clip's name.
 
 One row a frame, one fixed-size-list column of float64 an array; rate and kind in the schema's metadata. The name
-is not in it: windows of one clip share its bytes, and whoever names a clip keeps the name beside the blob.
+is not in it: windows of one clip share its bytes, and the caller keeps the name beside the blob. `faults_of` checks
+that a clip's frames are finite, its quaternions unit and its shapes consistent.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.clips.human_clip import BODIES, HumanClip
+from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.errors import PipelineError
 
@@ -78,3 +80,33 @@ def _to_column(values: np.ndarray) -> pa.FixedSizeListArray:
 
 def _from_column(column: pa.ChunkedArray) -> np.ndarray:
     return np.asarray(column.combine_chunks().flatten(), dtype=np.float64).copy()
+
+
+UNIT_TOLERANCE = 1e-6
+"""How far from 1 the length of a quaternion may be."""
+
+
+def faults_of(clip: Clip) -> list[str]:
+    """Every fault of a clip's frames, each a sentence with the first frame it is found at; none for a sound clip.
+
+    A human clip must have its contacts labelled, a recording of a robot may not know them.
+    """
+    if isinstance(clip, HumanClip):
+        arrays, quats = {"body_pos_w": clip.body_pos_w, "body_quat_w": clip.body_quat_w}, clip.body_quat_w
+    else:
+        arrays = {"root_pos_w": clip.root_pos_w, "root_quat_w": clip.root_quat_w, "joint_pos": clip.joint_pos}
+        quats = clip.root_quat_w
+    faults = []
+    for name, values in arrays.items():
+        bad = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        if bad.any():
+            faults.append(f"frame {int(np.argmax(bad))}: {name} is not finite")
+    off = np.abs(np.linalg.norm(quats, axis=-1) - 1.0).reshape(len(quats), -1).max(axis=1, initial=0.0)
+    if (off > UNIT_TOLERANCE).any():
+        frame = int(np.argmax(off > UNIT_TOLERANCE))
+        faults.append(f"frame {frame}: a quaternion's length is off by {off[frame]:.1e}")
+    if clip.contacts is None and isinstance(clip, HumanClip):
+        faults.append("contacts are not labelled")
+    if clip.frame_count < 2 or not clip.fps > 0.0:
+        faults.append(f"{clip.frame_count} frames at {clip.fps} frames/s are no motion")
+    return faults

@@ -1,4 +1,4 @@
-"""What a stage says of one clip: what goes on, what does not, and why, with the numbers."""
+"""The result of a stage for one clip: the pieces that are kept, the reasons, and the numbers; labels of skills."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.clips.robot_clip import RobotClip
 
 Clip = HumanClip | RobotClip
 Number = float | int | str | bool | None
-"""What a stage says of a clip in one word: JSON's flat types."""
+"""A number or word that a stage reports of a clip: JSON's flat types."""
 Numbers = Mapping[str, Number]
 
 
@@ -21,16 +21,16 @@ class Reason:
     code: str
     """Short name for counting: `teleport`, `joint_limit`, `not_wanted`."""
     text: str
-    """One sentence a person understands, with where, got and allowed."""
+    """A message for people, with place, value and limit."""
     effect: str
-    """`rejected` (the clip or stretch does not go on), `repaired` (changed and goes on) or `noted`."""
+    """`rejected` (the clip or stretch is not kept), `repaired` (changed and kept) or `noted`."""
     start_s: float | None = None
     """Where it starts in the clip [s]; None for the whole clip."""
     stop_s: float | None = None
     value: float | None = None
     """The number that was measured."""
     limit: float | None = None
-    """The number it was held against."""
+    """The number that it was compared with."""
     unit: str = ""
 
     def to_dict(self) -> dict:
@@ -39,7 +39,7 @@ class Reason:
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """One clip that goes on to the next stage, with its numbers (flat, JSON types)."""
+    """One clip that is passed to the next stage, with its numbers (flat, JSON types)."""
 
     clip: Clip
     numbers: Numbers = field(default_factory=dict)
@@ -49,7 +49,7 @@ class Piece:
 class Outcome:
     """Result of a stage on one clip: none, one or several pieces go on.
 
-    `numbers` describe the input as a whole, also where nothing goes on.
+    `numbers` describe the input as a whole, also where nothing is kept.
     """
 
     pieces: tuple[Piece, ...] = ()
@@ -59,3 +59,23 @@ class Outcome:
     @property
     def accepted(self) -> bool:
         return len(self.pieces) > 0
+
+
+SKILLS: tuple[str, ...] = (
+    "stand",
+    "turn_left",
+    "turn_right",
+    "side_left",
+    "side_right",
+    "back",
+    "walk_slow",
+    "walk",
+    "walk_fast_jog",
+    "run",
+)
+"""What a window can show."""
+
+TRANSITION = "transition"
+"""Label of frames between two skills that are neither."""
+
+LABELS: tuple[str, ...] = (*SKILLS, TRANSITION)

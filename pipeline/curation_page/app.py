@@ -1,14 +1,17 @@
-"""The routes: pages and data by GET, which change nothing, and changes by POST, which `guard` lets through."""
+"""The routes, served to this machine alone: GET changes nothing, changes are POST requests that `guard` checks."""
 
 from __future__ import annotations
 
 import json
 import re
+import secrets
+import socket
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -16,12 +19,12 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from pipeline import loopback
+from pipeline.curation_page.clip_details import proposals
 from pipeline.curation_page.clip_table import NoClipError
 from pipeline.curation_page.guard import Guard
-from pipeline.curation_page.proposals import proposals
-from pipeline.curation_page.runs import Runs
 from pipeline.curation_page.thumbnail_process import ThumbnailProcess
-from pipeline.curation_page.workplace import Workplace
+from pipeline.curation_page.workplace import Runs, Workplace
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.feedback.approve import approve_proposal, decline_proposal, take_back_sections
 from pipeline.release.page import style_source
@@ -187,9 +190,56 @@ def _texts(value: Mapping[str, Any], name: str) -> list[str]:
 
 
 def _finite(value: Any) -> Any:
-    """JSON types without NaN and infinities, which are no JSON: None stands for them."""
+    """JSON types; None in place of NaN and infinities, which JSON lacks."""
     if isinstance(value, float):
         return value if value == value and abs(value) != float("inf") else None
     if isinstance(value, Mapping):
         return {str(key): _finite(each) for key, each in value.items()}
     return [_finite(each) for each in value] if isinstance(value, (list, tuple)) else value
+
+
+PORTS_TRIED = 20
+
+
+class CurationServer:
+    """The server on the first free port from `port` on.
+
+    `url` opens it with the token of this start; whoever has that address may change the project's curation.
+    """
+
+    def __init__(self, root: Path, robot: str, port: int) -> None:
+        self.token = secrets.token_urlsafe(24)
+        self._socket = _free_socket(port)
+        self.port = int(self._socket.getsockname()[1])
+        workplace = Workplace(root, robot)
+        workplace.clips()  # before the address is shown, so that the first page has nothing to wait for
+        workplace.make_first_thumbnails()
+        app = make_app(workplace, self.token)
+        config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, ws="none")
+        self._server = uvicorn.Server(config)
+
+    @property
+    def url(self) -> str:
+        return f"http://{loopback.ADDRESS}:{self.port}/#token={self.token}"
+
+    def run(self) -> None:
+        """Serve until interrupted."""
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """Let `run` return."""
+        self._server.should_exit = True
+
+
+def _free_socket(port: int) -> socket.socket:
+    """A socket bound to the first free port of this machine's loopback. Raises PipelineError."""
+    for each in range(port, min(port + PORTS_TRIED, 65536)) if port else [0]:
+        found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            found.bind((loopback.ADDRESS, each))
+        except OSError:
+            found.close()
+            continue
+        return found
+    raise PipelineError(f"no port from {port} to {port + PORTS_TRIED - 1} is free; name another one with --port.")

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline.curation_page.clip_table import STAGES, VERDICTS, ClipRow, ClipTable
 from pipeline.feasibility.criterion import REGISTERED, codes
-from pipeline.selection.decisions import Decision
+from pipeline.selection.curation import Decision
 
 FACETS = ("source", "skill", "licence")
 """Texts of a clip that can be filtered."""

@@ -9,7 +9,7 @@ from typing import Any
 from pipeline.curation_page.clip_table import ClipTable
 from pipeline.errors import FileError, UnknownNameError
 from pipeline.expert import history, index
-from pipeline.selection.decisions import Decision, exclusions
+from pipeline.selection.curation import Decision, exclusions
 
 CURRENT = "current"
 COLUMNS = ("clip", "sha256", "seconds", "weight", "skill", "source")
@@ -36,7 +36,7 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
         if name not in known:
             raise UnknownNameError("version", name, list(known))
     old, new = (_read(known[name].folder) for name in (before, after))
-    reasons = WhyAbsent(table, decisions)
+    reasons = AbsenceReason(table, decisions)
     left = [{**old[clip], "why": reasons.of(clip)} for clip in sorted(old.keys() - new.keys())]
     both = sorted(old.keys() & new.keys())
     changed = [clip for clip in both if old[clip]["sha256"] != new[clip]["sha256"]]
@@ -55,7 +55,7 @@ def compare(folder: Path, before: str, after: str, table: ClipTable, decisions: 
     }
 
 
-class WhyAbsent:
+class AbsenceReason:
     """Why a clip is not in the current database."""
 
     def __init__(self, table: ClipTable, decisions: tuple[Decision, ...]) -> None:

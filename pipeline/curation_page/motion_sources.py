@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.batch import Entry
 from pipeline.curation_page.clip_table import HUMAN_STAGES, REFERENCES, ROBOT_STAGES, ClipRow, ClipTable
-from pipeline.viewing.motion_source import HumanSource, MotionSource
+from pipeline.viewing.playlist import HumanSource, MotionSource
 
 MIRROR = "mirror"
 _SPEED = re.compile(r"x(\d+(?:\.\d+)?)")

@@ -20,7 +20,7 @@ from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
 from pipeline.robot import Robot, load_robot
 from pipeline.viewing.figure import Figure
-from pipeline.viewing.motion_source import MotionSource
+from pipeline.viewing.playlist import MotionSource
 
 FORMAT = "booster-lab thumbnail 1"
 """Part of every name: another form is another thumbnail."""

@@ -1,4 +1,4 @@
-"""What the server knows of a project: its table, read again when a manifest changed, its thumbnails and decisions."""
+"""What the server knows of a project: its table, read again when a manifest changed, thumbnails, decisions, runs."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from pipeline.curation_page.clip_table import BARE_ROBOT, LAST, STAGES, ClipTabl
 from pipeline.curation_page.columns import THRESHOLD_COLUMNS, columns
 from pipeline.curation_page.compare_databases import compare, versions
 from pipeline.curation_page.line_figure import encode
+from pipeline.curation_page.materialization import Materialization, Rerun, rerun_of
 from pipeline.curation_page.motion_sources import MotionSources
-from pipeline.curation_page.rerun import Rerun, rerun_of
 from pipeline.curation_page.thumbnails import ThumbnailStore
-from pipeline.errors import FileError
+from pipeline.errors import FileError, PipelineError
 from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest, settings
 from pipeline.robot import Robot, load_robot
+from pipeline.selection.curation import Decision
 from pipeline.selection.curation_file import decide, read_decisions, take_back
-from pipeline.selection.decisions import Decision
-from pipeline.viewing.motion_source import MotionSource
+from pipeline.viewing.playlist import MotionSource
 
 FIRST_SCREEN = 24
 """Clips that are seen at once."""
@@ -221,3 +221,46 @@ class Workplace:
             source = now.sources.of(row)
             found[self.thumbnails.key(source)] = source
         return found
+
+
+class Runs:
+    """One run at a time; `state` may be asked at any time."""
+
+    def __init__(self, workplace: Workplace) -> None:
+        self._workplace = workplace
+        self._run = Materialization(workplace.root)
+        self._lock = threading.Lock()
+        self._rerun: Rerun | None = None
+        self._outcome: dict[str, Any] | None = None
+
+    def start(self) -> int:
+        """Materialize the database and what is stale. Raises PipelineError when a run is at work."""
+        with self._lock:
+            self._run.start(self._workplace.database_asset)
+            self._rerun, self._outcome = None, None
+        return 1
+
+    def start_again(self, clips: list[str]) -> int:
+        """Work on some clips again, from their recordings to the database; their number. Raises PipelineError."""
+        rerun = self._workplace.rerun_of(clips)
+        with self._lock:
+            self._run.start(*rerun.assets, again=rerun.names)
+            self._rerun, self._outcome = rerun, None
+        return len(rerun.before)
+
+    def stop(self) -> None:
+        """End the run, if one is at work."""
+        self._run.stop()
+
+    def state(self) -> dict[str, Any]:
+        """The state of the run; `rerun`: the outcome of a rerun that has ended, or the number of clips it is of."""
+        with self._lock:
+            state = self._run.state()
+            if self._rerun is None:
+                return {**state, "rerun": None}
+            if self._outcome is None and not state["at_work"]:
+                try:
+                    self._outcome = self._workplace.outcome(self._rerun)
+                except PipelineError as error:
+                    self._outcome = {"clips": len(self._rerun.before), "error": str(error)}
+            return {**state, "rerun": self._outcome or {"clips": len(self._rerun.before)}}

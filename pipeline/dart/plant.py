@@ -12,7 +12,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
-from pipeline.simulation.armature_on_links import added_moments
+from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.simulation.plant import PlantState
 
 

@@ -1,23 +1,134 @@
-"""The clips of a database written in one format, with the card of these clips beside them."""
+"""The clips of a database in the files that other programs load, with the card of these clips beside them.
+
+mjlab, BeyondMimic and GMR: archives without pickle. Rerun: `.rrd` with the poses of all links, joint positions and
+velocities. LeRobot: `lerobot.py`.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from pipeline import rotation, time_series
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.dataset_export.archives import ARCHIVES
 from pipeline.dataset_export.lerobot import write_lerobot
-from pipeline.dataset_export.rerun_recording import write_rerun
-from pipeline.errors import UnknownNameError
+from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.expert import check_database
 from pipeline.expert.database_clip import read_database_clip
 from pipeline.expert.dataset_card import FILE as CARD
 from pipeline.expert.dataset_card import dataset_card
 from pipeline.expert.swap import current
-from pipeline.files import atomic
-from pipeline.robot import Robot
+from pipeline.files import atomic, digest
+from pipeline.robot import Kinematics, Robot
+
+
+def tracking_archive(clip: RobotClip, robot: Robot) -> bytes:
+    """The npz that mjlab's and BeyondMimic's motion loaders read.
+
+    `joint_pos`, `joint_vel` (t, j) [rad, rad/s], `body_pos_w`, `body_lin_vel_w`, `body_ang_vel_w` (t, b, 3) [m, m/s,
+    rad/s], `body_quat_w` (t, b, 4) wxyz, `fps` (1,), and the names that upstream leaves out: `joint_names`,
+    `body_names`. Bodies are all links in the order of the robot's model, joints likewise.
+    """
+    poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    quat = rotation.make_continuous(poses.quat_w)
+    return _npz(
+        fps=np.array([clip.fps]),
+        joint_pos=clip.joint_pos,
+        joint_vel=clip.joint_vel(),
+        body_pos_w=poses.pos_w,
+        body_quat_w=quat,
+        body_lin_vel_w=time_series.derivative(poses.pos_w, clip.fps),
+        body_ang_vel_w=rotation.angular_velocity_w(quat, clip.fps),
+        joint_names=np.array(clip.joint_names),
+        body_names=np.array(robot.link_names),
+    )
+
+
+def gmr_archive(clip: RobotClip, robot: Robot) -> bytes:
+    """GMR's arrays in an npz in place of its pickle.
+
+    `fps`, `root_pos` (t, 3) [m], `root_rot` (t, 4) xyzw, `root_rot_order`, `dof_pos` (t, j) [rad], `dof_names`,
+    `local_body_pos` (t, b, 3) [m] of the links in the root's frame and `link_body_list`.
+    """
+    poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    local = rotation.rotate_inverse(clip.root_quat_w[:, None], poses.pos_w - clip.root_pos_w[:, None])
+    return _npz(
+        fps=np.array(clip.fps),
+        root_pos=clip.root_pos_w,
+        root_rot=np.roll(clip.root_quat_w, -1, axis=1),
+        root_rot_order=np.array("xyzw"),
+        dof_pos=clip.joint_pos,
+        dof_names=np.array(clip.joint_names),
+        local_body_pos=local,
+        link_body_list=np.array(robot.link_names),
+    )
+
+
+ARCHIVES: dict[str, Callable[[RobotClip, Robot], bytes]] = {"mjlab": tracking_archive, "gmr": gmr_archive}
+"""Format -> the bytes of a clip's archive."""
+
+
+def _npz(**arrays: np.ndarray) -> bytes:
+    """Numbers as float32 (the loaders' own), text as it is; the same bytes for the same clip."""
+    stream = io.BytesIO()
+    plain = {name: each.astype("f4") if each.dtype.kind == "f" else each for name, each in arrays.items()}
+    np.savez(stream, allow_pickle=False, **plain)
+    return stream.getvalue()
+
+
+APPLICATION = "booster-lab"
+TIME, FRAME = "time", "frame"
+"""Timelines: seconds from the first frame, and the number of the frame."""
+
+
+class NotInstalledError(PipelineError):
+    """A package of an optional extra is missing."""
+
+    def __init__(self, package: str, extra: str):
+        super().__init__(f"The package {package} is not installed. Run: pip install 'booster-lab[{extra}]'")
+
+
+def write_rerun(path: Path, clip: RobotClip, robot: Robot) -> None:
+    """Write a recording.
+
+    world/<link>       Transform3D, position [m] and orientation of each link in the world (x ahead, z up)
+    world/links        Points3D, the links' origins
+    joint_pos/<joint>  Scalars [rad]
+    joint_vel/<joint>  Scalars [rad/s]
+
+    The same clip has the same recording id; row ids in the file are of the time of writing. Raises NotInstalledError.
+    """
+    try:
+        import rerun as rr
+    except ImportError as error:
+        raise NotInstalledError("rerun-sdk", "export") from error
+    poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
+    order = np.arange(clip.frame_count)
+    indexes = [rr.TimeColumn(TIME, duration=order / clip.fps), rr.TimeColumn(FRAME, sequence=order)]
+    recording = rr.RecordingStream(APPLICATION, recording_id=digest.of_json([clip.name, robot.name])[:32])
+    recording.save(path)
+    recording.send_recording_name(clip.name)
+    recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for link, name in enumerate(robot.link_names):
+        quat_xyzw = np.roll(poses.quat_w[:, link], -1, axis=1)
+        columns = rr.Transform3D.columns(translation=poses.pos_w[:, link], quaternion=quat_xyzw)
+        recording.send_columns(f"world/{name}", indexes=indexes, columns=columns)
+    points = rr.Points3D.columns(positions=poses.pos_w.reshape(-1, 3)).partition(
+        lengths=np.full(clip.frame_count, len(robot.link_names))
+    )
+    recording.send_columns("world/links", indexes=indexes, columns=points)
+    velocity = clip.joint_vel()
+    for joint, name in enumerate(clip.joint_names):
+        for kind, values in (("joint_pos", clip.joint_pos), ("joint_vel", velocity)):
+            columns = rr.Scalars.columns(scalars=values[:, joint])
+            recording.send_columns(f"{kind}/{name}", indexes=indexes, columns=columns)
+    recording.flush()
+    recording.disconnect()
+
 
 LEROBOT, RERUN = "lerobot", "rerun"
 FORMATS = (*ARCHIVES, LEROBOT, RERUN)

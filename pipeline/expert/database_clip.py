@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from pipeline import rotation
+from pipeline.clips.codec import faults_of
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.clips.soundness import faults_of
 from pipeline.errors import FileError
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 from pipeline.robot import Robot
 
 FACTS = ("Skill", "MotionWeight", "LoopMode", "Licence")

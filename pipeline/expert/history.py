@@ -18,7 +18,7 @@ from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.expert import manifest, swap
 from pipeline.expert.read import check_database
 from pipeline.files import digest
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 
 REFUSED = "-refused"
 """End of the name of a version that never was in place."""

@@ -15,7 +15,7 @@ from pipeline.expert import manifest
 from pipeline.expert.licence import classify_licence
 from pipeline.expert.swap import current
 from pipeline.files import digest
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 
 
 def database_version(folder: Path) -> str:

@@ -15,7 +15,7 @@ from pipeline.errors import FileError, PipelineError
 from pipeline.expert import index, manifest
 from pipeline.expert.swap import current
 from pipeline.files import digest
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 
 CLIP_KEYS = ("FrameDuration", "MotionWeight", "LoopMode", "Robot", "Skill", "Licence", "Columns", "Frames")
 LOOP_MODES = ("Clamp", "Wrap")

@@ -24,15 +24,18 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.actuators.adapted_robot import read_actuators
+from pipeline.actuators.adapted_robot import motors_source, read_actuators
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment.task import breadth_first
 from pipeline.expert.frames import FPS
 from pipeline.expert.index import database_version
 from pipeline.expert.read import Database, DatabaseClip, read_database
 from pipeline.files import atomic, digest
+from pipeline.physics import GRAVITY
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.kinematics import mujoco_model
+from pipeline.robot.legs import legs_of
+from pipeline.simulation.run import fall_height
 
 SCHEMA = "booster-lab training bundle 2"
 ROBOT = "adapted_robot"
@@ -92,6 +95,7 @@ def write_training_bundle(
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
+        "motors": motors_source(read_actuators(robot_folder)),
         "database_digest": database_version(database_folder),
         "licence": database.manifest["licence"],
         "clips": len(database.clips),
@@ -125,6 +129,10 @@ def robot_facts(robot: Robot, robot_folder: Path) -> dict[str, Any]:
         "policy_joints": breadth_first(robot),
         "default_joint_pos": robot.default_joint_pos.tolist(),
         "default_root_height": robot.default_root_height,
+        "fall_height": fall_height(robot),
+        "leg_length": robot.leg_length,
+        "weight": round(robot.total_mass, 3) * GRAVITY,
+        "leg_joints": [robot.joint_names[joint] for joint in legs_of(robot).all],
         "kp": robot.kp.tolist(),
         "kd": robot.kd.tolist(),
         "effort_limit": [motors[name].box_effort_limit for name in robot.joint_names],

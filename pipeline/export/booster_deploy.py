@@ -18,7 +18,7 @@ from typing import Annotated
 
 from pipeline.deployment import DeploymentTask, Policy
 from pipeline.errors import SettingsError
-from pipeline.export.torch_script import write_torch_script
+from pipeline.export.networks import write_torch_script
 from pipeline.files import atomic, settings
 from pipeline.files.ranges import Allowed
 from pipeline.robot.load import ROBOTS
@@ -47,41 +47,31 @@ class Programs:
     """The robot's configuration in `booster_deploy.robots.booster`."""
 
 
-def vendor_robot(robot: str, robots: Path = ROBOTS) -> str:
+MAX_COMMAND = (1.0, 0.6, 1.0)
+"""Largest joystick commands in both directions: forward [m/s], lateral [m/s], yaw rate [rad/s]."""
+
+
+def vendor_robot(robot: str) -> str:
     """The configuration of a robot in booster_deploy. Raises SettingsError for a robot without one."""
-    path = robots / robot / PROGRAMS
+    path = ROBOTS / robot / PROGRAMS
     if not path.is_file():
         problem = f"booster_deploy has no configuration of '{robot}' that is known here."
         raise SettingsError(path, f"{problem} Write the file: booster_deploy: NAME_OF_ITS_CONFIGURATION.")
     return settings.read(path, Programs).booster_deploy
 
 
-@dataclass(frozen=True, kw_only=True)
-class CommandLimits:
-    """Largest joystick commands, in both directions."""
-
-    forward: float = 1.0
-    """[m/s]"""
-    lateral: float = 0.6
-    """[m/s]"""
-    yaw_rate: float = 1.0
-    """[rad/s]"""
-
-
-def write_task_folder(
-    folder: Path, task: DeploymentTask, policy: Policy, root_height: float, limits: CommandLimits | None = None
-) -> list[Path]:
+def write_task_folder(folder: Path, task: DeploymentTask, policy: Policy, root_height: float) -> list[Path]:
     """Write the task folder below `folder` and return its files. Raises SettingsError for an unsupported robot."""
     vendor = vendor_robot(task.robot)
     place = folder / FOLDER
     atomic.write_text(place / "__init__.py", _INIT.format(task=TASK))
-    atomic.write_text(place / "walk.py", _walk(task, vendor, root_height, limits or CommandLimits()))
+    atomic.write_text(place / "walk.py", _walk(task, vendor, root_height))
     write_torch_script(place / MODEL, task, policy)
     atomic.write_text(folder / "README.md", _README.format(task=TASK, robot=vendor))
     return [place / "__init__.py", place / "walk.py", place / MODEL, folder / "README.md"]
 
 
-def _walk(task: DeploymentTask, vendor: str, root_height: float, limits: CommandLimits) -> str:
+def _walk(task: DeploymentTask, vendor: str, root_height: float) -> str:
     rows = zip(task.joint_names, task.default_joint_pos.tolist(), task.kp.tolist(), task.kd.tolist(), strict=True)
     return _WALK.format(
         robot=vendor,
@@ -92,9 +82,9 @@ def _walk(task: DeploymentTask, vendor: str, root_height: float, limits: Command
         action_scale=task.action_scale,
         model=MODEL,
         height=math.ceil(root_height * 100.0) / 100.0,
-        forward=limits.forward,
-        lateral=limits.lateral,
-        yaw_rate=limits.yaw_rate,
+        forward=MAX_COMMAND[0],
+        lateral=MAX_COMMAND[1],
+        yaw_rate=MAX_COMMAND[2],
     )
 
 

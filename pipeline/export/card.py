@@ -137,6 +137,7 @@ def card_rows(card: ModelCard) -> dict[str, str]:
         "preset, seed": f"{_preset(card.run)}, {card.run.get('seed', 'not stated')}",
         "environments, device": f"{card.run.get('num_envs', 'not stated')}, {card.run.get('device', 'not stated')}",
         "trained": f"{card.run.get('iterations', '?')} iterations, {card.run.get('seconds', '?')} s",
+        "motor limits": str(card.data.get("motors", "not stated")),
         "expert database": str(card.data.get("digest", "not stated")),
         "clips, seconds": f"{card.data.get('clips', '?')}, {card.data.get('seconds', '?')}",
         "licence": f"{licence.get('strictest', 'unknown')}: {licence.get('allowed_use', 'not stated')}",

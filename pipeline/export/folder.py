@@ -34,7 +34,7 @@ from pipeline.export.metadata import (
     training_data,
     training_run,
 )
-from pipeline.export.onnx_model import write_onnx
+from pipeline.export.networks import write_onnx
 from pipeline.export.parity import (
     GoldenVectors,
     Parity,

@@ -14,8 +14,8 @@ from pipeline.robot import Robot
 
 CONFIG, DONE = "config.json", "done.json"
 BUNDLE = "bundle"
-"""Key of `config.json` with the run's data: digests of robot and database, licence."""
-DATA_FACTS = ("robot_digest", "clips", "seconds", "licence")
+"""Key of `config.json` with the run's data: digests of robot and database, source of the motor limits, licence."""
+DATA_FACTS = ("robot_digest", "motors", "clips", "seconds", "licence")
 
 
 def training_run(folder: Path, stated: Mapping[str, Any] | None = None) -> dict[str, Any]:

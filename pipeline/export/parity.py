@@ -18,8 +18,7 @@ from pipeline.deployment import DeploymentTask, Policy, PolicyController
 from pipeline.errors import FileError
 from pipeline.export.card import check_stated
 from pipeline.export.metadata import ExportError
-from pipeline.export.onnx_model import read_onnx
-from pipeline.export.torch_script import read_torch_script
+from pipeline.export.networks import read_onnx, read_torch_script
 from pipeline.files import atomic
 from pipeline.files.npz import NpzCaps, read_npz_header
 from pipeline.robot import Robot

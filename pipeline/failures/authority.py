@@ -21,7 +21,7 @@ from pipeline.failures.signals import Signals
 from pipeline.robot import Robot
 
 DEAD_OF_FLICKER = 0.4
-"""Share of the shortest outage in which the motor has to be asked for something and to give nothing."""
+"""Share of the shortest outage in which the motor must be commanded a torque and give none."""
 FAR_S = 0.1
 """A joint whose motor lost its authority is far from its target for so long [s]."""
 USUAL_PERCENTILE = 95.0
@@ -34,7 +34,7 @@ TOGETHER_S = 0.1
 
 def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings: AuthoritySettings) -> list[Failure]:
     """Stretches in which motors gave next to nothing, as `motor_flicker` or `authority_loss`; joints that are off
-    together are one. Nothing where the log does not say what was asked for."""
+    together are one. Empty where the log has no commands."""
     trial = signals.trial
     asked = asked_torque(signals)
     error = np.abs(np.asarray(trial.target_pos, dtype=float) - trial.joint_pos)
@@ -54,7 +54,7 @@ def motor_outages(signals: Signals, actuators: Sequence[JointActuator], settings
                 continue
             if seconds <= settings.flicker_s[1] and alive[stop:].any():
                 found.append((start, stop, joint, False))
-            elif far.sum() > FAR_S * trial.rate_hz:  # for long, or until nothing was asked for any more
+            elif far.sum() > FAR_S * trial.rate_hz:  # for long, or until the command ended
                 found.append((start, stop, joint, True))
     return [_failure(signals, group, asked, error) for group in _together(found, trial.rate_hz)]
 

@@ -23,12 +23,10 @@ KINDS: tuple[str, ...] = (
 )
 NOT_OF_POLICY = ("held", "stopped", "damped", "motor_flicker", "authority_loss")
 """What happened to a robot and is no failure of its policy: it was held by hand, stopped by its operator or damped
-after a fall; its motors were off for a moment, or gave next to nothing of what they were asked for."""
+after a fall; its motors were off for a moment, or gave almost none of the commanded torque."""
 
 HELD, STOPPED = "held by hand", "stopped by the operator"
 DAMPED, MOTORS_OFF = "damped after a fall", "its motors did not answer"
-EXCUSES: tuple[str, ...] = (HELD, STOPPED, DAMPED, MOTORS_OFF)
-"""Why something is not the policy's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +40,7 @@ class Failure:
     until_s: float
     """When it ended [s]."""
     command: tuple[float, float, float]
-    """Forward and lateral velocity [m/s] and yaw rate [rad/s] that were asked for then."""
+    """Forward and lateral velocity [m/s] and yaw rate [rad/s] commanded at that time."""
     confidence: float
     """0 to 1: how surely it is this and not something else."""
     joint: str = ""
@@ -50,7 +48,7 @@ class Failure:
     direction: str = ""
     """Where to: `forward`, `backward`, `left`, `right` of falls; the axis of a tracking divergence."""
     command_known: bool = True
-    """Whether the log says what was asked for then; if not, the command is zeros and means nothing."""
+    """Whether the log has the command; if not, the command is zeros and means nothing."""
     excuse: str = ""
     """Why it is not a failure of the policy; empty where it is one."""
     evidence: dict[str, float | bool | str] = field(default_factory=dict)
@@ -62,7 +60,7 @@ class Failure:
         return not self.excuse and self.kind not in NOT_OF_POLICY
 
     def text(self) -> str:
-        """A sentence for a report."""
+        """One line for a report."""
         forward, lateral, yaw = self.command
         what = " ".join(part for part in (self.kind.replace("_", " "), self.direction, self.joint) if part)
         found = ", ".join(f"{name} {_shown(value)}" for name, value in self.evidence.items())

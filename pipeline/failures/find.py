@@ -11,17 +11,13 @@ from pipeline import time_series
 from pipeline.actuators import JointActuator
 from pipeline.failures.authority import OF_LEGS, damped_after, motor_outages, outage_excuses
 from pipeline.failures.failure import DAMPED, HELD, Failure
-from pipeline.failures.falls import falls
-from pipeline.failures.fingerprint import fingerprint_of
-from pipeline.failures.gait import slips, stumbles
+from pipeline.failures.falls import falls, slips, stumbles
 from pipeline.failures.held import excuse_at, excuse_failures, excuses
-from pipeline.failures.missed import missed_bars, without_kind
-from pipeline.failures.motors import hot_motors, speed_saturations, torque_saturations
-from pipeline.failures.packets import lost_packets
+from pipeline.failures.motors import hot_motors, lost_packets, speed_saturations, torque_saturations
 from pipeline.failures.settings import FailureSettings
-from pipeline.failures.signals import Signals, signals_of
+from pipeline.failures.signals import Signals, fingerprint_of, signals_of
 from pipeline.failures.tracking import delay_and_gain, steady_stretches, tracking_divergences
-from pipeline.failures.trial_report import UNVERIFIED, VERIFIED, TrialReport
+from pipeline.failures.trial_report import UNVERIFIED, VERIFIED, TrialReport, missed_bars, without_kind
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
 from pipeline.robot.size import scaled
@@ -35,7 +31,7 @@ def find_failures(
 ) -> TrialReport:
     """What a trial shows. `actuators` are the joints' calibrated motors in the robot's order.
 
-    After its first fall a trial is looked at for nothing but falls, heat and packets. Speeds and torques of
+    After its first fall a trial is searched for falls, heat and packets only. Speeds and torques of
     the settings are scaled to the robot. Raises RobotMismatchError.
     """
     settings = scaled(settings, robot)

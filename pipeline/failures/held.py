@@ -127,7 +127,7 @@ def _stopped(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:
 
 
 def _damped(signals: Signals, damping_kp: float) -> list[float]:
-    """When an upright robot's joints begin to be only damped; a deployment that damps what falls stops nobody.
+    """When an upright robot's joints begin to be only damped; damping in a fall is no stop by a person.
 
     Where the stiffness is not known nothing is concluded from it.
     """

@@ -77,7 +77,7 @@ class SlipSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class TorqueSettings:
-    """Motors that give less than they are asked for."""
+    """Motors that give less torque than commanded."""
 
     asked_over: Annotated[float, PART]
     """Asked less given, over the limit."""
@@ -110,11 +110,11 @@ class AuthoritySettings:
     asked_over: Annotated[float, PART]
     """Asked torque over the limit from which a motor has to answer ..."""
     least_torque: Annotated[float, TORQUE, POSITIVE]
-    """... and the least one [N m]: friction may hide what a motor gives when it is asked for less."""
+    """... and the least one [N m]: friction may hide what a motor gives at smaller commands."""
     dead_share: Annotated[float, PART]
-    """A motor that gives less than this share of what it is asked for does not answer."""
+    """A motor that gives less than this share of the command does not answer."""
     alive_share: Annotated[float, PART]
-    """One that gives more than this share of what it is asked for, or of its limit, does."""
+    """One that gives more than this share of the command, or of its limit, does."""
     error_rad: Annotated[float, POSITIVE]
     """Distance of a joint from its target that a motor with authority does not leave [rad]."""
     flicker_s: Annotated[tuple[float, float], POSITIVE]

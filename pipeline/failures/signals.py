@@ -1,11 +1,15 @@
-"""What a trial's sensors imply: tilt, what the feet bear, how fast the robot goes, what its motors were asked for.
+"""Signals computed from a trial's sensors: tilt, ground forces, velocity, commanded torques; and a digest of the data.
 
 A log has no base velocity and no contact sensor. Both are estimated: the ground's force on each foot from the torques
 of its leg, as if the leg had no mass; the velocity of the trunk from the lowest corners of the soles, as if they stuck.
+
+The digest is one of each half second of absolute time: samples are on a grid that starts in 1970, so a copy of a log
+that is torn, split, stored otherwise or without its beginning has the same digests wherever its bytes are whole.
 """
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +17,8 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.errors import PipelineError
-from pipeline.hardware_logs.trial import Trial
+from pipeline.hardware_logs.regular import LOST
+from pipeline.hardware_logs.trial import ROUNDING_S, Trial
 from pipeline.physics import GRAVITY
 from pipeline.robot import Kinematics, Robot
 from pipeline.robot.legs import legs_of
@@ -191,3 +196,42 @@ def _sole_speed(
     fast = run - time_series.smooth(run, fps, BLEND_HZ)
     trunk = time_series.smooth(velocity_w, fps, BLEND_HZ) + time_series.smooth(fast, fps, CUTOFF_HZ)
     return np.linalg.norm(trunk[:, None] + _lowest(corner_velocity, height, axis=(2,)), axis=2)
+
+
+WINDOW_NS = 500_000_000
+DIGITS = 8
+"""Hex digits of a window."""
+UNKNOWN = "-" * DIGITS
+"""In place of a window that the trial does not have whole: at its ends, and where the log was damaged."""
+SENSORS = ("joint_pos", "joint_vel", "torque_est", "rpy", "gyro_b", "acc_b")
+
+
+def fingerprint_of(trial: Trial) -> str:
+    """Digests of the windows in a row, from the one on that the trial begins in."""
+    period_ns = round(1e9 / trial.rate_hz)
+    windows = (trial.start_ns + np.arange(len(trial.time_s)) * period_ns) // WINDOW_NS
+    damaged = np.zeros(len(windows), dtype=bool)
+    for gap in trial.gaps:
+        if gap.reason == LOST:
+            damaged |= (trial.time_s > gap.start_s - ROUNDING_S) & (trial.time_s < gap.stop_s + ROUNDING_S)
+    starts = np.flatnonzero(np.diff(windows, prepend=windows[0] - 1)).tolist()
+    return "".join(
+        _digest(trial, start, stop)
+        if (stop - start) * period_ns >= WINDOW_NS and not damaged[start:stop].any()
+        else UNKNOWN
+        for start, stop in zip(starts, [*starts[1:], len(windows)], strict=True)
+    )
+
+
+def windows_of(fingerprint: str, start_ns: int) -> dict[int, str]:
+    """Number of the window since 1970 -> its digest, where that is known."""
+    first = start_ns // WINDOW_NS
+    parts = [fingerprint[at : at + DIGITS] for at in range(0, len(fingerprint), DIGITS)]
+    return {first + number: part for number, part in enumerate(parts) if part != UNKNOWN}
+
+
+def _digest(trial: Trial, start: int, stop: int) -> str:
+    found = hashlib.sha256()
+    for name in SENSORS:
+        found.update(np.ascontiguousarray(getattr(trial, name)[start:stop], dtype="<f4").tobytes())
+    return found.hexdigest()[:DIGITS]

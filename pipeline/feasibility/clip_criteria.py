@@ -23,7 +23,7 @@ from pipeline.feasibility.criterion import (
     criterion,
 )
 from pipeline.feasibility.motion import CutSettings, Motion
-from pipeline.simulation.self_collision import self_collision
+from pipeline.simulation.mujoco_plant import self_collision
 
 GROUP = "self-collision"
 

@@ -26,7 +26,7 @@ from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.slowest_point import slowest_point_speed
 from pipeline.files.ranges import SHARE
 from pipeline.files.sourced import Unit
-from pipeline.quality.smoothness import percentile_of_least
+from pipeline.quality.retargeting import percentile_of_least
 from pipeline.quality.sole import inner_contacts
 
 SIDES = ("left", "right")

@@ -20,7 +20,7 @@ from pipeline.feasibility.motion import Motion
 from pipeline.feasibility.over_time import share_and_run
 from pipeline.files.ranges import POSITIVE, Range
 from pipeline.files.sourced import Unit
-from pipeline.quality.smoothness import acceleration_p99
+from pipeline.quality.retargeting import acceleration_p99
 
 LIMITS = "joint and speed limits"
 

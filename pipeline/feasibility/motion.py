@@ -14,7 +14,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.feasibility.criterion import Hertz, ShareOfFrames
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit
-from pipeline.quality.command_velocity import CommandVelocity, command_velocity, command_velocity_over_time
+from pipeline.quality.planar_motion import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import ContactSettings, SoleMotion, contact_from_sole, sole_motion
 from pipeline.robot import Robot
 

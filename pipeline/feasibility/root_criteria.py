@@ -12,7 +12,7 @@ from pipeline.feasibility.criterion import NOTHING, Criterion, Degrees, MetresPe
 from pipeline.feasibility.motion import Motion, RootFilter
 from pipeline.files.ranges import POSITIVE, Range, check
 from pipeline.files.sourced import Unit
-from pipeline.quality.smoothness import mean_jerk
+from pipeline.quality.retargeting import mean_jerk
 
 GROUP = "root motion"
 

@@ -33,7 +33,7 @@ from pipeline.feasibility.over_time import windowed_mean
 from pipeline.feasibility.reference import CONTENT
 from pipeline.files.ranges import Range
 from pipeline.files.sourced import LENGTH, Unit
-from pipeline.quality.smoothness import percentile_of_least
+from pipeline.quality.retargeting import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
 GROUP = "tracking stability"

@@ -23,7 +23,7 @@ PROPOSAL_ASSET = "curation_feedback"
 
 
 class ApprovalError(PipelineError):
-    """An answer to something that is not proposed, or by nobody."""
+    """An answer to something that is not proposed, or without a name."""
 
 
 @dataclass(frozen=True, kw_only=True)

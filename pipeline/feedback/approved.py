@@ -53,7 +53,7 @@ class SectionApproval:
 
     section: str
     proposal: str
-    """Digest of the proposal that was looked at."""
+    """Digest of the proposal that was reviewed."""
     by: str = ""
     """Who approved them; empty in a proposal."""
     digest: str
@@ -197,7 +197,7 @@ def part_version(part: Sequence[Change]) -> str:
 
 
 def lineage(part: Sequence[Change], section: str) -> dict[str, Any]:
-    """What a manifest says of the changes that took effect in it, by digest: each with the logs that it rests on."""
+    """The changes that took effect in a manifest, by digest: each with the logs that it rests on."""
     if not part:
         return {}
     return {part_version(part): {"stage": f"{LINEAGE}{section}", "changes": [each.to_dict() for each in part]}}

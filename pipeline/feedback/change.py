@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from pipeline.clips.skill import SKILLS
+from pipeline.clips.outcome import SKILLS
 from pipeline.errors import PipelineError
 from pipeline.feedback.rules import BOTH, LESS, MORE, PERTURBATIONS, TIME_SCALE, FeedbackRules
 from pipeline.files import digest
@@ -54,7 +54,7 @@ class Witness:
     """Digest of the policy that walked."""
     simulated: bool
     said: str
-    """The failure as a sentence."""
+    """The failure as one line."""
 
     @property
     def experiment(self) -> str:
@@ -90,7 +90,7 @@ class Change:
         return len({each.experiment for each in self.witnesses})
 
     def text(self) -> str:
-        """A sentence for a report."""
+        """One line for a report."""
         simulated = " (simulated)" if all(each.simulated for each in self.witnesses) else ""
         return (
             f"{self.robot}, {SECTIONS[self.section]}: {self.what} from {self.before:g} to {self.value:g} "

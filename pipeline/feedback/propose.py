@@ -18,9 +18,8 @@ from pipeline.failures.failure import Failure
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feasibility.command_space import VELOCITIES, CommandSettings, cell_of
 from pipeline.feedback.change import Change, allowed_range, check_bounds, neutral
-from pipeline.feedback.recordings import Heard, recorded
 from pipeline.feedback.rules import LESS, TIME_SCALE, Answer, FeedbackRules, MotorRule
-from pipeline.feedback.trust import NamedBy, Pair, doubt_of, grouped, trusted, witnesses_of
+from pipeline.feedback.trust import CountedTrial, NamedBy, Pair, doubt_of, grouped, recorded, trusted, witnesses_of
 from pipeline.selection.skills import SKILLS, SkillBounds, distances
 
 STANDING, OF_STEPS = "stand", (TIME_SCALE, "step_length", "foot_lift")
@@ -33,7 +32,7 @@ class Proposal:
 
     changes: tuple[Change, ...]
     silent: tuple[str, ...]
-    """A sentence for each log, failure or number that proposes nothing."""
+    """A reason for each log, failure or number without a proposal."""
 
 
 def propose(
@@ -89,7 +88,7 @@ def _skill_namer(bounds: SkillBounds) -> NamedBy:
 
 
 def _factors(
-    section: str, pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
+    section: str, pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
 ) -> list[Change]:
     """Factors on command cells or skills."""
     rule = rules.weights if section == "weights" else rules.selection
@@ -98,7 +97,7 @@ def _factors(
 
 
 def _perturbations(
-    pairs: Sequence[Pair], trials: Sequence[Heard], rules: FeedbackRules, name: NamedBy
+    pairs: Sequence[Pair], trials: Sequence[CountedTrial], rules: FeedbackRules, name: NamedBy
 ) -> tuple[list[Change], list[str]]:
     """Perturbations of the clips of skills, of each kind that a rule answers the failures of the skill with.
 
@@ -123,7 +122,7 @@ def _perturbations(
 
 
 def _answered(failure: Failure, answer: Answer) -> bool:
-    """Whether direction and cause of a failure are among those that are answered; its kind is asked for later."""
+    """Whether direction and cause of a failure are among those that are answered; its kind is checked later."""
     return (not answer.directions or failure.direction in answer.directions) and (
         not answer.causes or failure.evidence.get("cause") in answer.causes
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.augment import settings
+from pipeline.augment.process import KINDS as STRENGTHS
+from pipeline.augment.process import Strength
 from pipeline.failures.failure import KINDS
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, SHARE, Keys, OneOf, Pattern, Range, check
 
@@ -13,7 +14,7 @@ SIMULATED = ("always", "never", "until_real")
 DIRECTIONS = ("forward", "backward", "left", "right")
 LESS, MORE, BOTH = "less", "more", "both"
 TIME_SCALE = "time_scale"
-PERTURBATIONS = {TIME_SCALE: settings.Strength(0.5, 1.5, neutral=1.0), **settings.KINDS}
+PERTURBATIONS = {TIME_SCALE: Strength(0.5, 1.5, neutral=1.0), **STRENGTHS}
 """Kind of perturbation of KP4 -> strengths that it may have."""
 
 

@@ -20,7 +20,7 @@ from pipeline.failures.signals import Signals, signals_of
 from pipeline.failures.tracking import steady_stretches
 from pipeline.failures.trial_report import TrialReport
 from pipeline.hardware_logs.trial import Trial
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Robot
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant

@@ -1,24 +1,130 @@
-"""Which logs and which failures count, and why the others do not."""
+"""Which logs and which failures count, and why the others do not; which logs are one recording.
+
+A torn, split or newly stored copy of a log is no further evidence. Two trials are of one recording
+
+- if they are of the same bytes, or
+- if their times overlap, they are of one robot, and every half second that both have whole has the same sensor data, or
+- if their times overlap or one follows the other within `PIECES_APART_S`, as the files of a split bag do, and robot,
+  policy and whether they are simulated are the same. Simulated ones whose sensor data differ are not: all virtual
+  robots begin at the same moment of the clock, so that their times are no evidence.
+
+Real logs need no equal data, since two recorders of one walk stamp its messages differently. The price: two robots of
+one kind that walk with one policy at the same time are counted once, and so are two simulated logs that begin alike
+beside a short copy that fits both. In doubt it counts less, not more.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 from fnmatch import fnmatchcase
 
 from pipeline.failures.failure import Failure
+from pipeline.failures.signals import windows_of
 from pipeline.failures.trial_report import VERIFIED, TrialReport
-from pipeline.feedback.change import Change, Witness
-from pipeline.feedback.recordings import Heard
+from pipeline.feedback.change import Change, Witness, experiment_of
 from pipeline.feedback.rules import FeedbackRules, TrustRules
 
-Pair = tuple[Heard, Failure]
+PIECES_APART_S = 1.0
+"""The files of a split bag are one message apart; no recorder is stopped and started within this time."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CountedTrial:
+    """A trial that counts."""
+
+    report: TrialReport
+    recording: str
+    """The same for all trials of one recording: the SHA-256 of one of its logs."""
+
+    @property
+    def experiment(self) -> str:
+        """What it counts with."""
+        return experiment_of(self.report.policy, self.recording, simulated=self.report.simulated)
+
+
+def recorded(reports: Sequence[TrialReport]) -> tuple[list[CountedTrial], list[str]]:
+    """The trials of each recording, by name, and what is left out of copies.
+
+    Of copies the one is heard that has most, and of the others what fails outside of its time: a fall that a torn copy
+    alone shows is its tear.
+    """
+    recordings = _recording_of_each(reports)
+    heard: list[TrialReport] = []
+    silent: list[str] = []
+    for report in sorted(reports, key=_least_whole):
+        same = [each for each in heard if recordings[each.sha256] == recordings[report.sha256]]
+        copies = [each for each in same if each.file != report.file and _overlap(each, report)]
+        kept = tuple(each for each in report.failures if not any(_covers(copy, report, each) for copy in copies))
+        if copies:
+            silent.append(
+                f"{report.trial} ({report.file}) is of the recording of {copies[0].file} and counts once with it"
+            )
+        heard.append(dataclasses.replace(report, failures=kept))
+    ordered = sorted(heard, key=lambda each: each.trial)
+    return [CountedTrial(report=each, recording=recordings[each.sha256]) for each in ordered], sorted(silent)
+
+
+def _recording_of_each(reports: Sequence[TrialReport]) -> dict[str, str]:
+    """SHA-256 of a log -> that of the first log of its recording."""
+    first = {each.sha256: each.sha256 for each in reports}
+    windows = [windows_of(each.fingerprint, each.start_ns or 0) for each in reports]
+    order = sorted((each.start_ns, number) for number, each in enumerate(reports) if each.start_ns is not None)
+    for place, (_, one) in enumerate(order):
+        span = reports[one].span_ns
+        assert span is not None
+        reach = span[1] + round(PIECES_APART_S * 1e9)
+        for start, other in order[place + 1 :]:
+            if start > reach:
+                break
+            if _one_recording(reports[one], reports[other], windows[one], windows[other]):
+                known = first[reports[one].sha256], first[reports[other].sha256]
+                first = {log: min(known) if each in known else each for log, each in first.items()}
+    return first
+
+
+def _one_recording(one: TrialReport, other: TrialReport, had: dict[int, str], has: dict[int, str]) -> bool:
+    """Whether trials that overlap or follow each other are of one recording."""
+    both = had.keys() & has.keys()
+    alike = all(had[each] == has[each] for each in both)
+    if one.robot != other.robot:
+        return False
+    if both and alike:
+        return True
+    stated_alike = one.policy == other.policy and one.simulated == other.simulated
+    return stated_alike and (alike or not one.simulated)
+
+
+def _least_whole(report: TrialReport) -> tuple[bool, int, bool, float, str, str]:
+    """Orders copies: the one that has most comes first."""
+    known = len(windows_of(report.fingerprint, 0))
+    return (not report.command_known, -known, not report.whole, -report.seconds, report.trial, report.file)
+
+
+def _overlap(one: TrialReport, other: TrialReport) -> bool:
+    """Whether two trials of one recording are copies of the same time; the same bytes are where no time is known."""
+    first, second = one.span_ns, other.span_ns
+    if first is None or second is None:
+        return one.sha256 == other.sha256
+    return first[0] < second[1] and second[0] < first[1]
+
+
+def _covers(copy: TrialReport, report: TrialReport, failure: Failure) -> bool:
+    """Whether a copy was there when a failure of another one began."""
+    span = copy.span_ns
+    if span is None or report.start_ns is None:
+        return True
+    return span[0] <= report.start_ns + round(failure.time_s * 1e9) <= span[1]
+
+
+Pair = tuple[CountedTrial, Failure]
 NamedBy = Callable[[tuple[float, float, float]], str]
 """What a command is called: its cell, its skill."""
 
 
 def grouped(
-    pairs: Iterable[Pair], trials: Sequence[Heard], kinds: tuple[str, ...], least_share: float, name: NamedBy
+    pairs: Iterable[Pair], trials: Sequence[CountedTrial], kinds: tuple[str, ...], least_share: float, name: NamedBy
 ) -> dict[str, list[Pair]]:
     """Failures by what their command is called, where enough of what was commanded so has one.
 
@@ -28,7 +134,7 @@ def grouped(
     for heard, failure in pairs:
         if failure.kind in kinds and heard.report.command_known and failure.command_known:
             groups.setdefault(name(failure.command), []).append((heard, failure))
-    tried: dict[str, list[Heard]] = {}
+    tried: dict[str, list[CountedTrial]] = {}
     for heard in trials:
         for *command, _ in heard.report.commands:
             tried.setdefault(name((command[0], command[1], command[2])), []).append(heard)
@@ -39,14 +145,14 @@ def grouped(
     }
 
 
-def _fails_enough(failed: Sequence[Heard], tried: Sequence[Heard], least_share: float) -> bool:
+def _fails_enough(failed: Sequence[CountedTrial], tried: Sequence[CountedTrial], least_share: float) -> bool:
     """Whether the mean share of failed recordings over the experiments is large enough."""
-    had, all_of = _recordings(failed), _recordings([*failed, *tried])
+    had, all_of = _recordings_of(failed), _recordings_of([*failed, *tried])
     shares = [len(had.get(experiment, set())) / len(recordings) for experiment, recordings in all_of.items()]
     return math.fsum(shares) >= least_share * len(shares)
 
 
-def _recordings(heard: Iterable[Heard]) -> dict[str, set[str]]:
+def _recordings_of(heard: Iterable[CountedTrial]) -> dict[str, set[str]]:
     """Experiment -> its recordings."""
     found: dict[str, set[str]] = {}
     for each in heard:
@@ -74,7 +180,7 @@ def witnesses_of(group: Iterable[Pair]) -> tuple[Witness, ...]:
 
 
 DEMONSTRATION = "demo/"
-"""Logs of this folder show the loop. They count until there is a log of one's own, and never without a person."""
+"""Demonstration logs are in this folder. They count until there is another log, and take effect only with approval."""
 
 
 def trusted(reports: Sequence[TrialReport], rules: FeedbackRules) -> tuple[list[TrialReport], list[str]]:

@@ -48,7 +48,7 @@ class DigestMemory:
         return known[-1]
 
     def save(self) -> None:
-        """Keep what was asked for since this was made; the rest is of files that are gone."""
+        """Keep what was looked up since this was made; the rest is of deleted files."""
         if self._used != self._known:
             atomic.write_text(self._path, json.dumps(self._used, sort_keys=True))
             self._known = dict(self._used)

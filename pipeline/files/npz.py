@@ -1,4 +1,8 @@
-"""NumPy archives from strangers: sizes checked before anything is inflated, never an object array."""
+"""Archives of arrays from untrusted files: NumPy's and torch's, with sizes and checksums checked before data is read.
+
+NumPy: never an object array. torch inflates whatever size is claimed, and does not compare the checksums of what it
+maps into memory; so `check_torch_archive` does.
+"""
 
 from __future__ import annotations
 
@@ -152,3 +156,25 @@ def _read_member(archive: zipfile.ZipFile, name: str) -> np.ndarray:
         if stream.read(1):
             raise ValueError("it holds more than its shape says")
     return array.T if columns_first else array
+
+
+def check_torch_archive(path: Path, caps: NpzCaps) -> tuple[str, ...]:
+    """Names of an archive's members.
+
+    Raises FileError for what is no zip archive (torch wrote others before 1.6; their pickles claim sizes for which
+    torch takes memory before it reads), is damaged, or is too large when inflated; OSError for a fault of the disk.
+    """
+    size = path.stat().st_size
+    if size > caps.total_bytes:
+        raise FileError(path, f"has {size} bytes, more than the {caps.total_bytes} allowed.")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            check_sizes(path, members, caps)
+            damaged = archive.testzip()
+    except DAMAGED_NPZ as error:
+        raise_fault_of_disk(error)
+        raise FileError(path, f"is no archive of torch that can be read ({str(error)[:120]}).") from error
+    if damaged is not None:
+        raise FileError(path, f"is damaged: '{damaged[:60]}' has another checksum than the archive states.")
+    return tuple(info.filename for info in members)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.generator import skeleton
-from pipeline.generator.pose import Motion
+from pipeline.generator.skeleton import Motion
 
 CM_PER_M = 100.0
 ROOT_ORDER, JOINT_ORDER = "YXZ", "ZYX"

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pipeline.generator import bvh
 from pipeline.generator.command import Level, Recipe
 from pipeline.generator.generate import make_motion
-from pipeline.generator.pose import Motion
+from pipeline.generator.skeleton import Motion
 
 Block = Float[np.ndarray, "t c"]
 

@@ -84,7 +84,7 @@ class _Figures:
 def plan_steps(recipe: Recipe, commands: Commands) -> Stride:
     """The footsteps along the commanded path.
 
-    Raises ValueError for a recipe that stands while running or goes on before its last stop is over.
+    Raises ValueError for a recipe that stands while running or continues before its last stop ends.
     """
     if recipe.gait == gait.RUN and not commands.moving.all():
         raise ValueError(f"recipe '{recipe.name}': a run can't stand still.")

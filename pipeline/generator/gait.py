@@ -88,7 +88,7 @@ def body_ahead(gait: str, forward: np.ndarray) -> np.ndarray:
     """Pelvis ahead of the middle of the standing foot at midstance [m].
 
     Feet land less far ahead of the hips than they leave behind them, the more so the faster: at an easy run about .3 m
-    ahead and .4 m behind (Novacheck 1998). Standing, the weight lies over the arch.
+    ahead and .4 m behind (Novacheck 1998). In standing the weight is over the arch.
     """
     return np.full_like(forward, 0.04) if gait == RUN else -0.02 + 0.022 * forward
 

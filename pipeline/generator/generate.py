@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.generator import bvh, command, feet, footsteps, pelvis, pose, skeleton
+from pipeline.generator import bvh, command, feet, footsteps, pelvis, skeleton
 from pipeline.generator.command import GRID_HZ, LEAD_S, Recipe
-from pipeline.generator.pose import Motion
+from pipeline.generator.skeleton import Motion
 
 SOURCE = "booster_lab"
 """Source name, the prefix of clip names."""
@@ -46,11 +46,11 @@ def make_motion(recipe: Recipe) -> tuple[Motion, np.ndarray]:
     joints_w = pelvis.move_trunk(recipe, commands, stride, root.quat_w)
     for side, foot in enumerate(both_feet):
         name = SIDES[side]
-        joints_w[f"{name}UpLeg"], joints_w[f"{name}Leg"] = pose.solve_leg(
+        joints_w[f"{name}UpLeg"], joints_w[f"{name}Leg"] = skeleton.solve_leg(
             root.pos_w + rotation.rotate(root.quat_w, pelvis.hip_offset(side)), foot.ankle_w, foot.yaw
         )
-        joints_w[f"{name}Foot"] = pose.foot_orientation(foot.yaw, foot.pitch)
-        joints_w[f"{name}Toe"] = pose.foot_orientation(foot.yaw, foot.pitch - foot.toe_bend)
+        joints_w[f"{name}Foot"] = skeleton.foot_orientation(foot.yaw, foot.pitch)
+        joints_w[f"{name}Toe"] = skeleton.foot_orientation(foot.yaw, foot.pitch - foot.toe_bend)
         upper, fore = pelvis.move_arm(recipe, commands, stride, joints_w["Chest"], side)
         joints_w[f"{name}Shoulder"] = joints_w["Chest"]
         joints_w[f"{name}Arm"] = rotation.multiply(upper, hanging(side))

@@ -1,9 +1,8 @@
 """Logs of a robot (MCAP, sqlite3 bags): read with all damage reported, written for virtual robots."""
 
 from pipeline.hardware_logs.ingest import Ingested, IngestedTrial, ingest
-from pipeline.hardware_logs.layout import Layout, layouts
+from pipeline.hardware_logs.layout import Layout, LogSettings, layouts
 from pipeline.hardware_logs.log_report import LogError
-from pipeline.hardware_logs.mcap_writer import FASTWRITE, ZSTD_FAST, ZSTD_SMALL, Storage
 from pipeline.hardware_logs.robot_log import (
     FallStates,
     LogFacts,
@@ -14,9 +13,8 @@ from pipeline.hardware_logs.robot_log import (
     RemoteStates,
     RobotLog,
 )
-from pipeline.hardware_logs.settings import LogSettings
 from pipeline.hardware_logs.trial import Gap, Trial, read_trial, write_trial
-from pipeline.hardware_logs.write import mcap_bytes, write_mcap
+from pipeline.hardware_logs.write import FASTWRITE, ZSTD_FAST, ZSTD_SMALL, Storage, mcap_bytes, write_mcap
 
 __all__ = [
     "FASTWRITE",

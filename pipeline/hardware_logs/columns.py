@@ -1,10 +1,16 @@
-"""Rows of messages as the columns of a trial."""
+"""Rows of messages as the columns of a trial, with the values that topics hold between their messages.
+
+The command of each sample is the schedule's, the sticks' or the velocity that a message requests.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from pipeline.hardware_logs.log_facts import StatedFacts
 from pipeline.hardware_logs.messages import BUTTONS
+from pipeline.hardware_logs.robot_log import OperatorEvent
 
 Columns = dict[str, np.ndarray]
 
@@ -76,3 +82,104 @@ def joined(parts: list[Columns]) -> Columns:
 def taken(columns: Columns, index: np.ndarray | slice) -> Columns:
     """Some rows."""
     return {name: values[index] for name, values in columns.items()}
+
+
+class HeldTopic:
+    """Times and columns that are not yet past, with the last that is."""
+
+    def __init__(self) -> None:
+        self._times: list[np.ndarray] = []
+        self._columns: list[Columns] = []
+
+    def add(self, time_ns: Int[np.ndarray, " m"], columns: Columns) -> None:
+        if len(time_ns):
+            self._times.append(time_ns)
+            self._columns.append(columns)
+
+    def forget(self, time_ns: int) -> None:
+        """From this time on nothing is known until the next message: some may be lost."""
+        if self._columns:
+            nothing = {name: unknown(values) for name, values in self._columns[-1].items()}
+            self.add(np.array([time_ns], dtype=np.int64), nothing)
+
+    def at(self, grid_ns: Int[np.ndarray, " n"], names: tuple[str, ...], blank: Columns) -> Columns:
+        """Values at ascending times; what is past is dropped.
+
+        Args:
+            blank: one row of each column that says nothing, for times before the first message
+        """
+        if not self._times:
+            return {name: np.repeat(blank[name], len(grid_ns), axis=0) for name in names}
+        times = np.concatenate(self._times)
+        order = np.argsort(times, kind="stable")
+        times, columns = times[order], taken(joined(self._columns), order)
+        place = np.searchsorted(times, grid_ns, side="right")
+        found = {name: np.concatenate([blank[name], columns[name]])[place] for name in names}
+        first = max(int(place[-1]) - 1, 0) if len(place) else 0
+        self._times, self._columns = [times[first:]], [taken(columns, slice(first, None))]
+        return found
+
+
+Command = Float[np.ndarray, "n 3"]
+
+
+class CommandSource:
+    """The command of one log.
+
+    Args:
+        stated: metadata of the log
+        origin_ns: receipt of the log's first message, None where it is not known
+        whole: nothing was lost where a statement may have been; a log that states nothing is then steered by its remote
+    """
+
+    def __init__(self, stated: StatedFacts, origin_ns: int | None, *, whole: bool):
+        self.stated, self.origin_ns, self._whole = stated, origin_ns, whole
+        facts = stated.facts
+        self.kind = "schedule" if facts.command_source == "unknown" and facts.command else facts.command_source
+        self._times = np.array([round(row[0] * 1e9) for row in facts.command], dtype=np.int64)
+        rows = np.array([row[1:] for row in facts.command], dtype=np.float32).reshape(-1, 3)
+        self._rows = np.concatenate([np.full((1, 3), np.nan, dtype=np.float32), rows])
+        self._down = np.zeros(len(BUTTONS), dtype=bool)
+        self._presses: list[tuple[int, str]] = []
+
+    def at(self, grid_ns: Int[np.ndarray, " n"], sticks: Float[np.ndarray, "n 3"]) -> Command:
+        """Commands at the samples.
+
+        Args:
+            sticks: lx, ly, rx, held; forward, left and turning left are negative
+        """
+        if self.kind == "schedule":
+            if self.origin_ns is None:
+                return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
+            return self._rows[np.searchsorted(self._times, grid_ns - self.origin_ns, side="right")]
+        if self.kind == "unknown" and self._whole and np.isfinite(sticks).any():
+            self.kind = "remote"
+        if self.kind == "remote":
+            return -sticks[:, [1, 0, 2]] * np.array(self.stated.facts.command_scale, dtype=np.float32)
+        return np.full((len(grid_ns), 3), np.nan, dtype=np.float32)
+
+    def forget_origin(self) -> None:
+        """The clock jumped: what was stated in seconds can't be placed any more."""
+        self.origin_ns = None
+
+    def note_buttons(self, time_ns: Int[np.ndarray, " m"], rows: np.ndarray) -> None:
+        """Take messages of the remote: buttons that go down are events."""
+        down = pressed(rows)
+        before = np.concatenate([self._down[None], down[:-1]])
+        for row, button in np.argwhere(down & ~before).tolist():
+            self._presses.append((int(time_ns[row]), BUTTONS[button]))
+        self._down = down[-1] if len(down) else self._down
+
+    def events(self, start_ns: int, stop_ns: int) -> tuple[OperatorEvent, ...]:
+        """Events of a trial in its time: what was stated until its end (also before its start), buttons within it."""
+        found = [
+            OperatorEvent(time_s=(each - start_ns) * 1e-9, kind=f"button {button}", source="remote")
+            for each, button in self._presses
+            if start_ns <= each <= stop_ns
+        ]
+        if self.origin_ns is not None:
+            for event in self.stated.facts.events:
+                time_s = event.time_s + (self.origin_ns - start_ns) * 1e-9
+                if time_s <= (stop_ns - start_ns) * 1e-9:
+                    found.append(OperatorEvent(time_s=time_s, kind=event.kind, source=event.source))
+        return tuple(sorted(found, key=lambda event: (event.time_s, event.kind)))

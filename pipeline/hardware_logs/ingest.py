@@ -10,13 +10,12 @@ from typing import Any
 from pipeline.files import digest
 from pipeline.hardware_logs import missed_bars
 from pipeline.hardware_logs.bag_reader import BagReader
-from pipeline.hardware_logs.layout import Layout
+from pipeline.hardware_logs.layout import Layout, LogSettings
 from pipeline.hardware_logs.log_facts import FactsError, StatedFacts, stated_facts
 from pipeline.hardware_logs.log_report import Bounds, LogReport
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.message_flow import MessageFlow
 from pipeline.hardware_logs.robot_log import METADATA
-from pipeline.hardware_logs.settings import LogSettings
 from pipeline.hardware_logs.trial_files import OpenTrial, TrialFiles
 
 SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
@@ -25,7 +24,7 @@ SUFFIXES = {".mcap": McapReader, ".db3": BagReader}
 
 @dataclass(frozen=True, kw_only=True)
 class IngestedTrial:
-    """A trial's file, and what the table of trials says of it."""
+    """A trial's file, and its row in the table of trials."""
 
     name: str
     path: Path

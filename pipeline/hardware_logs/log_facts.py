@@ -1,4 +1,4 @@
-"""What a log says of itself besides the robot's messages: its MCAP metadata, and a YAML file of its name beside it."""
+"""Metadata of a log besides the robot's messages: of MCAP, and in a YAML file of the log's name beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The folder that logs are dropped into: which files are logs, which are whole, what their content is."""
+"""The folder that logs are dropped into: which files are logs, which are whole, what their content is.
+
+Each refused log gets a text beside it where a text can be written; a folder that is read-only stops no ingest.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,16 @@ import os
 import re
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from pipeline.files import digest
+from pipeline.errors import FileError
+from pipeline.files import atomic, digest
 from pipeline.files.blob_store import DigestMemory
+from pipeline.files.shown_text import decodable
 from pipeline.hardware_logs.ingest import SUFFIXES
-from pipeline.hardware_logs.mcap_records import MAGIC
+from pipeline.hardware_logs.mcap_chunk import MAGIC
 
 QUARANTINE = "quarantine"
 """Folder of sentences, one for each log that is refused; nothing is moved there."""
@@ -24,7 +29,7 @@ QUIET_S = 3.0
 FURTHER_TRIAL = re.compile(r"\+[0-9]+$")
 """End of the name of a log's second trial and those after it."""
 STALE_S = 60.0
-"""A file that is not whole by its format and was not written for so long is what there is of it."""
+"""A file that is incomplete by its format and was not written for this long will not be completed [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +57,7 @@ def packed_files(folder: Path) -> list[Path]:
 
 
 def closed_folders(folder: Path) -> list[Path]:
-    """Folders below a folder that nobody lets us look into."""
+    """Folders below a folder that can't be read."""
     closed: list[Path] = []
     for _ in _files(folder, closed):
         pass
@@ -94,7 +99,7 @@ def is_whole(path: Path) -> bool:
 
 
 def is_complete(path: Path, now_s: float) -> bool:
-    """Whether nobody is still writing a file: whole and quiet, or for long not touched.
+    """Whether a file is completely written: whole and unchanged for a while, or unchanged for long.
 
     A copy that kept the time of a robot with a fast clock counts as written at the time of this machine's clock.
     """
@@ -118,7 +123,7 @@ def names_of(paths: list[Path]) -> list[str]:
 
 
 def complete_logs(folder: Path, cache: Path, now_s: float | None = None) -> tuple[list[LogFile], list[Path]]:
-    """The logs that are complete, by name, and those that are still being written or that nobody lets us read.
+    """The logs that are complete, by name, and those that are still being written or can't be read.
 
     Args:
         folder: where the logs are
@@ -158,3 +163,67 @@ def without_copies(logs: list[LogFile], known: dict[str, str]) -> tuple[list[Log
     names = {log.name for log in kept.values()}
     notes = [f"{log.name} has the content of {kept[log.question].name}." for log in logs if log.name not in names]
     return sorted(kept.values(), key=lambda log: log.name), notes
+
+
+LONGEST_PART = 200
+"""Bytes of a part of a text's path; file systems allow 255, and a text has a longer name while it is written."""
+SUFFIX = ".txt"
+
+
+def note_refusals(folder: Path, refused: Mapping[str, str]) -> list[str]:
+    """Make `folder` hold one text for each refused log and no other; a sentence for each that can't be written.
+
+    A log's text is `<log>.txt`. Where that name is too long, or is that of a folder of other logs' texts, it is the
+    beginning of the name and a digest.
+
+    Args:
+        refused: name of a log, a path without suffix -> why it is refused
+    """
+    texts = {path: decodable(refused[name]) + "\n" for name, path in text_paths(sorted(refused)).items()}
+    problems = _clear(folder, set(texts))
+    for path, text in texts.items():
+        target = folder / path
+        try:
+            if not target.is_file() or target.read_bytes() != text.encode():
+                atomic.write_text(target, text)
+        except (FileError, OSError) as error:
+            problems.append(f"the sentence on a refused log can't be written: {' '.join(str(error).split())}")
+    return problems
+
+
+def text_paths(names: list[str]) -> dict[str, str]:
+    """Where the text of each log goes, below the folder; no text has the path of another's folder."""
+    plain = {name: "/".join(map(_short, (name + SUFFIX).split("/"))) for name in names}
+    folders = {str(parent) for path in plain.values() for parent in PurePosixPath(path).parents}
+    return {name: _with_digest(path, name) if path in folders else path for name, path in plain.items()}
+
+
+def _short(part: str) -> str:
+    """A part of a path, short enough for a file that is being written."""
+    data = os.fsencode(part)
+    return part if len(data) <= LONGEST_PART else _with_digest(part, part)
+
+
+def _with_digest(path: str, name: str) -> str:
+    """A path whose last part is shortened and has a digest of `name`."""
+    parent, _, last = path.rpartition("/")
+    start = os.fsencode(last.removesuffix(SUFFIX))[: LONGEST_PART - 20].decode("utf-8", "ignore")
+    made = f"{start}-{digest.of_bytes(os.fsencode(name))[:12]}{SUFFIX}"
+    return f"{parent}/{made}" if parent else made
+
+
+def _clear(folder: Path, wanted: set[str]) -> list[str]:
+    """Remove texts of logs that are not refused any more, and folders that hold none; what can't be removed."""
+    problems = []
+    for parent, folders, names in os.walk(folder, topdown=False):
+        for name in names:
+            path = Path(parent) / name
+            if path.suffix == SUFFIX and path.relative_to(folder).as_posix() not in wanted:
+                try:
+                    path.unlink()
+                except OSError as error:
+                    problems.append(f"the sentence on a log that is not refused any more can't be removed: {error}")
+        for name in folders:
+            with contextlib.suppress(OSError):
+                (Path(parent) / name).rmdir()  # one that holds something stays
+    return problems

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from pipeline.hardware_logs.log_report import Bounds
-from pipeline.hardware_logs.mcap_records import (
+from pipeline.hardware_logs.mcap_chunk import (
     CHANNEL,
     CHUNK_INDEX,
     FOOTER,

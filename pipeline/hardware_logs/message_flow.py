@@ -8,20 +8,16 @@ import numpy as np
 
 from pipeline.errors import PipelineError
 from pipeline.hardware_logs.bag_reader import BagReader
-from pipeline.hardware_logs.clock import stretches
-from pipeline.hardware_logs.columns import Columns, held_columns, low_state_columns, taken
-from pipeline.hardware_logs.command import CommandSource
+from pipeline.hardware_logs.columns import Columns, CommandSource, held_columns, low_state_columns, taken
 from pipeline.hardware_logs.decode import JointCount, SchemaError, TopicDecoder
-from pipeline.hardware_logs.layout import Layout
+from pipeline.hardware_logs.layout import Layout, LogSettings
 from pipeline.hardware_logs.log_facts import StatedFacts
-from pipeline.hardware_logs.log_report import LogReport, Loss
+from pipeline.hardware_logs.log_report import LogReport, Loss, stretches
 from pipeline.hardware_logs.mcap_chunk import Records
 from pipeline.hardware_logs.mcap_reader import McapReader
 from pipeline.hardware_logs.messages import TOPICS
-from pipeline.hardware_logs.plausible import Plausible
+from pipeline.hardware_logs.plausible import Plausible, SensorWatch
 from pipeline.hardware_logs.regular import Block, Regular, Stretched
-from pipeline.hardware_logs.sensors import SensorWatch
-from pipeline.hardware_logs.settings import LogSettings
 from pipeline.hardware_logs.trial_files import TrialFiles
 
 MAX_TRIALS = 200

@@ -1,4 +1,4 @@
-"""What a validation says of its simulated logs: which figures missed which bar. One note of the log, as JSON.
+"""Missed bars of a validation in its simulated logs: one note of the log, as JSON.
 
 Only a log that is marked simulated is believed, and only a note that is sound from end to end: of a figure that is not
 known, a number that can't be, or a bar that was not missed, nothing is taken at all.
@@ -93,7 +93,7 @@ def note_of(missed: Sequence[MissedBar]) -> dict[str, str]:
 
 
 def heard(facts: LogFacts, joint_names: Collection[str]) -> tuple[tuple[MissedBar, ...], tuple[str, ...]]:
-    """The missed bars that a log is believed, and a sentence where it states some that it is not."""
+    """The plausible missed bars that a log states, and a message about the others."""
     if NOTE not in facts.notes:
         return (), ()
     if not facts.simulated:

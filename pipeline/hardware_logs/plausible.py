@@ -1,15 +1,19 @@
-"""Whether what a robot says of itself can be: checksums cannot tell it, and unchunked files have none."""
+"""Are a log's values plausible? Checksums cannot show it, and unchunked files have none.
+
+Sensors are checked too: values that never change, attitude in degrees, acceleration in g or reversed. Findings about
+sensors refuse no log; each is a sentence of the log's notes.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int64
 
 from pipeline.hardware_logs.columns import LINEAR, Columns
-from pipeline.hardware_logs.layout import Layout
-from pipeline.hardware_logs.settings import PlausibleSettings
+from pipeline.hardware_logs.layout import Layout, PlausibleSettings
+from pipeline.physics import GRAVITY
 
 LEAST_REST = 50
 """Messages at rest below which gravity is no reason to refuse a log: joints that turn back are slow for a moment."""
@@ -109,3 +113,165 @@ class Plausible:
                 f"at rest gravity is {tilt:.0f} degrees off the attitude: accelerometer and attitude disagree."
             )
         return notes
+
+
+IN_G = (0.5, 2.0)
+"""Mean length of the specific force of a robot on the ground, in g; in m/s^2 it is about 10."""
+REVERSED = -0.5
+"""Mean share of the specific force along the attitude's upward axis below which one of both is reversed."""
+WINDOW_S = 0.1
+"""Turns of the attitude are compared with those of the gyroscope over so long."""
+LEAST_TURN = 0.02
+"""Mean turn of the attitude in a window below which noise is compared [rad, or what the file has]."""
+DEGREES_FROM = 10.0
+"""Turn of the attitude over that of the gyroscope from which the attitude is in degrees; 57 where it is."""
+
+
+IMU = {"rpy": "the attitude", "gyro_b": "the gyroscope", "acc_b": "the accelerometer"}
+"""Columns of the IMU, each with noise of its own, so that none stands still alone. A joint's position and velocity
+count together: the encoders of a standing robot may give one value for seconds."""
+
+
+@dataclass
+class SensorWatch:
+    """Looks at the finite messages of `/low_state` of one log, piece by piece."""
+
+    layout: Layout
+    frozen_s: float
+    """Shortest time for which a value has to stand still to be named [s]."""
+    messages: int = 0
+    _length: float = 0.0
+    _upward: float = 0.0
+    _runs: _Runs | None = None
+    _turns: _Turns = field(default_factory=lambda: _Turns())
+
+    def add(self, time_ns: Int64[np.ndarray, " m"], columns: Columns) -> None:
+        """Note messages in the order of their receipt."""
+        if not len(time_ns):
+            return
+        force = columns["acc_b"].astype(np.float64)
+        length = np.linalg.norm(force, axis=1)
+        self.messages += len(length)
+        self._length += float(length.sum())
+        self._upward += float((np.sum(force * upward(columns["rpy"]), axis=1) / np.maximum(length, 1e-9)).sum())
+        imu = np.stack([columns[name] for name in IMU], axis=1)
+        joints = np.stack([columns["joint_pos"], columns["joint_vel"]], axis=2)
+        if self._runs is None:
+            self._runs = _Runs(len(IMU) + joints.shape[1])
+        self._runs.add(time_ns, imu, joints)
+        self._turns.add(time_ns, columns["rpy"].astype(np.float64), columns["gyro_b"].astype(np.float64))
+
+    def remarks(self) -> list[str]:
+        """What was found, a sentence each."""
+        if self._runs is None:
+            return []
+        frozen_s = self._runs.longest_ns() / 1e9
+        notes = []
+        of_imu = {
+            part: seconds
+            for part, seconds in zip(IMU.values(), frozen_s.tolist(), strict=False)
+            if seconds >= self.frozen_s
+        }
+        if len(of_imu) == len(IMU):
+            notes.append(f"the IMU is frozen: none of its values changed for {min(of_imu.values()):.1f} s.")
+        elif of_imu:
+            which = " and ".join(of_imu)
+            notes.append(f"the IMU is frozen in part: {which} did not change for up to {max(of_imu.values()):.1f} s.")
+        still = {
+            name: seconds
+            for name, seconds in zip(self.layout.joint_names, frozen_s[len(IMU) :].tolist(), strict=True)
+            if seconds >= self.frozen_s
+        }
+        if still:
+            which = "all joints" if len(still) == len(self.layout.joint_names) else ", ".join(still)
+            notes.append(f"joint sensors are frozen: {which} did not change for up to {max(still.values()):.1f} s.")
+        length, along = self._length / self.messages, self._upward / self.messages
+        if IN_G[0] < length < IN_G[1]:
+            notes.append(f"the acceleration is in g: its mean length is {length:.2f}, not {GRAVITY} m/s^2.")
+        if along < REVERSED:
+            notes.append("the acceleration has the wrong sign: on average it points down along the attitude.")
+        if self._turns.in_degrees():
+            notes.append(
+                f"the attitude is in degrees: it turns {self._turns.ratio():.0f} times as fast as the gyroscope."
+            )
+        return notes
+
+
+def upward(rpy: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+    """The world's upward axis in the body frame, of roll, pitch and yaw [rad]."""
+    roll, pitch = rpy[:, 0].astype(np.float64), rpy[:, 1].astype(np.float64)
+    return np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
+
+
+class _Runs:
+    """The longest time for which each of some signals had one value, across pieces."""
+
+    def __init__(self, signals: int):
+        self._longest = np.zeros(signals, dtype=np.int64)
+        self._since: np.ndarray | None = None
+        self._last: tuple[int, np.ndarray, np.ndarray] | None = None
+
+    def add(self, time_ns: np.ndarray, imu: np.ndarray, joints: np.ndarray) -> None:
+        if self._last is None or self._since is None:
+            self._since = np.full(len(self._longest), time_ns[0], dtype=np.int64)
+            self._last = (int(time_ns[0]), imu[0], joints[0])
+        times = np.concatenate([[self._last[0]], time_ns])
+        changed = np.concatenate(
+            [
+                (np.diff(imu, axis=0, prepend=self._last[1][None]) != 0.0).any(axis=2),
+                (np.diff(joints, axis=0, prepend=self._last[2][None]) != 0.0).any(axis=2),
+            ],
+            axis=1,
+        )
+        for signal in range(len(self._longest)):
+            self._note(signal, np.flatnonzero(changed[:, signal]), times)
+        self._last = (int(time_ns[-1]), imu[-1], joints[-1])
+
+    def _note(self, signal: int, at: np.ndarray, times: np.ndarray) -> None:
+        """Runs that end in a piece: `times[i]` is that of the message before the piece's message `i`."""
+        assert self._since is not None
+        starts = np.concatenate([[self._since[signal]], times[at + 1]])
+        ends = np.concatenate([times[at], [times[-1]]])
+        self._longest[signal] = max(self._longest[signal], int((ends - starts).max()))
+        self._since[signal] = starts[-1]
+
+    def longest_ns(self) -> np.ndarray:
+        """Of each signal [ns]."""
+        return self._longest
+
+
+class _Turns:
+    """How far roll and pitch turned, by the attitude and by the gyroscope, over windows of some length."""
+
+    def __init__(self):
+        self.attitude, self.gyro, self.windows = 0.0, 0.0, 0
+        self._open: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._last_ns = 0
+
+    def add(self, time_ns: np.ndarray, rpy: np.ndarray, gyro: np.ndarray) -> None:
+        if self._open is None:
+            self._open, self._last_ns = (int(time_ns[0]), rpy[0, :2], np.zeros(2)), int(time_ns[0])
+        steps = np.clip(np.diff(time_ns, prepend=self._last_ns), 0, 20_000_000)[:, None] * 1e-9
+        turned = np.cumsum(gyro[:, :2] * steps, axis=0)
+        start = 0
+        while True:
+            begun_ns, attitude, carried = self._open
+            later = np.flatnonzero(time_ns[start:] - begun_ns >= WINDOW_S * 1e9)
+            before = turned[start - 1] if start else np.zeros(2)
+            if not len(later):
+                self._open = (begun_ns, attitude, carried + turned[-1] - before)
+                break
+            stop = start + int(later[0])
+            self.attitude += float(np.abs(rpy[stop, :2] - attitude).sum())
+            self.gyro += float(np.abs(carried + turned[stop] - before).sum())
+            self.windows += 1
+            self._open, start = (int(time_ns[stop]), rpy[stop, :2], np.zeros(2)), stop + 1
+            if start >= len(time_ns):
+                break
+        self._last_ns = int(time_ns[-1])
+
+    def ratio(self) -> float:
+        return self.attitude / max(self.gyro, 1e-9)
+
+    def in_degrees(self) -> bool:
+        return self.windows > 0 and self.attitude > LEAST_TURN * self.windows and self.ratio() > DEGREES_FROM

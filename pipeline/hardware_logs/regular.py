@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Int
 
-from pipeline.hardware_logs.columns import HELD, LINEAR, PREVIOUS, Columns, joined, taken
-from pipeline.hardware_logs.held_topic import HeldTopic
-from pipeline.hardware_logs.settings import TimeSettings
+from pipeline.hardware_logs.columns import HELD, LINEAR, PREVIOUS, Columns, HeldTopic, joined, taken
+from pipeline.hardware_logs.layout import TimeSettings
 from pipeline.hardware_logs.trial import Gap
 
 LOST = "damage in the log"

@@ -1,4 +1,4 @@
-"""A log as it is written: arrays of each topic with the time of receipt, and what the log says of itself."""
+"""A log as it is written: arrays of each topic with the time of receipt, and the log's metadata."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LogFacts:
 
     robot: str
     policy_digest: str | None = None
-    """SHA-256 of the policy that ran; None where nobody noted it."""
+    """SHA-256 of the policy that ran; None where it was not recorded."""
     command_source: str = "unknown"
     simulated: bool = False
     command: tuple[tuple[float, float, float, float], ...] = ()

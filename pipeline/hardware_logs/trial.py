@@ -26,9 +26,6 @@ FORMAT = "booster-lab trial 1"
 ROUNDING_S = 1e-7
 """Less than the time between two samples by far."""
 
-INTEGRITY = ("complete", "recovered", "unverified")
-"""All of the log was read and its checksums hold; parts of it were lost and the rest holds; it has no checksums."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
@@ -61,7 +58,7 @@ class Trial:
     log_digest: str
     """SHA-256 of the log file."""
     notes: tuple[str, ...]
-    """What was noticed, a sentence each: losses, oddities that are no reason to refuse it."""
+    """Findings, one line each: losses, oddities that are no reason to refuse it."""
     events: tuple[OperatorEvent, ...]
     gaps: tuple[Gap, ...]
     missed: tuple[MissedBar, ...] = ()
@@ -97,7 +94,7 @@ class Trial:
     odometer: Float[np.ndarray, "n 3"]
     """x, y [m], theta [rad] as the robot estimates it, held."""
     command: Float[np.ndarray, "n 3"]
-    """Forward and left velocity [m/s] and yaw rate [rad/s] that were asked for, held."""
+    """Forward and left velocity [m/s] and yaw rate [rad/s] commanded, held between messages."""
 
     @property
     def seconds(self) -> float:

@@ -10,8 +10,7 @@ from typing import Any
 import torch
 
 from pipeline.errors import FileError
-from pipeline.files.npz import NpzCaps
-from pipeline.files.torch_archive import check_torch_archive
+from pipeline.files.npz import NpzCaps, check_torch_archive
 from pipeline.learning.training_error import TrainingError
 
 NAME = re.compile(r"^model_(\d{6})\.pt$")

@@ -14,6 +14,9 @@ import numpy as np
 
 from pipeline.learning.training_error import TrainingError
 
+T1_WEIGHT_N, T1_LEG_M = 31.734 * 9.81, 0.5516
+"""Size of the robot that the figures of the paper and of the recipe are for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotFacts:
@@ -28,6 +31,13 @@ class RobotFacts:
     policy_joints: tuple[str, ...]
     default_joint_pos: np.ndarray
     default_root_height: float
+    """[m]"""
+    fall_height: float
+    """Height of the root [m] below which the robot has fallen."""
+    leg_length: float
+    """[m]"""
+    weight: float
+    """[N]"""
     kp: np.ndarray
     kd: np.ndarray
     effort_limit: np.ndarray
@@ -46,6 +56,16 @@ class RobotFacts:
     """Links whose pose the tracking task compares; the root link is one of them. Empty in bundles without them."""
     shapes: dict[str, list[str]]
     """Collision shapes: `feet`, `shanks`, `others`."""
+
+    @property
+    def weight_ratio(self) -> float:
+        """Weight over the T1's: forces that are given for the T1 are times this."""
+        return self.weight / T1_WEIGHT_N
+
+    @property
+    def leg_ratio(self) -> float:
+        """Leg length over the T1's: lengths that are given for the T1 are times this, speeds times its root."""
+        return self.leg_length / T1_LEG_M
 
     def index(self, names: tuple[str, ...]) -> np.ndarray:
         """Where `names` are among the joints."""
@@ -75,6 +95,9 @@ def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:
         mjcf=mjcf,
         root_link=facts["root_link"],
         default_root_height=facts["default_root_height"],
+        fall_height=facts["fall_height"],
+        leg_length=facts["leg_length"],
+        weight=facts["weight"],
         mirror_index=np.array(facts["mirror_index"]),
         shapes=facts["shapes"],
         **taken,

@@ -16,7 +16,6 @@ from pipeline import time_series
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files.ranges import Range, check, increasing
 from pipeline.files.sourced import Unit
-from pipeline.quality.smoothness import percentile_of_least
 from pipeline.robot import Kinematics, Robot
 
 
@@ -65,15 +64,12 @@ class FootSlip:
     p95: float
 
 
-def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"], least_frames: int = 0) -> FootSlip:
-    """Horizontal speed of the lowest corner of feet in contact.
-
-    The percentile of fewer than `least_frames` foot-frames is taken as if the rest of them did not slide.
-    """
+def lowest_corner_slip(sole: SoleMotion, contacts: Bool[np.ndarray, "t 2"]) -> FootSlip:
+    """Horizontal speed of the lowest corner of feet in contact [m/s]."""
     speed = sole.lowest_corner_speed[inner_contacts(contacts)]
     if speed.size == 0:
         return FootSlip(mean=0.0, p95=0.0)
-    return FootSlip(mean=float(speed.mean()), p95=percentile_of_least(speed, 95, least_frames))
+    return FootSlip(mean=float(speed.mean()), p95=float(np.percentile(speed, 95)))
 
 
 def inner_contacts(contacts: Bool[np.ndarray, "t 2"]) -> Bool[np.ndarray, "t 2"]:

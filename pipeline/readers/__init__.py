@@ -1,14 +1,25 @@
 """Readers: motion files of every known format in, clips on the canonical skeleton out."""
 
-from pipeline.readers.content import content_digest
-from pipeline.readers.listing import Listing, list_files, list_motion_files, source_warnings
-from pipeline.readers.outside_link import refuse_outside_link
+from pipeline.readers.listing import (
+    Listing,
+    content_digest,
+    list_files,
+    list_motion_files,
+    refuse_outside_link,
+    source_warnings,
+)
+from pipeline.readers.match_skeleton import written_map
 from pipeline.readers.read_motion import ReadMotion, read_motion
 from pipeline.readers.remembered import SourceLostError, SourcesInUse, sources_in_use
-from pipeline.readers.source import FileStatement, Source, read_sources, sources_of_environment
-from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.source import (
+    NOTHING_STATED,
+    FileStatement,
+    Source,
+    Statement,
+    read_sources,
+    sources_of_environment,
+)
 from pipeline.readers.tracked import Reference, read_reference
-from pipeline.readers.written_map import written_map
 
 __all__ = [
     "NOTHING_STATED",

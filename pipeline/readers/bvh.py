@@ -18,11 +18,10 @@ from jaxtyping import Float
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.readers.frame_rate import printed_rate
-from pipeline.readers.joint_channels import CHANNELS, ChannelPoses
+from pipeline.readers.poses import CHANNELS, ChannelPoses
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, read_number, read_rows, to_float
-from pipeline.readers.text_stream import blocks, open_text
+from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, blocks, open_text, read_number, read_rows, to_float
+from pipeline.readers.velocity_rate import printed_rate
 
 MAX_JOINTS = 1000
 MAX_DEPTH = 200
@@ -55,8 +54,8 @@ class _Header:
     pending: int | None = None
     """The joint whose `{` comes next."""
 
-    def fail(self, problem: str, line: int, do: str = "") -> FileError:
-        return FileError(self.path, problem, do, line)
+    def fail(self, problem: str, line: int) -> FileError:
+        return FileError(self.path, problem, line=line)
 
     def take(self, words: list[str], line: int) -> None:
         """One line of the hierarchy."""

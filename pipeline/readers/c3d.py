@@ -23,10 +23,10 @@ from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.npz import raise_fault_of_disk
+from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
-from pipeline.readers.unit import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 
 DAMAGED_C3D = (
     ArithmeticError,
@@ -63,7 +63,7 @@ class PointPoses:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop`, which nobody asks for again."""
+        """Free the memory of the frames before `stop`, which are not requested again."""
         page_memory.forget(self.values, stop)
 
     def world(

@@ -21,11 +21,11 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import finite_rows
 from pipeline.readers.bvh import MAX_DEPTH, MAX_JOINTS
-from pipeline.readers.frame_rate import STANDARD_HZ
 from pipeline.readers.gltf_file import GltfFile, open_gltf
 from pipeline.readers.poses import with_ancestors
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.text_file import MAX_FRAMES
+from pipeline.readers.velocity_rate import STANDARD_HZ
 
 SPARSE_HZ = 20.0
 """Keys further apart than this are poses to move between; they are sampled at `SAMPLED_HZ`."""

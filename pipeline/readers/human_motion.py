@@ -1,23 +1,116 @@
-"""From a format's joints to the canonical human: skeleton map, unit, up axis, then body by body."""
+"""From a format's joints to the canonical human: skeleton map, unit, up axis, then body by body.
+
+The unit of length is the one that gives the skeleton human legs.
+"""
 
 from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, FEET, HumanClip, body
-from pipeline.errors import FileError
-from pipeline.readers.frame_rate import frame_rate
+from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.match_skeleton import match_skeleton
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.skeleton_map import SkeletonMap
-from pipeline.readers.statement import Statement
-from pipeline.readers.unit import find_unit
-from pipeline.readers.up_axis import TO_Z_UP, find_up_axis
+from pipeline.readers.source import Statement
+from pipeline.readers.velocity_rate import frame_rate
+
+METRES: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "cmu": 0.0254 / 0.45}
+"""Metres per unit. `cmu` is the unit of the CMU recordings, 1/0.45 inch (their ASF files: `length 0.45`)."""
+
+LEG_MIN, LEG_MAX = 0.60, 1.10
+"""Hip to ankle, thigh plus shank [m]. .245 + .246 of the stature (Drillis and Contini 1966, in Winter 2009,
+fig. 4.1) for 1.22 to 2.24 m. The limits are a factor of 1.83 apart, less than any two of the units, so at most one
+unit fits."""
+
+STATED_LEG_MIN, STATED_LEG_MAX = 0.4, 1.4
+"""What a stated unit may give at most; beyond it the statement is wrong."""
+
+
+def find_unit(path: Path, leg: float, stated: str | None) -> tuple[str, float]:
+    """Name of the unit and metres per unit, of a skeleton whose leg is `leg` units long.
+
+    `stated` is a unit's name or metres per unit. Raises AmbiguousFileError when no unit makes the leg human, FileError
+    when the stated one does not.
+    """
+    if stated is not None:
+        metres = stated_metres(path, stated)
+        if not STATED_LEG_MIN <= leg * metres <= STATED_LEG_MAX:
+            problem = f"with the stated unit '{stated}' a leg is {leg * metres:.3g} m long, a human's is about 0.8 m."
+            raise FileError(path, problem, "Correct `unit:` in data/sources.yaml.")
+        return stated, metres
+    fitting = [name for name, metres in METRES.items() if LEG_MIN <= leg * metres <= LEG_MAX]
+    if len(fitting) != 1:
+        tried = ", ".join(f"{leg * metres:.3g} m in {name}" for name, metres in METRES.items())
+        problem = f"the unit of length can't be inferred: a leg (hip to ankle) is {leg:.4g} units, which is {tried}."
+        raise AmbiguousFileError(path, problem, _do(METRES))
+    return fitting[0], METRES[fitting[0]]
+
+
+def stated_metres(path: Path, stated: str) -> float:
+    """Metres per stated unit: a name or a positive number. Raises FileError."""
+    if stated in METRES:
+        return METRES[stated]
+    try:
+        metres = float(stated)
+    except ValueError:
+        metres = 0.0
+    if not 1e-6 < metres < 1e3:
+        raise FileError(path, f"'{stated}' is not a unit.", _do(METRES))
+    return metres
+
+
+def _do(units: dict[str, float]) -> str:
+    return f"State `unit:` for it in data/sources.yaml, one of {', '.join(units)} or metres per unit."
+
+
+TO_Z_UP: dict[str, np.ndarray] = {
+    "z": np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    "y": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+    "x": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    "-z": np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]),
+    "-y": np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+    "-x": np.array([[0.0, -1, 0], [0, 0, 1], [-1, 0, 0]]),
+}
+"""Rotation from a file's axes to the world's, by the file's up axis. A y-up file's z becomes x (forward)."""
+
+MIN_COSINE = 0.8
+"""How well the mean direction from feet to head has to agree with one axis (37 degrees)."""
+
+MIN_SHARE = 0.5
+"""Share of the frames in which the head has to be above the feet along it."""
+
+
+def find_up_axis(path: Path, feet_to_head: Float[np.ndarray, "t 3"], stated: str | None) -> str:
+    """The file's up axis, from the vector of the feet's middle to the head in each frame (NaN where missing).
+
+    Raises AmbiguousFileError when no axis fits, FileError for a stated axis that isn't one.
+    """
+    if stated is not None:
+        if stated not in TO_Z_UP:
+            raise FileError(path, f"the stated up axis is '{stated}', wanted one of {', '.join(TO_Z_UP)}.")
+        return stated
+    valid = feet_to_head[np.isfinite(feet_to_head).all(axis=1)]
+    direction = valid / np.maximum(np.linalg.norm(valid, axis=1, keepdims=True), 1e-12)
+    mean = direction.mean(axis=0) if len(direction) else np.zeros(3)
+    axis = int(np.argmax(mean))
+    cosine = mean[axis] / max(float(np.linalg.norm(mean)), 1e-12)
+    share = float(np.mean(direction[:, axis] > MIN_COSINE)) if len(direction) else 0.0
+    if cosine < MIN_COSINE or share < MIN_SHARE:
+        found = ", ".join(f"{value:.2f} along {name}" for name, value in zip("xyz", mean, strict=True))
+        problem = (
+            f"the up axis can't be inferred: from the feet to the head is on average {found}, and the head is above "
+            f"the feet along one axis in {100 * share:.0f} % of the frames."
+        )
+        raise AmbiguousFileError(path, problem, "State `up:` for it in data/sources.yaml, such as `up: y`.")
+    return "xyz"[axis]
+
 
 FRAMES_AT_ONCE = 4096
 """Frames that are worked on together: what is in between takes little memory, however long the file is."""

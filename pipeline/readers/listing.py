@@ -1,4 +1,8 @@
-"""The motion files below a source's folder."""
+"""The motion files below a source's folder, and the digest of what the clip of a file depends on.
+
+A symbolic link that leaves the folder, or leads nowhere, is refused: a file behind it would get this source's
+licence and credit.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import FileError
-from pipeline.readers.outside_link import can_be_followed
+from pipeline.errors import FileError, SettingsError
+from pipeline.files import digest
 from pipeline.readers.read_motion import SUFFIXES
 from pipeline.readers.source import Source
+from pipeline.readers.tracked import inside, named_reference
 from pipeline.readers.unread import NO_MOTION, POINTER, how_to_convert
+
+
+def can_be_followed(path: Path, folder: Path) -> bool:
+    """`path` is no link, or one to something that is there and is in the source's folder."""
+    if not path.is_symlink():
+        return True
+    try:
+        return path.resolve(strict=True).is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # nothing there, no access, or links in a circle
+        return False
+
+
+def refuse_outside_link(path: Path, folder: Path) -> None:
+    """Raises FileError for a link that can't be followed; its target is not read."""
+    if can_be_followed(path, folder):
+        return
+    problem = f"a symbolic link (to {path.readlink()}) that leaves the source's folder or leads nowhere is not read."
+    raise FileError(path, problem, "Name the folder it points to as a source, or put the file itself here.")
+
 
 MAX_FILES = 200_000
 
@@ -22,7 +46,7 @@ _SNIFFED_BYTES = 4_096
 _TABLE_COLUMNS = ("file", "licence", "license", "skill", "name", "path", "source")
 """First column of tables about motions, which are not motions."""
 _NO_MOTIONS = ("readme", "license", "licence", "index", "segments", "credits", "changelog")
-"""Names, without suffix, of links out of the folder that are not taken for motions; what they hold is not looked at."""
+"""Names, without suffix, of links out of the folder that are not taken for motions; their content is not read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,3 +145,46 @@ def _start(path: Path) -> str | None:
             return stream.read(_SNIFFED_BYTES).decode("utf-8-sig", errors="replace").lstrip()
     except OSError:
         return None
+
+
+def content_digest(path: Path, source: Source) -> str:
+    """Digest of a motion file, of the files that belong to it, and of what its source states about it.
+
+    To it belong the skeletons (`.asf`) beside an `.amc` and the files that its statement names: a skeleton map of the
+    user's own, a body model, an ASF; and the motion that it tracked, with what is stated of that. A motion that is a
+    link out of the source's folder is not followed: its target's name counts.
+    """
+    beside = [each for each in path.parent.iterdir() if each.suffix.lower() == ".asf"] if _is_amc(path) else []
+    own = digest.of_json(["link", str(path.readlink())]) if not can_be_followed(path, source.folder) else _of(path)
+    others = [[str(each), _of(each)] for each in (*sorted(beside), *_named(path, source))]
+    notes = [note.to_dict() for note in source.notes_of(path)]
+    return digest.of_json([own, others, source.about(path), notes, _tracked(path, source)])
+
+
+def _is_amc(path: Path) -> bool:
+    return path.suffix.lower() == ".amc"
+
+
+def _named(path: Path, source: Source) -> list[Path]:
+    """Files that the statement names; a skeleton without a suffix is one of the project's maps."""
+    stated = source.statement_of(path)
+    named = [Path(each) for each in (stated.skeleton, stated.body_model) if each is not None and Path(each).suffix]
+    return [*named, path.parent / stated.asf] if stated.asf is not None else named
+
+
+def _tracked(path: Path, source: Source) -> list:
+    """What the motion that a recording tracked is, as far as it is known; nothing for most."""
+    try:
+        named = named_reference(path, source)
+    except SettingsError as error:
+        return [str(error)]
+    reference = None if named is None else inside(path, named, source)
+    return [named] if reference is None else [named, _of(reference), source.about(reference)]
+
+
+def _of(path: Path) -> str:
+    """Digest of a file, or of the reason why it can't be read."""
+    try:
+        return digest.of_file(path)
+    except OSError as error:
+        return digest.of_json(["unreadable", error.errno])

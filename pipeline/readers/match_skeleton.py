@@ -1,27 +1,130 @@
 """Which skeleton a motion is of: a map that is stated, one that ships, or one measured from its names, tree and bones.
 
 names without a shared prefix -> roles of the joints -> axes measured from the rest pose
-shipped maps whose joints are all there and whose axes agree with what was measured; several: the poses decide
+shipped maps whose joints are all present and whose axes agree with the measured ones; several: the poses decide
 none of them: the measured map; no pose to measure: a shipped map whose bones are along the same axes
+
+Several maps: two maps that fit the same names and bones differ in how they turn thigh, shank and foot about their own
+lengths. With the right one the knees bend about the thighs' left axes, and in the middle of the frames thighs are not
+twisted against the pelvis and feet do not roll against the shanks. Measured with the right map 4 to 6 degrees, with
+the wrong one 24 to 29 (CMU recordings and PFNN, which share names and bones).
+
+Axes: a program that exports z up instead of y up turns the frames of all joints by the same quarter turns. The axes
+that a map names (`up: y`) then are others; the rest pose shows it, because hips and head are elsewhere in the
+pelvis' frame.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.clips.human_clip import FEET
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers.joint_names import without_prefix
-from pipeline.readers.leg_misfit import BEST, distinguished, leg_misfit
-from pipeline.readers.local_axes import with_axes_of_map
+from pipeline.readers.bvh import read_bvh
+from pipeline.readers.gltf import read_gltf
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.rest_pose import measured_map
-from pipeline.readers.roles import Roles, find_roles
-from pipeline.readers.skeleton_map import SkeletonMap, shipped_maps, stated_map
-from pipeline.readers.unknown_skeleton import unknown_skeleton
+from pipeline.readers.roles import Roles, find_roles, without_prefix
+from pipeline.readers.skeleton_map import CANONICAL, SkeletonMap, shipped_maps, stated_map
+from pipeline.readers.unknown_skeleton import map_text, map_to_start_from, unknown_skeleton
+
+MIN_COSINE = np.cos(np.deg2rad(35.0))
+"""How well the rest pose has to agree with quarter turns: 45 degrees is halfway between no turn and a quarter turn."""
+
+
+def with_axes_of_map(motion: RawMotion, skeleton: SkeletonMap) -> RawMotion:
+    """The motion with its joints' frames turned to those that the map speaks of; unchanged where they are."""
+    turn = _quarter_turns(motion, skeleton)
+    if np.array_equal(turn, np.eye(3)):
+        return motion
+    tips = {joint: tuple(float(value) for value in np.array(place) @ turn) for joint, place in motion.tips.items()}
+    return dataclasses.replace(
+        motion, rest_offset=motion.rest_offset @ turn, frame_turn=rotation.from_matrix(turn), tips=tips
+    )
+
+
+def _quarter_turns(motion: RawMotion, skeleton: SkeletonMap) -> Float[np.ndarray, "3 3"]:
+    """Rotation from the map's joint axes to the file's; identity where the rest pose does not show it."""
+    bodies = skeleton.bodies
+    pelvis = bodies["pelvis"].joint
+    try:
+        left = motion.offset_between(pelvis, bodies["left_hip"].joint)
+        right = motion.offset_between(pelvis, bodies["right_hip"].joint)
+        head = motion.offset_between(pelvis, bodies["head"].joint)
+    except KeyError:
+        return np.eye(3)
+    expected = rotation.to_matrix(skeleton.rest_frame(motion, "pelvis")) @ np.column_stack(
+        [CANONICAL["left"], CANONICAL["up"]]
+    )
+    found = np.column_stack([rotation.normalize(left - right), rotation.normalize(head - 0.5 * (left + right))])
+    fits = [turn for turn in _ALL_TURNS if np.sum((turn @ expected) * found, axis=0).min() > MIN_COSINE]
+    return fits[0] if len(fits) == 1 else np.eye(3)
+
+
+def _turns() -> list[np.ndarray]:
+    """The 24 rotations that map axes to axes."""
+    signed = [
+        np.diag(signs) @ np.eye(3)[list(order)]
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+    ]
+    return [matrix for matrix in signed if np.linalg.det(matrix) > 0.0]
+
+
+_ALL_TURNS = _turns()
+
+
+SAMPLES = 5_000
+"""Frames that are checked, at most: those in the middle of the motion."""
+BENT = np.deg2rad(25.0)
+"""A knee's axis is measured where it is bent by more than this [rad]."""
+FEWEST = 5
+"""Frames with a bent knee that are needed."""
+BEST = np.deg2rad(20.0)
+"""Largest misfit of the map that is taken [rad]."""
+MARGIN = np.deg2rad(8.0)
+"""How much smaller it has to be than any other map's [rad]."""
+
+
+def distinguished(motion: RawMotion, maps: Sequence[SkeletonMap]) -> list[SkeletonMap]:
+    """The one map that the legs' poses fit, or all of `maps` where the poses fit several."""
+    misfits = np.array([leg_misfit(with_axes_of_map(motion, one), one) for one in maps])
+    if not np.isfinite(misfits).all():
+        return list(maps)
+    first, second = np.argsort(misfits, kind="stable")[:2]
+    clear = misfits[first] <= BEST and misfits[second] - misfits[first] >= MARGIN
+    return [maps[first]] if clear else list(maps)
+
+
+def leg_misfit(motion: RawMotion, skeleton: SkeletonMap) -> float:
+    """Mean angle by which knee axes, thighs and feet of both legs are off what people's are [rad].
+
+    NaN where no knee bends enough for its axis to be measured.
+    """
+    angles, first = [], max(0, (motion.frame_count - SAMPLES) // 2)
+    for side in FEET:
+        bodies = ("pelvis", *(f"{side}_{part}" for part in ("hip", "knee", "ankle")))
+        joints = [skeleton.bodies[body].joint for body in bodies]
+        quat = motion.world(joints, first, min(first + SAMPLES, motion.frame_count))[1]
+        quat = rotation.multiply(quat, skeleton.rest_frames(motion, bodies))
+        turns = rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:, :-1]), quat[:, 1:]))
+        turns = turns[np.isfinite(turns).all(axis=(1, 2))]
+        bent = turns[rotation.length(turns[:, 1]) > BENT, 1]
+        if len(bent) < FEWEST:
+            return float("nan")
+        axis = rotation.normalize(rotation.normalize(bent).mean(axis=0))
+        angles += [float(np.arccos(np.clip(axis[1], -1.0, 1.0)))]
+        angles += [abs(float(np.median(turns[:, 0, 2]))), abs(float(np.median(turns[:, 2, 0])))]
+    return float(np.mean(angles))
+
 
 COMPARED = (
     "pelvis",
@@ -137,3 +240,26 @@ def _bones_agree(motion: RawMotion, one: SkeletonMap, roles: Roles) -> bool:
     left = rotation.rotate(frames[:1], np.array([0.0, 1.0, 0.0]))[0]
     upright = np.sum(up * rotation.normalize(np.array(bones)), axis=1).min()
     return bool(min(upright, left @ rotation.normalize(sides[0] - sides[1])) > BONE_COSINE)
+
+
+READERS = {".bvh": read_bvh, ".glb": read_gltf, ".gltf": read_gltf}
+"""Readers of formats whose skeletons may need a map of their own."""
+
+
+def written_map(path: Path, stated: str | None = None) -> str:
+    """The map that a file is read with; where there is none a map with the joints that are known filled in.
+
+    Raises FileError for a file that can't be read, or of a format whose skeleton is always the same.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(sorted(READERS))
+        raise FileError(path, f"files of this format need no skeleton map; those that may are: {known}.")
+    motion: RawMotion = reader(path)
+    bare = motion.renamed(without_prefix(motion.joint_names))
+    try:
+        skeleton = match_skeleton(motion, stated).skeleton
+    except FileError:
+        roles = find_roles(bare.joint_names, bare.parents, bare.rest_offset)
+        return map_to_start_from(bare.joint_names, roles)
+    return map_text(skeleton.title, skeleton.bodies)

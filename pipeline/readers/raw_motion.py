@@ -51,7 +51,7 @@ class RawMotion:
     rate_by_velocity: VelocityRate | None = None
     """Rate inferred from the file's own velocities."""
     rate_fault: FileError | None = None
-    """What is wrong with the rate that the file declares; raised where nobody states another."""
+    """What is wrong with the rate that the file declares; raised where no other rate is stated."""
     files: tuple[Path, ...]
     """The files that were read, the motion itself first."""
     unit: str | None = None

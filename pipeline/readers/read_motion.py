@@ -16,23 +16,20 @@ from pipeline.readers.amc import read_amc
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.c3d import read_c3d
 from pipeline.readers.deepmimic import read_deepmimic
-from pipeline.readers.frame_rate import declared_rate
 from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
 from pipeline.readers.loaded_arrays import open_pickle, open_torch
 from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.robot_amp import is_robot_amp, read_robot_amp
 from pipeline.readers.robot_csv import read_robot_csv
-from pipeline.readers.robot_gmr import is_gmr, read_gmr
 from pipeline.readers.robot_log import read_robot_log
 from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
-from pipeline.readers.robot_npz import is_robot, read_robot_npz
+from pipeline.readers.robot_npz import is_gmr, is_robot, is_robot_amp, read_gmr, read_robot_amp, read_robot_npz
 from pipeline.readers.smpl import is_smpl, read_smpl
-from pipeline.readers.statement import NOTHING_STATED, Statement
+from pipeline.readers.source import NOTHING_STATED, Statement
 from pipeline.readers.unread import how_to_convert, refuse_pointer
-from pipeline.readers.velocity_rate import checked_rate
+from pipeline.readers.velocity_rate import checked_rate, declared_rate
 
 
 @dataclass(frozen=True, kw_only=True)

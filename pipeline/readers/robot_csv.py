@@ -19,12 +19,11 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 from pipeline.readers.robot_motion import RobotMotion
-from pipeline.readers.text_file import MAX_FRAMES, to_float
-from pipeline.readers.text_stream import open_text
+from pipeline.readers.text_file import MAX_FRAMES, open_text, to_float
 
 ROOT = 7
 MOST_COMMENTS = 1000
-"""Lines of comments that are looked at."""
+"""Lines of comments that are read."""
 MAX_RATE_ERROR = 0.02
 """Largest deviation of the stated rate from that of the times, as a share of it."""
 

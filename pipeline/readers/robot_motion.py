@@ -14,20 +14,23 @@ from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import AmbiguousFileError, FileError
-from pipeline.readers.frame_rate import frame_rate
-from pipeline.readers.inferred_order import MAX_TILT_DEG, ORDERS, in_order, inferred_order, trunk_tilt_deg
 from pipeline.readers.joint_order import (
     MAX_LINK_ERROR,
+    MAX_TILT_DEG,
+    ORDERS,
     beyond_limits,
     breadth_first,
+    check_unit,
+    in_order,
+    inferred_order,
     link_errors,
     taken_joint_order,
     taken_quaternion_order,
+    trunk_tilt_deg,
 )
-from pipeline.readers.quaternion_order import check_unit
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
-from pipeline.readers.statement import NOTHING_STATED, Statement
-from pipeline.readers.velocity_rate import VelocityRate
+from pipeline.readers.source import NOTHING_STATED, Statement
+from pipeline.readers.velocity_rate import VelocityRate, frame_rate
 from pipeline.robot import Robot, load_robot
 from pipeline.robot.load import ROBOTS
 

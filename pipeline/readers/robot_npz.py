@@ -1,7 +1,14 @@
-"""Robot trajectories as NumPy archives: mjlab and whole-body tracking, and MuJoCo `qpos` (LocoMuJoCo).
+"""Robot trajectories as named arrays: mjlab and whole-body tracking, MuJoCo `qpos` (LocoMuJoCo), Isaac Lab, GMR, ASAP.
 
-`joint_pos` (t, j) with `body_pos_w`, `body_quat_w` (the root link's, or the first body's); or with the
-root in seven columns before the joints. `qpos` (t, 7 + j): position, quaternion wxyz, joints.
+mjlab: `joint_pos` (t, j) with `body_pos_w`, `body_quat_w` (the root link's, or the first body's); or with the root in
+seven columns before the joints. `qpos` (t, 7 + j): position, quaternion wxyz, joints.
+
+Isaac Lab AMP: `dof_names`, `dof_positions` (t, j) [rad], `body_names`, `body_positions` (t, b, 3) [m],
+`body_rotations` (t, b, 4) wxyz, `fps`; `body_linear_velocities` and `dof_velocities` show whether the rate is right.
+
+GMR: `root_pos` (t, 3) [m], `root_rot` (t, 4) xyzw, `dof_pos` (t, j) [rad], `fps`; ASAP calls them
+`root_trans_offset`, `root_rot`, `dof`. Joints are in the order of the robot's MuJoCo model; `dof_names` may state
+another, and `root_rot_order` the quaternion's.
 """
 
 from __future__ import annotations
@@ -11,6 +18,8 @@ from jaxtyping import Float
 
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.files.array_file import ArrayFile
+from pipeline.readers.isaac_amp import PARENTS as HUMANOID
+from pipeline.readers.joint_order import ORDERS
 from pipeline.readers.robot_motion import RobotMotion, robot_of, robots
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities, surest
 
@@ -127,3 +136,76 @@ def _velocity_of_joints(
     if header.shapes.get("joint_vel") == joint_pos.shape:
         rates.append(rate_of_velocities(joint_pos, header.stored_numbers("joint_vel", *joint_pos.shape)))
     return surest(*rates)
+
+
+def is_robot_amp(arrays: ArrayFile) -> bool:
+    """An AMP archive of Isaac Lab that is not of its humanoid."""
+    wanted = ("dof_names", "dof_positions", "body_names", "body_positions", "body_rotations")
+    return arrays.has(*wanted) and not set(HUMANOID) <= set(arrays.texts("body_names"))
+
+
+def read_robot_amp(arrays: ArrayFile) -> RobotMotion:
+    """A robot's motion. Raises FileError."""
+    bodies, joints = arrays.texts("body_names"), arrays.texts("dof_names")
+    robot_of(arrays.path, len(joints), joints)
+    root = next((robot.root_link for robot in robots() if robot.root_link in bodies), None)
+    if root is None:
+        raise FileError(arrays.path, f"no body is a robot's root link; there are: {', '.join(bodies[:12])}.")
+    body_pos = arrays.numbers("body_positions", None, len(bodies), 3)
+    frames = len(body_pos)
+    body_quat = arrays.numbers("body_rotations", frames, len(bodies), 4)
+    joint_pos = arrays.numbers("dof_positions", frames, len(joints))
+    rates = []
+    for name in ("body_linear_velocities", "dof_velocities"):
+        arrays.refuse_other_length(name, "body_positions", frames)
+    if arrays.shapes.get("body_linear_velocities") == body_pos.shape:
+        rates.append(rate_of_velocities(body_pos, arrays.stored_numbers("body_linear_velocities", *body_pos.shape)))
+    if arrays.shapes.get("dof_velocities") == joint_pos.shape:
+        rates.append(rate_of_velocities(joint_pos, arrays.stored_numbers("dof_velocities", *joint_pos.shape)))
+    return RobotMotion(
+        format="robot_amp",
+        path=arrays.path,
+        root_pos_w=body_pos[:, bodies.index(root)],
+        root_quat=body_quat[:, bodies.index(root)],
+        joint_pos=joint_pos,
+        joint_names=joints,
+        fps=arrays.number("fps") if arrays.has("fps") else None,
+        rate_by_velocity=surest(*rates),
+        body_pos_w=body_pos,
+    )
+
+
+POSITIONS = ("root_pos", "root_trans_offset")
+JOINTS = ("dof_pos", "dof")
+NAMES = ("dof_names", "joint_names")
+
+
+def is_gmr(arrays: ArrayFile) -> bool:
+    """Arrays of a robot as GMR or ASAP name them."""
+    return arrays.has("root_rot") and arrays.first(*POSITIONS) is not None and arrays.first(*JOINTS) is not None
+
+
+def read_gmr(arrays: ArrayFile) -> RobotMotion:
+    """A robot's motion. Raises FileError."""
+    position, joints, names = arrays.first(*POSITIONS), arrays.first(*JOINTS), arrays.first(*NAMES)
+    assert position is not None and joints is not None
+    root_pos = arrays.numbers(position, None, 3)
+    if not len(root_pos):
+        raise FileError(arrays.path, "the file has no frames.")
+    joint_pos = arrays.array(joints)
+    if joint_pos.ndim == 3 and joint_pos.shape[2] == 1:
+        joint_pos = joint_pos[:, :, 0]
+    else:
+        joint_pos = arrays.numbers(joints, len(root_pos), None)
+    order = str(arrays.array("root_rot_order")) if arrays.has("root_rot_order") else None
+    return RobotMotion(
+        format="robot_gmr",
+        path=arrays.path,
+        root_pos_w=root_pos,
+        root_quat=arrays.numbers("root_rot", len(root_pos), 4),
+        quat_order=order if order in ORDERS else "xyzw",
+        order_is_certain=order in ORDERS,
+        joint_pos=joint_pos,
+        joint_names=arrays.texts(names) if names is not None else None,
+        fps=arrays.number("fps") if arrays.has("fps") else None,
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.clips.skill import LABELS
+from pipeline.clips.outcome import LABELS
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, OneOf, Range, check, increasing
 
 

@@ -13,7 +13,7 @@ from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.clips.outcome import Clip, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.settings import RetargetSettings

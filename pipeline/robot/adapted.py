@@ -11,10 +11,9 @@ from pathlib import Path
 
 from pipeline.errors import UnknownNameError
 from pipeline.files import atomic
-from pipeline.robot.aliases import ALIASES
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
-from pipeline.robot.description import CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
+from pipeline.robot.description import ALIASES, CONFIG, JOINTS, LINKS, SHAPES, SITES, Config, Description
 from pipeline.robot.load import load_robot, model_files
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import refuse
@@ -66,7 +65,7 @@ def files_of(description: Description) -> dict[str, str]:
 
 def config_text(config: Config) -> str:
     """`robot.toml`. Names and numbers are written as JSON, which TOML reads alike."""
-    lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/description.py.", ""]
+    lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/load.py.", ""]
     for field in dataclasses.fields(Config):
         value = getattr(config, field.name)
         if not isinstance(value, dict):

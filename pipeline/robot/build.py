@@ -9,12 +9,10 @@ from pipeline import rotation
 from pipeline.files import digest
 from pipeline.robot.description import HUMAN_SITES, JOINTS, Description
 from pipeline.robot.legs import mirror_index, mirror_sign
-from pipeline.robot.mjcf import render_mjcf
-from pipeline.robot.robot import Robot
+from pipeline.robot.model_files import render_mjcf, render_urdf
+from pipeline.robot.robot import Robot, Tree, forward
 from pipeline.robot.robot_error import Fault, refuse
 from pipeline.robot.tables import LinkRow
-from pipeline.robot.tree import Tree, forward
-from pipeline.robot.urdf import render_urdf
 
 
 def build_robot(source: Description) -> Robot:

@@ -6,16 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from pipeline.robot.description import (
-    CONFIG,
-    HUMAN_LINKS,
-    HUMAN_SITES,
-    JOINTS,
-    LINKS,
-    SHAPES,
-    SITES,
-    Description,
-)
+from pipeline.robot.description import CONFIG, HUMAN_LINKS, HUMAN_SITES, JOINTS, LINKS, SHAPES, SITES, Description
 from pipeline.robot.legs import mirrored_name
 from pipeline.robot.robot_error import Fault
 from pipeline.robot.tables import SHAPE_ROLES, SHAPE_SIZES, LinkRow, Row

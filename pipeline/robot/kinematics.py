@@ -11,8 +11,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import UnknownNameError
-from pipeline.robot import tree
-from pipeline.robot.robot import Robot
+from pipeline.robot.robot import Robot, forward
 
 
 def mujoco_model(robot: Robot, ground: bool = False, timestep: float = 0.005) -> mujoco.MjModel:
@@ -62,7 +61,7 @@ class Kinematics:
         joint_pos: Float[np.ndarray, "t j"],
     ) -> LinkPoses:
         """Poses of all links from the root's pose ([m], unit wxyz) and joint positions [rad]."""
-        pos_w, quat_w = tree.forward(self._tree, root_pos_w, root_quat_w, joint_pos)
+        pos_w, quat_w = forward(self._tree, root_pos_w, root_quat_w, joint_pos)
         return LinkPoses(pos_w=pos_w, quat_w=quat_w)
 
     def site_pos_w(self, poses: LinkPoses, site_names: Sequence[str]) -> Float[np.ndarray, "t n 3"]:

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from pipeline.errors import SettingsError
 from pipeline.files import settings
-from pipeline.robot.aliases import read_aliases
 from pipeline.robot.build import build_robot
 from pipeline.robot.checks import faults_of
-from pipeline.robot.description import CONFIG, FILES, JOINTS, LINKS, SHAPES, SITES, Config, Description
+from pipeline.robot.description import CONFIG, FILES, JOINTS, LINKS, SHAPES, SITES, Config, Description, read_aliases
 from pipeline.robot.robot import Robot
 from pipeline.robot.robot_error import Fault, RobotError, refuse
 from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, read_table

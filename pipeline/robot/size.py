@@ -32,6 +32,12 @@ def size_of(robot: Robot) -> RobotSize:
     return RobotSize(leg_length=robot.leg_length, mass=round(robot.total_mass, 3))
 
 
+def ratios_to(known: RobotSize, robot: Robot) -> tuple[RobotSize, tuple[float, float]]:
+    """Size of a robot, and the ratios of its leg length and mass to a known size; exactly 1 for equal sizes."""
+    size = size_of(robot)
+    return size, (size.leg_length / known.leg_length, size.mass / known.mass)
+
+
 @runtime_checkable
 class Calibrated(Protocol):
     """Settings that name the robot they were calibrated on."""
@@ -45,10 +51,9 @@ S = TypeVar("S", bound=Calibrated)
 
 def scaled(settings: S, robot: Robot) -> S:
     """The settings (a dataclass) for `robot`. Settings that were scaled to it already are returned as they are."""
-    known, wanted = settings.calibrated_on, size_of(robot)
-    if known == wanted:
+    wanted, ratios = ratios_to(settings.calibrated_on, robot)
+    if settings.calibrated_on == wanted:
         return settings
-    ratios = (wanted.leg_length / known.leg_length, wanted.mass / known.mass)
     return dataclasses.replace(_scaled(settings, ratios), calibrated_on=wanted)
 
 

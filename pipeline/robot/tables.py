@@ -14,7 +14,7 @@ from typing import Any, ClassVar, TypeVar
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, plain_number, read_csv_text
+from pipeline.files.csv_json import csv_records, plain_number, read_csv_text
 from pipeline.robot.robot_error import Fault, refuse
 
 

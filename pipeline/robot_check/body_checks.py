@@ -58,6 +58,15 @@ def _bounds(shapes: list[ShapeRow]) -> tuple[np.ndarray, np.ndarray]:
     return (centres - reach).min(axis=0), (centres + reach).max(axis=0)
 
 
+def key_links(robot: Robot) -> Iterator[Finding]:
+    """Key links that do not begin with the root link, which tracking takes the first one for."""
+    if not robot.key_links or robot.key_links[0] != robot.root_link:
+        first = f"begin with '{robot.key_links[0]}'" if robot.key_links else "are empty"
+        yield Finding(
+            code="key_links", text=f"key_links {first}; they must begin with '{robot.root_link}' (robot.toml)."
+        )
+
+
 def human_parts(robot: Robot) -> Iterator[Finding]:
     """Parts of a person whose links are not in the order of a body, or on the other side."""
     chains = [(side, ("pelvis", "thigh", "shank", "foot")) for side in SIDES]

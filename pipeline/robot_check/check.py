@@ -7,7 +7,7 @@ from pathlib import Path
 from pipeline.robot.build import build_robot
 from pipeline.robot.load import model_files, read_description
 from pipeline.robot.robot_error import RobotError
-from pipeline.robot_check.body_checks import human_parts, masses
+from pipeline.robot_check.body_checks import human_parts, key_links, masses
 from pipeline.robot_check.finding import Finding
 from pipeline.robot_check.mirror_checks import mirrored_figures, mirrored_sites
 from pipeline.robot_check.model_checks import model_differences
@@ -29,6 +29,7 @@ def check_folder(folder: Path) -> list[Finding]:
         *masses(description, robot),
         *mirrored_figures(robot),
         *mirrored_sites(robot),
+        *key_links(robot),
         *human_parts(robot),
         *default_pose(robot),
         *drives(robot),

@@ -189,6 +189,7 @@ def _config(model: MakerModel, body: Body, sites: ProposedSites) -> Config:
             f"{side}_forearm": name(arm.links[BEND]),
         }
     key = [
+        name(0),
         name(body.trunk),
         name(body.pelvis),
         *(name(leg.links[at]) for leg in body.legs for at in (1, BEND, -1)),

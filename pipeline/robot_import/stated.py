@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import FileError
-from pipeline.files.csv_text import csv_records, read_csv_text
+from pipeline.files.csv_json import csv_records, read_csv_text
 
 COLUMNS = ("lower", "upper", "urdf_speed", "motor_speed", "torque", "armature", "kp", "kd", "default_pos")
 

@@ -13,7 +13,7 @@ from pipeline.quality.sole import inner_contacts
 from pipeline.robot import Kinematics, LinkPoses, Robot
 from pipeline.scoring.align import STRICTNESSES, aligned, stance_labels
 from pipeline.scoring.figures import Score
-from pipeline.simulation.self_collision import self_collision
+from pipeline.simulation.mujoco_plant import self_collision
 
 COLLISION_DEPTH = 0.002
 """Least overlap that counts as self-collision [m]."""

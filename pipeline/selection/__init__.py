@@ -8,12 +8,10 @@ more seconds of a skill bring.
 """
 
 from pipeline.selection.choose import choose, idle_patterns
-from pipeline.selection.curation import Curation, WindowSettings
-from pipeline.selection.decisions import Decision, without_excluded
-from pipeline.selection.process import process
+from pipeline.selection.curation import Curation, Decision, WindowSettings, without_excluded
 from pipeline.selection.raised_bounds import RaisedBound, raised_bounds
 from pipeline.selection.skills import LABELS, SKILLS, TRANSITION, SkillBounds
-from pipeline.selection.windows import Window, find_windows
+from pipeline.selection.windows import Window, find_windows, process
 
 __all__ = [
     "LABELS",

@@ -9,8 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from pipeline.selection.curation import Curation
-from pipeline.selection.decisions import exclusions
+from pipeline.selection.curation import Curation, exclusions
 
 COLUMNS = ("clip", "source", "file", "licence", "skill", "seconds")
 """Required columns. `off_skill_m_s` (purity), `recorded_share` and `notes` (codes, comma-separated) are

@@ -18,8 +18,7 @@ import yaml
 
 from pipeline.errors import FileError, SettingsError
 from pipeline.files import atomic, settings
-from pipeline.selection.curation import Curation
-from pipeline.selection.decisions import Decision
+from pipeline.selection.curation import Curation, Decision
 
 KEY = "decisions"
 REMARK = "# Decisions of a person on single clips, written by `booster-lab curate`; docs/curate.md explains them.\n"

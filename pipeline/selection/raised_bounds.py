@@ -52,7 +52,7 @@ class RaisedBound:
         return self.all_taken and (self.wanted_s is None or self.wanted_s > self.there_s + CLOSE_S)
 
     def text(self) -> str:
-        """A sentence for a report."""
+        """One line for a report."""
         if self.bound_s is None:
             head = f"{self.skill}: more was wanted by feedback, it has no bound, {self.there_s:.1f} s are there"
         else:
@@ -71,7 +71,7 @@ class RaisedBound:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON types, with derived values and the sentence."""
+        """JSON types, with derived values and the text."""
         return {**dataclasses.asdict(self), "reached": self.reached, "short": self.short, "text": self.text()}
 
 

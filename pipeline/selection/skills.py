@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float, Int
 
-from pipeline.clips.skill import LABELS, SKILLS, TRANSITION
+from pipeline.clips.outcome import LABELS, SKILLS, TRANSITION
 from pipeline.files.ranges import POSITIVE, Range, check, increasing
 
 

@@ -1,8 +1,16 @@
-"""The robot in MuJoCo as a plant: friction, armature, masses, terrain and a ball of one's choice."""
+"""The robot in MuJoCo as a plant with given friction, armature, masses, terrain and a ball; depth of self-collisions.
+
+For engines without armature (`put_armature_on_links`): an armature acts on the joint's speed alone. On the child link
+the same inertia about the joint axis acts on the link's whole turning in space, which also counts how the parent turns:
+an approximation, good where parents turn slowly. The same approximation in MuJoCo is the bridge of a comparison: what
+differs between MuJoCo and the bridge is this approximation, what differs between the bridge and another engine is
+contact and solver.
+"""
 
 from __future__ import annotations
 
 import copy
+import functools
 from dataclasses import dataclass
 
 import mujoco
@@ -10,8 +18,10 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
-from pipeline.robot import Robot
+from pipeline.robot import Robot, mujoco_model
+from pipeline.robot.kinematics import compiled
 from pipeline.simulation.plant import NoBallError, PlantState
 from pipeline.simulation.terrain import FlatGround, Ground
 
@@ -171,3 +181,72 @@ def _model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjMod
     model.body_inertia[1] *= options.root_mass_factor
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfCollision:
+    """The deepest overlap of each frame."""
+
+    depth: Float[np.ndarray, " t"]
+    """[m], 0 where nothing overlaps."""
+    pairs: tuple[tuple[str, str] | None, ...]
+    """Names of the two shapes that overlap most; None where none do."""
+
+
+def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
+    """Overlap of shapes of links that are not parent and child; without the ground."""
+    model = _collision_model(robot.mjcf)
+    data = mujoco.MjData(model)
+    qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
+    depth = np.zeros(clip.frame_count)
+    pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
+    for frame in range(clip.frame_count):
+        data.qpos[:] = qpos[frame]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        if data.ncon:
+            worst = int(np.argmin(data.contact.dist))
+            depth[frame] = max(-float(data.contact.dist[worst]), 0.0)
+            shapes = data.contact.geom[worst]
+            pairs[frame] = (model.geom(shapes[0]).name, model.geom(shapes[1]).name)
+    return SelfCollision(depth=depth, pairs=tuple(pairs))
+
+
+@functools.lru_cache(maxsize=4)
+def _collision_model(mjcf: str) -> mujoco.MjModel:
+    """The compiled model of a robot, not to be changed: compiling takes longer than a short clip."""
+    return compiled(mjcf)
+
+
+def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:
+    """Of each link that hangs on a joint: armature times axis axis^T [kg m^2], in the axes of the link frame.
+
+    It is no moment of a body (it turns about one axis only), and the sum of a small link and its rotor need not be one
+    either: engines take it, MuJoCo's compiler does not.
+    """
+    tree = robot.tree
+    return {
+        name: float(robot.armature[tree.joint[link]]) * np.outer(tree.axis[link], tree.axis[link])
+        for link, name in enumerate(robot.link_names)
+        if link
+    }
+
+
+def put_armature_on_links(model: mujoco.MjModel, robot: Robot) -> None:
+    """Change a compiled MuJoCo model of the robot: joints without armature, its inertia on the links."""
+    for name, moment in added_moments(robot).items():
+        body = model.body(name)
+        turn = rotation.to_matrix(np.array(body.iquat))
+        principal, axes = np.linalg.eigh(turn @ np.diag(body.inertia) @ turn.T + moment)
+        axes[:, 2] *= np.linalg.det(axes)
+        body.inertia[:], body.iquat[:] = principal, rotation.from_matrix(axes)
+    model.dof_armature[6 : 6 + len(robot.joint_names)] = 0.0
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def bridge_plant(robot: Robot, options: MujocoOptions) -> MujocoPlant:
+    """The robot in MuJoCo, its armature on the links."""
+    plant = MujocoPlant(robot, options)
+    put_armature_on_links(plant.model, robot)
+    plant.reset()
+    return plant

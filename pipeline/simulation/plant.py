@@ -97,7 +97,7 @@ class Plant(Protocol):
 
 
 @runtime_checkable
-class TellsAcceleration(Protocol):
+class HasAcceleration(Protocol):
     """A plant that knows its accelerations as well."""
 
     def acceleration(self) -> Float[np.ndarray, " v"]:

@@ -51,9 +51,9 @@ class Rollout:
         """Physics steps in a control step."""
         return len(self.qpos) // max(len(self.command), 1)
 
-    def contacts(self, threshold: float = 1.0) -> Bool[np.ndarray, "n 2"]:
-        """Feet pressed to the ground by more than `threshold` [N]."""
-        return self.foot_wrench_w[:, :, 2] > threshold
+    def contacts(self) -> Bool[np.ndarray, "n 2"]:
+        """Feet pressed to the ground by more than 1 N."""
+        return self.foot_wrench_w[:, :, 2] > 1.0
 
     def clip(self, name: str, fps: float = CLIP_FPS, start_s: float = 0.0) -> RobotClip:
         """Every k-th step from `start_s` on as a clip; contacts are the true ones."""

@@ -14,12 +14,12 @@ from pipeline.errors import PipelineError
 from pipeline.robot import Robot
 from pipeline.simulation.plant import (
     Event,
+    HasAcceleration,
     Kick,
     NoBallError,
     Plant,
     PlantState,
     Push,
-    TellsAcceleration,
     Throw,
     ThrowsBall,
 )
@@ -41,7 +41,7 @@ GroundHeight = Callable[[float, float], float]
 
 @runtime_checkable
 class Controller(Protocol):
-    """`PolicyController`, or what stands in for it."""
+    """`PolicyController`, or a replacement."""
 
     task: DeploymentTask
     last_action: np.ndarray
@@ -90,7 +90,7 @@ def run(
     Args:
         robot: whose joints controller and plant have
         plant: the physics
-        controller: asked for targets `task.control_hz` times a second
+        controller: called for targets `task.control_hz` times a second
         motors: turn targets into torque at each timestep
         command: the command to the controller
         seconds: time of the end
@@ -115,7 +115,7 @@ def run(
     ticks = round(seconds * controller.task.control_hz)
     first = round((resume_s or 0.0) * controller.task.control_hz)
     record = Record(first, ticks, decimation, len(robot.joint_names))
-    tells = plant if isinstance(plant, TellsAcceleration) else None
+    tells = plant if isinstance(plant, HasAcceleration) else None
     lowest = fall_height(robot)
     wrench = np.zeros((2, 6))
     for tick in range(first, ticks):

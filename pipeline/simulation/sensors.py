@@ -1,4 +1,4 @@
-"""What the robot's sensors say of a state."""
+"""Readings of the robot's sensors in a state."""
 
 from __future__ import annotations
 

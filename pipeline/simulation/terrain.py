@@ -100,7 +100,7 @@ class Bump:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         _plane(spec, 0.0)
-        half = self.width_m / 2.0
+        half = self.WIDTH_M / 2.0
         angle = math.atan2(self.rise_m, half)
         length = math.hypot(half, self.rise_m)
         for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -113,7 +113,7 @@ class Bump:
             )
 
     def height(self, x: float, y: float) -> float:
-        half = self.width_m / 2.0
+        half = self.WIDTH_M / 2.0
         return max(self.rise_m * (1.0 - abs(x - self.at_m - half) / half), 0.0)
 
 
@@ -189,31 +189,31 @@ class RoughGround:
         return float(self.z_m[row, round(along)])
 
 
-def gravel(rng: np.random.Generator, *, step_m: float, length_m: float = 9.0, width_m: float = 3.0) -> Tiles:
+LENGTH_M, WIDTH_M = 9.0, 3.0
+"""Of a ground of tiles, stones or hills."""
+
+
+def gravel(rng: np.random.Generator, *, step_m: float) -> Tiles:
     """Tiles of 15 cm side by side, heights uniform in +-`step_m`/2."""
     pitch = 0.15
-    shape = (round(length_m / pitch), round(width_m / pitch))
+    shape = (round(LENGTH_M / pitch), round(WIDTH_M / pitch))
     return Tiles(pitch_m=pitch, gap_m=0.0, floor_m=-step_m, top_m=rng.uniform(-0.5, 0.5, shape) * step_m)
 
 
-def stepping_stones(
-    rng: np.random.Generator, *, gap_m: float, step_m: float, length_m: float = 9.0, width_m: float = 3.0
-) -> Tiles:
+def stepping_stones(rng: np.random.Generator, *, gap_m: float, step_m: float) -> Tiles:
     """Stones of 30 cm with gaps 10 cm deep between them, tops uniform in +-`step_m`/2."""
     pitch = 0.3 + gap_m
-    shape = (round(length_m / pitch), round(width_m / pitch))
+    shape = (round(LENGTH_M / pitch), round(WIDTH_M / pitch))
     return Tiles(pitch_m=pitch, gap_m=gap_m, floor_m=-0.1, top_m=rng.uniform(-0.5, 0.5, shape) * step_m)
 
 
-def rough_ground(
-    rng: np.random.Generator, *, amplitude_m: float, wave_m: float = 0.4, length_m: float = 9.0, width_m: float = 3.0
-) -> RoughGround:
-    """Smooth random hills: noise filtered to a wave length of about `wave_m`, from 0 to +-`amplitude_m` at most."""
+def rough_ground(rng: np.random.Generator, *, amplitude_m: float) -> RoughGround:
+    """Smooth random hills: noise filtered to a wave length of about 0.4 m, from 0 to +-`amplitude_m` at most."""
     from scipy.ndimage import gaussian_filter
 
     spacing = 0.05
-    shape = (round(width_m / spacing) + 1, round(length_m / spacing) + 1)
-    noise = gaussian_filter(rng.normal(size=shape), wave_m / (2.0 * math.pi) / spacing * 2.0, mode="wrap")
+    shape = (round(WIDTH_M / spacing) + 1, round(LENGTH_M / spacing) + 1)
+    noise = gaussian_filter(rng.normal(size=shape), 0.4 / (2.0 * math.pi) / spacing * 2.0, mode="wrap")
     z = amplitude_m * noise / np.abs(noise).max()
     ramp = np.clip(np.arange(shape[1]) * spacing / 0.3, 0.0, 1.0)
     return RoughGround(spacing_m=spacing, z_m=z * ramp * ramp[::-1])

@@ -13,7 +13,7 @@ class TorqueEnvelope:
     """Limits of J joints. Constant to the knee speed, then falling in a line through 0 at the no-load speed.
 
     Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit. A joint that is
-    driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line goes on to it.
+    driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line continues to it.
     This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/forms.py).
     """
 
@@ -35,7 +35,7 @@ class TorqueEnvelope:
         return -backward, forward
 
     def clip(self, torque: Float[np.ndarray, "*t j"], speed: Float[np.ndarray, "*t j"]) -> Float[np.ndarray, "*t j"]:
-        """The torque [N m] that the motors give when `torque` is asked for."""
+        """The torque [N m] that the motors give when `torque` is commanded."""
         lower, upper = self.bounds(speed)
         return np.minimum(np.maximum(torque, lower), upper)
 

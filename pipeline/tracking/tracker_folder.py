@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 from pipeline.tracking.bundle import CONFIG
 
 SCHEMA = "booster-lab tracker 1"

@@ -50,8 +50,8 @@ def environment_cfg(robot: RobotFacts, config: Config, seed: int, distils: bool)
         observations=observation_cfg(),
         actions={"joints": PolicyActionCfg(entity_name="robot", delay_s=config.randomization.delay_s)},
         commands={"velocity": VelocityCommandCfg(resampling_time_range=RESAMPLE_S, config=config.commands)},
-        rewards=reward_cfg(config),
-        terminations=termination_cfg(config, distils),
+        rewards=reward_cfg(robot, config),
+        terminations=termination_cfg(robot, config, distils),
         events=event_cfg(robot, config, distils),
     )
 

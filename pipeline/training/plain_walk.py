@@ -24,7 +24,7 @@ MEASURE_S = 6.0
 """Time at the end of a walk that is measured [s]."""
 FORCE_S = 0.1
 HISTORY, ACTION_SCALE = 10, 0.25
-MIN_HEIGHT_M, MAX_TILT_COS = 0.45, 0.5
+MAX_TILT_COS = 0.5
 SATURATED = 0.999
 AIR_S = 0.04
 """A touchdown ends a swing of at least this long [s]."""
@@ -59,8 +59,7 @@ def robot_of(bundle: Path) -> dict[str, Any]:
     facts["stall"] = np.where(known, stall, 1e3 * facts["effort_limit"])
     facts["no_load"] = np.where(known, no_load, 1e6)
     facts["policy_index"] = np.array([facts["joint_names"].index(name) for name in facts["policy_joints"]])
-    names = enumerate(facts["joint_names"])
-    facts["legs"] = np.array([at for at, name in names if any(part in name for part in ("Hip", "Knee", "Ankle"))])
+    facts["legs"] = np.array([facts["joint_names"].index(name) for name in facts["leg_joints"]])
     return facts
 
 
@@ -166,7 +165,7 @@ class World:
     @property
     def fell(self) -> bool:
         """Whether the trunk is too low or too tilted, or the joint targets are not finite, which MuJoCo would reset."""
-        upright = self.data.qpos[2] >= MIN_HEIGHT_M and self.data.xmat[self.root][8] >= MAX_TILT_COS
+        upright = self.data.qpos[2] >= self.facts["fall_height"] and self.data.xmat[self.root][8] >= MAX_TILT_COS
         return not (upright and np.isfinite(self.target).all())
 
     def touching(self) -> list[bool]:

@@ -22,8 +22,8 @@ import numpy as np
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import SPEEDS, style_distances
-from pipeline.validation.checkpoint_choice import error_of
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured
+from pipeline.validation.sweep import error_of
 from pipeline.validation.verdict import Verdict
 
 WALKED = (0.6, 0.8, 1.0)

@@ -32,12 +32,12 @@ from pipeline.training import policy_figures
 from pipeline.training.bundle import CURE, Bundle
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY
 from pipeline.validation.bars import ValidationSettings, read_validation
-from pipeline.validation.checkpoint_choice import best, sweep_checkpoints
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure
 from pipeline.validation.suites import cells_of
+from pipeline.validation.sweep import best, sweep_checkpoints
 from pipeline.validation.verdict import judge
 
 ROOT = Path(pipeline.__file__).resolve().parents[1]

@@ -1,1 +1,1 @@
-"""The protocol a policy is judged by: cells, figures, bars, one verdict with every reason."""
+"""The protocol that evaluates a policy: cells, figures, bars, one verdict with every reason."""

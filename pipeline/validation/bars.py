@@ -1,21 +1,25 @@
 """The thresholds (bars) of each verdict, with unit and source.
 
-The rules in `data/validation.yaml` are written by hand and hold for every robot. The bars of a robot are in
-`robots/<robot>/validation.yaml`, derived from a reference policy by `pipeline.validation.derive`.
+The rules in `data/validation.yaml` are written by hand, and scaled to each robot's size. The bars of a robot are in
+`robots/<robot>/validation.yaml`, derived from a reference policy by `pipeline.validation.derive`, or stated by hand
+where no policy walks on the robot yet.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.files.ranges import NOT_NEGATIVE, SHARE, Keys, OneOf, check
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.files.sourced import Scaled
+from pipeline.robot import Robot
+from pipeline.robot.size import RobotSize, ratios_to
+from pipeline.validation.figures import FIGURES, Measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,20 +56,20 @@ class Required:
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """The policy that the bars were derived from."""
+    """Where the bars come from: a policy, or, with empty digests, a statement."""
 
     policy: str
-    """Its digest."""
+    """Digest of the policy; empty if the bars were stated by hand."""
     robot: str
-    """Digest of the robot."""
+    """Digest of the robot; empty if the bars were stated by hand."""
     ankle_kd: tuple[float, ...]
-    """Ankle damping values it was measured with; the worst counts [N m s/rad]."""
+    """Ankle damping values it was measured with; the worst counts [N m s/rad]. Empty: the policy's own."""
     command: str
-    """The command that derives the bars again."""
+    """The command that derives the bars again, or the source of stated ones."""
 
     def note_on(self, robot: str) -> str:
         """Note on a verdict for the robot with this digest if the bars belong to another robot; otherwise empty."""
-        if robot == self.robot:
+        if self.robot in ("", robot):
             return ""
         return (
             f"the bars of the robot's validation.yaml were derived on another robot ({self.robot[:12]}) than the "
@@ -142,6 +146,8 @@ class Agreement:
 class ValidationRules:
     """`data/validation.yaml`."""
 
+    calibrated_on: RobotSize
+    """Robot of the margins and tolerances."""
     margins: dict[str, Margin]
     required: Required
     agreement: Agreement
@@ -165,6 +171,38 @@ class RobotBars:
 @dataclass(frozen=True, kw_only=True)
 class ValidationSettings(ValidationRules, RobotBars):
     """Rules and bars of a robot."""
+
+
+SCALES = {
+    "m": Scaled(length=1.0),
+    "m/s": Scaled(length=0.5),
+    "rad/s": Scaled(length=-0.5),
+    "W": Scaled(length=0.5, mass=1.0),
+}
+"""How margins and tolerances in a unit depend on the robot's size; in other units they do not."""
+
+R = TypeVar("R", bound=ValidationRules)
+
+
+def scaled_to(rules: R, robot: Robot) -> R:
+    """The rules with margins and tolerances for the size of `robot`; bars are left as they are."""
+    size, ratios = ratios_to(rules.calibrated_on, robot)
+
+    def factor(unit: str) -> float:
+        return SCALES[unit].factor(*ratios) if unit in SCALES else 1.0
+
+    margins = {
+        name: dataclasses.replace(each, absolute=factor(each.unit) * each.absolute)
+        for name, each in rules.margins.items()
+    }
+    tolerances: dict[str, Tolerance] = vars(rules.agreement)
+    agreement = Agreement(
+        **{
+            name: dataclasses.replace(each, at_most=factor(each.unit) * each.at_most)
+            for name, each in tolerances.items()
+        }
+    )
+    return dataclasses.replace(rules, calibrated_on=size, margins=margins, agreement=agreement)
 
 
 def read_validation(rules: Path, bars: Path) -> ValidationSettings:
@@ -203,7 +241,7 @@ def bar_of(name: str, worst: float, trials: str, margins: dict[str, Margin]) -> 
 
 
 def missed(errors: dict[str, float], sizes: dict[str, float], required: Required) -> list[str]:
-    """A sentence for each tracking figure whose error is too large for a command of this size."""
+    """A reason for each tracking figure whose error is too large for a command of this size."""
     return [
         f"the reference misses the command by {error:.2f} {FIGURES[name].unit}"
         for name, error in errors.items()

@@ -10,7 +10,6 @@ from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, St
 
 TRACKING = ("falls", "speed_error", "yaw_rate_error", "power", "slip", "saturation")
 STANDING = ("falls", "speed_error", "yaw_rate_error", "drift", "steps", "saturation")
-STAYING_UP = ("falls",)
 SURVIVING = ("survival",)
 
 COMMAND_S, MEASURE_S = 10.0, 4.0

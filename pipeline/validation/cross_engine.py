@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.batch import ClipPool
 from pipeline.files import settings as settings_files
-from pipeline.validation.bars import UNKNOWN, Agreement, CellBars, Tolerance, ValidationSettings
+from pipeline.validation.bars import UNKNOWN, Agreement, CellBars, Tolerance, ValidationSettings, scaled_to
 from pipeline.validation.cross_engine_walk import (
     BRIDGE,
     DART,
@@ -172,11 +172,12 @@ def cross_engine(
     jobs = [(name, engine, seed) for name in cells for engine in engines for seed in seeds]
     calls = [(deployed, engine, cells[name], seed, grid.simulation) for name, engine, seed in jobs]
     found = dict(zip(jobs, (pool or ClipPool(workers=1)).map(walk_cell, calls), strict=True))
+    agreement = scaled_to(bars, deployed.robot).agreement
     results = []
     for name, cell in cells.items():
         figures = {engine: tuple(found[name, engine, seed] for seed in seeds) for engine in engines}
         asked = bars.engines.get(name, UNKNOWN)
-        apart = differences(name, figures, bars.agreement)
+        apart = differences(name, figures, agreement)
         reasons = (*_wrong(name, cell, asked, figures), *(text for text, explained in apart if not explained))
         known = tuple(text for text, explained in apart if explained)
         results.append(CellResult(name=name, bars=asked, figures=figures, reasons=reasons, explained=known))

@@ -15,8 +15,7 @@ from pipeline.dart.plant import DartPlant
 from pipeline.deployment import DeploymentTask
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, POSITIVE, Range, check
 from pipeline.robot import Robot
-from pipeline.simulation.armature_on_links import bridge_plant
-from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, bridge_plant
 from pipeline.simulation.plant import Plant, PlantState, Push
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import Command, run

@@ -1,7 +1,7 @@
 """Derive the bars from a reference policy: `python -m pipeline.validation.derive POLICY.npz [--robot FOLDER]`.
 
-Run the rollouts of each verdict with each ankle damping of the robot's `validation.yaml` (its own gains where there is
-no such file yet), and write the bars: the worst figure of all trials plus its margin. Bars of other parts are kept.
+Run the rollouts of each verdict with each ankle damping of the robot's `validation.yaml` (the policy's own gains where
+it has none), and write the bars: the worst figure of all trials plus its margin. Bars of other parts are kept.
 """
 
 from __future__ import annotations
@@ -26,15 +26,23 @@ from pipeline.errors import FileError, PipelineError
 from pipeline.files import atomic, digest, settings
 from pipeline.robot.legs import legs_of
 from pipeline.robot.load import read_description
-from pipeline.validation.bars import CellBars, Reference, RobotBars, ValidationRules, ValidationSettings, derived
+from pipeline.validation.bars import (
+    CellBars,
+    Reference,
+    RobotBars,
+    ValidationRules,
+    ValidationSettings,
+    derived,
+    scaled_to,
+)
 from pipeline.validation.cells import Cell
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed, with_ankle_kd
 from pipeline.validation.derived_bars import engine_bars, limit_cycle_bars, webots_bars
+from pipeline.validation.figures import Measured, measure
 from pipeline.validation.limit_cycle_walks import limit_cycles
 from pipeline.validation.limit_cycles import LimitCycleSettings
-from pipeline.validation.measure import Measured, measure
 from pipeline.validation.suites import full
 from pipeline.webots.launch import NOT_RUN
 from pipeline.webots.project import write_project
@@ -173,10 +181,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         file = given.file or ROBOTS / given.robot.resolve().name / FILE
-        rules = settings.read(RULES, ValidationRules)
         kept = settings.read(file, RobotBars) if file.is_file() else None
         one, pool = deployed(given.robot, load_policy(given.policy)), ClipPool(workers=given.workers)
-        damped = [with_ankle_kd(one, kd) for kd in kept.reference.ankle_kd] if kept else [one]
+        rules = scaled_to(settings.read(RULES, ValidationRules), one.robot)
+        damped = [with_ankle_kd(one, kd) for kd in kept.reference.ankle_kd] if kept else []
+        damped = damped or [one]
         found = {}
         if CELLS in given.parts:
             cells = full(one.robot)

@@ -1,24 +1,28 @@
-"""Figures measured on a rollout, each with name, unit and direction."""
+"""Figures measured on a rollout, each with name, unit and direction; cells measured in parallel processes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.batch import ClipPool
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.quality.sole import lowest_corner_slip, sole_motion
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
+from pipeline.validation.cells import Cell
+from pipeline.validation.deployed import Deployed
 from pipeline.validation.trial import Trial, VelocityCommand
+from pipeline.validation.walk import Branches, Worlds, prefix_of
 
 CLIP_HZ = 100.0
 """Rate at which slip and contacts are evaluated: that of the recorded forces."""
 SATURATED = 0.999
 """Share of the torque envelope above which a joint counts as saturated."""
-CONTACT_N = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +42,7 @@ FIGURES = {
             name="falls",
             unit="trials",
             lower_is_better=True,
-            definition="Trunk z < 0.45 m or tilt > 60 deg",
+            definition="root below 66 % of its height in the default pose, or tilt > 60 deg",
         ),
         Figure(name="survival", unit="share", lower_is_better=False, definition="trials that do not fall"),
         Figure(name="speed_error", unit="m/s", lower_is_better=True, definition="length of mean velocity less command"),
@@ -114,3 +118,70 @@ def most_saturated(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope)
     reached = at_envelope(rollout.torque[taken], rollout.qvel[taken, 6:], envelope).mean(axis=0)
     legs = np.array(legs_of(rollout.robot).all)
     return rollout.robot.joint_names[legs[int(np.argmax(reached[legs]))]]
+
+
+CHUNK = 32
+"""Trials per process call."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A cell with the numbers of its trials, in order."""
+
+    cell: Cell
+    trials: tuple[Numbers, ...]
+
+    @property
+    def fallen(self) -> tuple[int, ...]:
+        """Indices of the trials that fell."""
+        return tuple(index for index, numbers in enumerate(self.trials) if numbers["fell"])
+
+    def values(self, name: str) -> list[float]:
+        """Values of a figure over the trials that have it."""
+        return [numbers[name] for numbers in self.trials if name in numbers]
+
+    def figure(self, name: str) -> float | None:
+        """The cell's figure: count or share of all trials, or the worst trial; None if all trials fell."""
+        if name == "falls":
+            return float(len(self.fallen))
+        if name == "survival":
+            return 1.0 - len(self.fallen) / len(self.trials)
+        values = self.values(name)
+        if not values:
+            return None
+        return max(values) if FIGURES[name].lower_is_better else min(values)
+
+    def spread(self, name: str) -> dict[str, float]:
+        """Mean, standard deviation, minimum and maximum of a figure over the trials that have it."""
+        values = self.values(name)
+        if not values:
+            return {}
+        return {
+            "mean": float(np.mean(values)),
+            "std": float(np.std(values)),
+            "min": min(values),
+            "max": max(values),
+        }
+
+
+def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:
+    """Run all trials of all cells. The numbers do not depend on the distribution over processes."""
+    jobs = [(number, trial) for number, cell in enumerate(cells) for trial in cell.trials]
+    # keep trials that share a prefix together: models are compiled and prefixes simulated once per process
+    jobs.sort(key=lambda job: prefix_of(job[1]))
+    chunks = [jobs[first : first + CHUNK] for first in range(0, len(jobs), CHUNK)]
+    found: dict[tuple[int, int], Numbers] = {}
+    calls = [(one, tuple(trial for _, trial in chunk)) for chunk in chunks]
+    for chunk, numbers in zip(chunks, (pool or ClipPool()).map(measure_trials, calls), strict=True):
+        for (number, trial), each in zip(chunk, numbers, strict=True):
+            found[number, id(trial)] = each
+    return tuple(
+        Measured(cell=cell, trials=tuple(found[number, id(trial)] for trial in cell.trials))
+        for number, cell in enumerate(cells)
+    )
+
+
+def measure_trials(one: Deployed, trials: Sequence[Trial]) -> list[Numbers]:
+    """Numbers of each trial, computed in this process."""
+    branches = Branches(Worlds(one))
+    return [numbers_of(branches.walk(trial), trial, one.envelope) for trial in trials]

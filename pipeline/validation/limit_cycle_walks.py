@@ -12,6 +12,7 @@ from pipeline.dart.plant import DartPlant
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
+from pipeline.robot.legs import legs_of
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
@@ -121,7 +122,7 @@ def _at_speed(
         for side in SIDES:
             try:
                 name = f"{kind} {trial.name} {side}"
-                cycles[name] = limit_cycle(trial_series(trial, span, side, name, settings))
+                cycles[name] = limit_cycle(trial_series(trial, span, side, name, deployed.robot))
             except NoCycleError as error:
                 missing.append(str(error))
     comparisons = tuple(
@@ -187,8 +188,9 @@ def walk_series(
         raise FellError(f"{engine} at {speed:g} m/s: fell after {walked.fell_s:.2f} s")
     kept = slice(round(settings.settled_s / walked.timestep_s), None)
     joints, speeds = walked.qpos[kept, 7:], walked.qvel[kept, 6:]
+    legs = _leg_joints(deployed.robot)
     left, right = (
-        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, deployed.robot.joint_names, settings)
+        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, deployed.robot.joint_names, legs)
         for side in SIDES
     )
     return left, right
@@ -209,10 +211,10 @@ def steady_span(trial: Trial, speed: float, settings: LimitCycleSettings) -> sli
     return span if span.stop - span.start > settings.settled_s * trial.rate_hz else None
 
 
-def trial_series(trial: Trial, span: slice, side: str, name: str, settings: LimitCycleSettings) -> JointSeries:
-    """One leg of a span of a log."""
+def trial_series(trial: Trial, span: slice, side: str, name: str, robot: Robot) -> JointSeries:
+    """One leg of a span of a log. Raises UnknownNameError if the log lacks a joint of it."""
     joints, speeds = (array[span].astype(float) for array in (trial.joint_pos, trial.joint_vel))
-    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, settings)
+    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, _leg_joints(robot))
 
 
 def _series(
@@ -222,13 +224,12 @@ def _series(
     joint_vel: np.ndarray,
     rate_hz: float,
     joint_names: tuple[str, ...],
-    settings: LimitCycleSettings,
+    legs: Mapping[str, tuple[str, str]],
 ) -> JointSeries:
-    joints = [settings.joints[f"{side}_{part}"] for part in ("hip", "knee")]
-    for joint in joints:
+    for joint in legs[side]:
         if joint not in joint_names:
             raise UnknownNameError("joint", joint, joint_names)
-    hip, knee = map(joint_names.index, joints)
+    hip, knee = map(joint_names.index, legs[side])
     return JointSeries(
         name=name,
         rate_hz=rate_hz,
@@ -237,6 +238,13 @@ def _series(
         hip_vel=joint_vel[:, hip],
         knee_vel=joint_vel[:, knee],
     )
+
+
+def _leg_joints(robot: Robot) -> dict[str, tuple[str, str]]:
+    """Names of hip pitch and knee by side."""
+    legs = legs_of(robot)
+    pairs = zip(SIDES, legs.hip_pitch, legs.knee, strict=True)
+    return {side: (robot.joint_names[hip], robot.joint_names[knee]) for side, hip, knee in pairs}
 
 
 def _engine_robot(deployed: Deployed) -> Robot:

@@ -32,8 +32,6 @@ from jaxtyping import Float
 from pipeline.errors import PipelineError
 from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, check, increasing
 
-LEG_JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
-
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycleSettings:
@@ -49,15 +47,9 @@ class LimitCycleSettings:
     friction: Annotated[float, POSITIVE]
     command_tolerance: Annotated[float, POSITIVE]
     """Largest deviation of a log's command on any axis [m/s, rad/s]."""
-    joints: dict[str, str]
-    """Name of `LEG_JOINTS` -> the robot's joint."""
 
     def __post_init__(self) -> None:
-        check(increasing(self, "settled_s", "seconds"), _missing(self.joints))
-
-
-def _missing(joints: dict[str, str]) -> list[tuple[str, str]]:
-    return [(f"joints.{name}", "is missing") for name in LEG_JOINTS if name not in joints]
+        check(increasing(self, "settled_s", "seconds"))
 
 
 PHASES = 100

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -53,8 +52,6 @@ BALL_S = 0.3
 DROPS_M = (0.1, 0.3, 0.6, 0.9, 1.3, 1.7)
 """Drop heights [m] that give the ball its speed."""
 GAITS = {"standing": VelocityCommand(), "walking": VelocityCommand(forward=0.5)}
-
-ToEvent = Callable[[float, np.ndarray, float], Event]
 
 
 def push_cells(robot: Robot, models: tuple[str, ...] = ("force", "kick", "ball")) -> tuple[Cell, ...]:

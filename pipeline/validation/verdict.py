@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.validation.bars import UNKNOWN, Bar, CellBars, ValidationSettings
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import FIGURES, Measured
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,9 @@
-"""Poses along a clip in one picture: human, a rollout's reference, robot, one below the other, at the same times and
-scale.
+"""Poses along a clip in one picture: human, a rollout's reference and robot, at the same times and scale.
 
 Seen from the front right, turned so that the clip starts facing to the right; every pose is moved to its own place, so
 only height, posture and turning are shown, not the path. The ground is the grey sheet at z = 0; a shoe is green while
-the clip says that the foot is on the ground.
+the clip's label says that the foot is on the ground. `worst_clips` shows the clips that lost the most in a stage, with
+the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from PIL import Image  # comes with matplotlib
 
+from pipeline.batch import Entry, Judged, Manifest, Store
 from pipeline.clips.human_clip import HumanClip
+from pipeline.clips.outcome import Clip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 from pipeline.viewing.figure import Figure
@@ -176,3 +178,87 @@ def _first_heading(figure: Figure) -> float:
     """Heading [rad] in the first frame that has one."""
     known = figure.heading[np.isfinite(figure.heading)]
     return float(known[0]) if len(known) else 0.0
+
+
+def entry_clip(store: Store, entry: Entry) -> Clip:
+    """The clip, cut to its window if it is a selected window of a human motion.
+
+    KP1 keeps the whole recording with each window (`start_frame`, `stop_frame`); from KP2 on the clip is the window.
+    """
+    clip = store.get_clip(entry.blob, entry.clip)
+    start, stop = entry.numbers.get("start_frame"), entry.numbers.get("stop_frame")
+    if not isinstance(clip, HumanClip) or start is None or stop is None or stop - start >= clip.frame_count:
+        return clip
+    return clip.cut(int(start), int(stop), clip.name)
+
+
+LEAST_LOST_S = 0.1
+"""Least loss that is shown [s]; less comes from rounding to frames."""
+
+
+def worst_clips(stage: Manifest, previous: Manifest, store: Store, robot: Robot | None, most: int = 5) -> bytes:
+    """PNG of the clips that lost the most seconds in a stage, as they were before it, with the first reason.
+
+    One clip of each family (`walk@0-99`, `walk@0-99~mirror`, …) is shown, so that variants don't fill the sheet.
+
+    Args:
+        stage: manifest of the stage
+        previous: the stage before it, which has the clips
+        robot: the one that robot clips are for
+        most: clips in the picture
+    """
+    entries = {entry.clip: entry for entry in previous.entries}
+    families: dict[str, Judged] = {}
+    for row in sorted(stage.judged, key=lambda row: (-_lost_s(row), row.clip)):
+        if _lost_s(row) > LEAST_LOST_S and row.clip in entries:
+            families.setdefault(row.clip.split("~")[0], row)
+    strips = []
+    for row in list(families.values())[:most]:
+        clip = entry_clip(store, entries[row.clip])
+        why = next((reason["text"] for reason in row.reasons if reason["effect"] == "rejected"), "")
+        strips.append(
+            Strip(
+                title=row.clip,
+                note=why,
+                human=clip if isinstance(clip, HumanClip) else None,
+                robot_clip=clip if isinstance(clip, RobotClip) else None,
+            )
+        )
+    return worst_clips_sheet(strips, robot)
+
+
+def _lost_s(row: Judged) -> float:
+    return float(row.numbers.get("seconds_in") or 0.0) - float(row.numbers.get("seconds_out") or 0.0)
+
+
+GIF_COLOURS = 32
+GIF_DOTS_PER_M = 130
+GIF_FPS = 12.5
+
+
+def walk_gif(clip: RobotClip, robot: Robot, start_s: float = 0.0) -> bytes:
+    """GIF of two seconds of a clip from `start_s` on, at its own speed; the same clip gives the same bytes."""
+    figure = robot_figure(clip, robot)
+    stop_s = min(start_s + 2.0, figure.duration_s)
+    frames = [figure.frame_at(float(time_s)) for time_s in np.arange(start_s, stop_s, 1.0 / GIF_FPS)] or [0]
+    height = ROBOT_HEIGHT_SHARE * robot.default_root_height + 0.1
+    heading = float(figure.heading[frames[0]])
+    images = []
+    for frame in frames:
+        triangles = one_above_the_other([ground_triangles(0.45), pose_triangles(figure, frame, heading)])
+        canvas = Canvas(figsize=(POSE_WIDTH * 1.2 * GIF_DOTS_PER_M / 100, height * GIF_DOTS_PER_M / 100), dpi=100)
+        axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+        axes.set_axis_off()
+        axes.set(xlim=(-0.6 * POSE_WIDTH, 0.6 * POSE_WIDTH), ylim=(-0.12, height - 0.12))
+        axes.add_artist(TriangleArtist(triangles))
+        agg = FigureCanvasAgg(canvas)
+        agg.draw()
+        images.append(Image.fromarray(np.asarray(agg.buffer_rgba())[..., :3].copy()))
+    paletted = [
+        image.quantize(GIF_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE) for image in images
+    ]
+    stream = io.BytesIO()
+    paletted[0].save(
+        stream, "gif", save_all=True, append_images=paletted[1:], duration=round(1000 / GIF_FPS), loop=0, optimize=False
+    )
+    return stream.getvalue()

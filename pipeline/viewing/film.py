@@ -1,4 +1,7 @@
-"""Figures as a film, without a display: MP4 or GIF, side by side, each followed along its path."""
+"""Figures as a film, without a display: MP4 or GIF, side by side, each followed along its path.
+
+`record_walk` films a policy's walk in MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import os
 import tempfile
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -14,9 +18,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from PIL import Image  # comes with matplotlib
 
-from pipeline.errors import FileError
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.errors import FileError, PipelineError, UnknownNameError
+from pipeline.validation.deployed import Deployed
 from pipeline.viewing.figure import Figure
+from pipeline.viewing.live_walk import TERRAINS, LiveWalk
 from pipeline.viewing.projection import TriangleArtist, ground_triangles, one_above_the_other, pose_triangles
+from pipeline.viewing.robot_figure import robot_figure
 
 SUFFIXES = (".mp4", ".gif")
 DOTS_PER_M = 190
@@ -106,3 +114,60 @@ def _write_gif(path: Path, pictures: Iterator[np.ndarray], fps: int) -> None:
         for each in pictures
     ]
     images[0].save(path, "gif", save_all=True, append_images=images[1:], duration=round(1000 / fps), loop=0)
+
+
+LONGEST_S = 120.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walk:
+    """What is filmed."""
+
+    command: tuple[float, float, float]
+    """Forward and left velocity [m/s], yaw rate [rad/s]."""
+    seconds: float
+    push: float | None = None
+    """Impulse of a push to the left at half time [N s]; None: no push."""
+    terrain: str = "flat"
+    friction: float = 1.0
+
+
+def record_walk(path: Path, one: Deployed, walk: Walk) -> str:
+    """Write the film of a walk; return a summary. Raises UnknownNameError, FileError."""
+    record, fell_s = simulated(one, walk)
+    forward, lateral, yaw = walk.command
+    text = f"command {forward:g} m/s, {lateral:g} m/s, {yaw:g} rad/s, {walk.terrain}"
+    count = write_film(path, [robot_figure(record, one.robot)], text=text)
+    end = f"; it fell at {fell_s:.2f} s" if fell_s is not None else ""
+    return f"{path}: {count} pictures, {record.duration_s:.1f} s, {text}{end}"
+
+
+def simulated(one: Deployed, walk: Walk) -> tuple[RobotClip, float | None]:
+    """The walk at the control rate, and when the robot fell [s]; None if it did not."""
+    if walk.terrain not in TERRAINS:
+        raise UnknownNameError("terrain", walk.terrain, list(TERRAINS))
+    if not 0.0 < walk.seconds <= LONGEST_S:
+        raise PipelineError(
+            f"a walk of {walk.seconds:g} s can't be filmed, allowed are more than 0 to {LONGEST_S:g} s."
+        )
+    live = LiveWalk(one, walk.terrain, walk.friction)
+    live.goal = np.array(walk.command)
+    fell_s = None
+    steps = max(round(walk.seconds / live.control_s), 2)
+    for step in range(steps):
+        if walk.push is not None and step == steps // 2:
+            live.push(walk.push, np.pi / 2.0)
+        live.step()
+        if live.fallen and fell_s is None:
+            fell_s = live.time_s
+    record = live.record()
+    clip = RobotClip(
+        name="walk",
+        fps=one.task.control_hz,
+        robot=one.robot.name,
+        joint_names=one.robot.joint_names,
+        root_pos_w=record.root_pos_w,
+        root_quat_w=record.root_quat_w,
+        joint_pos=record.joint_pos,
+    )
+    return clip, fell_s

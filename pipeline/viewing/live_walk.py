@@ -46,9 +46,9 @@ class WalkRecord:
 
 
 class LiveWalk:
-    """A walk that goes on a control step at a time.
+    """A walk that is simulated one control step at a time.
 
-    After a fall the robot lies where it is until `restart`. Nothing in it is random: equal calls give equal states.
+    After a fall the robot stays on the ground until `restart`. Nothing in it is random: equal calls give equal states.
     """
 
     def __init__(self, one: Deployed, terrain: str = "flat", friction: float = 1.0) -> None:

@@ -38,12 +38,12 @@ GROUND_STEP_M = 0.1
 class PlayPage(TickedPage):
     """A server with the scene and its controls. `step` does the work of a tick, so that a test drives it alone."""
 
-    def __init__(self, one: Deployed, name: str, port: int, host: str = "127.0.0.1") -> None:
+    def __init__(self, one: Deployed, name: str, port: int) -> None:
         self.walk = LiveWalk(one)
         self._lock = threading.Lock()
         self._kinematics = Kinematics(one.robot)
         self._links = [one.robot.link(part.name) for part in robot_parts(one.robot)]
-        self.server = page_server(host, port, label=f"Booster Lab: {name}")
+        self.server = page_server("127.0.0.1", port, label=f"Booster Lab: {name}")
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._owed_s = 0.0
         self._add_scene()

@@ -16,7 +16,7 @@ from pipeline.simulation.plant import Push
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
-from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
+from pipeline.simulation.torque_envelope import PdControl
 from pipeline.virtual_robot.deviations import (
     Deviations,
     FailingMotors,
@@ -26,7 +26,7 @@ from pipeline.virtual_robot.deviations import (
     joints_of,
     motor_envelope,
 )
-from pipeline.virtual_robot.record import SOUND, HeatModel, LogQuality, record
+from pipeline.virtual_robot.record import SOUND, HeatModel, record
 from pipeline.virtual_robot.scripted import HeldPlant, Hold
 
 FALLEN_COS = 0.5
@@ -100,8 +100,6 @@ def simulate(
     rng: np.random.Generator,
     facts: LogFacts,
     *,
-    envelope: TorqueEnvelope | None = None,
-    quality: LogQuality = SOUND,
     every: int = 1,
 ) -> tuple[Rollout, RobotLog]:
     """Simulate a trial; return the rollout and its log.
@@ -112,8 +110,6 @@ def simulate(
         trial: command, deviations and events
         rng: draws sensor noise and losses
         facts: facts of the log
-        envelope: torque envelope of the nominal motors; default: `motor_envelope`
-        quality: imperfections of sensors and network
         every: log one state in so many timesteps
     """
     deviations = trial.deviations
@@ -121,7 +117,7 @@ def simulate(
     motors = PdControl(
         kp=deviations.gain_scale * task.kp,
         kd=deviations.gain_scale * task.kd,
-        envelope=envelope_of(robot, deviations, envelope or motor_envelope(robot)),
+        envelope=envelope_of(robot, deviations, motor_envelope(robot)),
     )
     rollout = run(
         robot,
@@ -137,7 +133,7 @@ def simulate(
     )
     rollout = dataclasses.replace(rollout, command=rollout.command / deviations.command_scale)
     losses = {"message_loss": deviations.message_loss, "motor_loss_hz": deviations.motor_loss_hz}
-    quality = dataclasses.replace(quality, **{name: value for name, value in losses.items() if value is not None})
+    quality = dataclasses.replace(SOUND, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
     facts = dataclasses.replace(

@@ -217,5 +217,5 @@ Written by `booster-lab webots-project`; nothing here is edited by hand.
     webots {world}
 
 opens it. The controller needs a Python with numpy. It walks what `controllers/{CONTROLLER}/run.json` says and writes
-`controllers/{CONTROLLER}/{RESULT}`. Rotors' inertia lies on the links that they move, as Webots has no armature.
+`controllers/{CONTROLLER}/{RESULT}`. Rotors' inertia is on the links that they move, as Webots has no armature.
 """

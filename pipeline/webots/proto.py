@@ -16,7 +16,7 @@ from pipeline import rotation
 from pipeline.robot import Robot
 from pipeline.robot.description import Description
 from pipeline.robot.tables import LinkRow, ShapeRow
-from pipeline.simulation.armature_on_links import added_moments
+from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.webots.vrml import Is, Node, Proto, Scene
 
 VERSION = "R2023b"

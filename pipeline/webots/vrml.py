@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pipeline.errors import PipelineError
-from pipeline.robot.mjcf import numbers
+from pipeline.robot.model_files import numbers
 
 TOKEN = re.compile(r"""\s+|,|\#[^\n]*|(?P<text>"(?:\\.|[^"\\])*")|(?P<mark>[{}\[\]])|(?P<word>[^\s{}\[\]",\#]+)""")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")

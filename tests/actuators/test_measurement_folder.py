@@ -9,7 +9,7 @@ from pipeline.actuators import calibrate_folder
 from pipeline.actuators.folder import read_published
 from pipeline.batch import Store
 from pipeline.errors import FileError
-from pipeline.viewing.actuator_plots import calibration_curves
+from pipeline.viewing.plots import calibration_curves
 from tests.factories.sweeps import SETTINGS
 
 

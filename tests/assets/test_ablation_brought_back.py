@@ -8,15 +8,13 @@ import dagster as dg
 import pytest
 
 from assets import ablation, policy, resources
-from assets.plan import policy_plans, robot_plans
+from assets.plan import robot_plans
 from assets.project import PROJECT, Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from tests.factories.ablation_runs import CURVES, change_config, write_arm_runs
 
-ABLATION = policy_plans("t1")[1]
-DATABASE, ADAPTED = (
-    next(plan for plan in robot_plans("t1") if plan.name == name) for name in ("expert_db", "adapted_robot")
-)
+PLANS = robot_plans("t1")
+ABLATION, DATABASE, ADAPTED = (PLANS[name] for name in ("augmentation_ablation", "expert_db", "adapted_robot"))
 COMMIT = "0123abc"
 
 

@@ -9,7 +9,7 @@ import dagster as dg
 import pytest
 
 from assets import amp_policy, policy, resources, training_process
-from assets.plan import SHARED, policy_plans, robot_plans
+from assets.plan import SHARED, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.actuators import adapt, write_adapted_robot
@@ -19,10 +19,7 @@ from pipeline.export.metadata import trained_task
 from tests.factories.robot_clips import standing, wandering
 from tests.factories.sweeps import SETTINGS
 
-TRAINED = policy_plans("t1")[0]
-DATABASE, ADAPTED = (
-    next(plan for plan in robot_plans("t1") if plan.name == name) for name in ("expert_db", "adapted_robot")
-)
+TRAINED, DATABASE, ADAPTED = (robot_plans("t1")[name] for name in ("amp_policy", "expert_db", "adapted_robot"))
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from assets.approved import PARTS, approvals_of, approved_part
-from assets.feedback_page import FeedbackPage
+from assets.feedback import FeedbackPage
 from assets.project import Project
 from pipeline.errors import PipelineError
 from pipeline.feedback.approve import ApprovalError, approve_proposal, decline_proposal, take_back_sections

@@ -4,8 +4,7 @@ import dagster as dg
 import pytest
 
 import assets.approval
-from assets.approval import approve_feedback, take_back_feedback
-from assets.approval_token import TokenError, ensure_token, use_token
+from assets.approval import TokenError, approve_feedback, ensure_token, take_back_feedback, use_token
 from assets.approved import approvals_of
 from assets.project import Project
 from tests.factories.feedback_project import feedback_project, propose_into, two_falls

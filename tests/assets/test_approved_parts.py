@@ -20,7 +20,7 @@ from assets.approved import (
 from assets.bootstrap import _upstream
 from assets.plan import robot_plans
 from assets.project import Project
-from assets.variants import with_further_variants
+from assets.reference_motions import with_further_variants
 from pipeline.batch import Entry, Judged, Manifest
 from pipeline.errors import SettingsError
 from pipeline.feedback.approved import EMPTY, entries_of, write_entries
@@ -104,8 +104,8 @@ def test_a_limit_written_by_hand_is_held_against_the_calibrated_one(root, tmp_pa
     write_entries(project.approved_feedback, entries_of(motors, "x", "a person"))
     assert len(approved_part(project, "motors", "t1")) == 1, "the rules alone can't tell"
     monkeypatch.setattr(actuators, "PROJECT", project)
-    model, calibration, adapted, *_ = robot_plans("t1")
-    asset = actuators.adapted_robot(adapted, calibration, model)
+    plans = robot_plans("t1")
+    asset = actuators.adapted_robot(plans["adapted_robot"], plans["actuator_calibration"], plans["robot_model"])
     nothing = Manifest(stage="actuator_calibration", entries=(), judged=(), settings={})
     with pytest.raises(dg.Failure, match=says):
         asset(actuator_calibration=nothing, robot_model=nothing)

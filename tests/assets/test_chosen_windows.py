@@ -11,8 +11,8 @@ import pytest
 
 from assets import motions
 from assets.approved import approved_part
-from assets.chosen_windows import BOUNDS, chosen_windows, short_of_wanted
 from assets.database_checks import COVERED, _every_skill
+from assets.motions import BOUNDS, chosen_windows, short_of_wanted
 from assets.plan import Plan
 from assets.project import Project
 from assets.resources import ClipPoolResource
@@ -154,7 +154,7 @@ def test_what_a_bound_brought_is_not_taken_for_an_approved_part(project, asset):
 
 
 def test_the_check_of_the_database_tells_of_a_skill_that_feedback_wants_more_of(project, asset):
-    plan = Plan(name="expert_db", packages=())
+    plan = Plan("expert_db", "database", ())
     before, _ = asset()
     index = before.entry_table().assign(variant="original")
     assert "wanted by feedback" not in _every_skill(plan, index, before.settings).metadata

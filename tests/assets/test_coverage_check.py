@@ -9,7 +9,7 @@ import pytest
 from assets.database_checks import _every_command
 from assets.plan import Plan
 
-PLAN = Plan(name="expert_db", packages=())
+PLAN = Plan("expert_db", "database", ())
 BEFORE_AND_AFTER = ("seconds", "effective_seconds_before", "effective_seconds")
 
 

@@ -5,10 +5,10 @@ import shutil
 import dagster as dg
 import pytest
 
-from assets import dataset_exports, policy
-from assets.dataset_exports import dataset_exports as export_assets
+from assets import database, policy
+from assets.database import dataset_exports as export_assets
 from assets.freshness import stored_version
-from assets.plan import EXPORTS, SHARED, export_plans, named_plans
+from assets.plan import EXPORTS, SHARED, robot_plans
 from assets.project import Project
 from pipeline.dataset_export import FORMATS
 from pipeline.expert import ExpertEntry, write_database
@@ -16,7 +16,8 @@ from pipeline.expert.dataset_card import STAGES
 from pipeline.readers import read_motion
 from tests.factories.robot_clips import wandering
 
-DATABASE = named_plans("t1")["expert_db"]
+PLANS = robot_plans("t1")
+DATABASE = PLANS["expert_db"]
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def project(tmp_path, root, robot, monkeypatch):
         for index in range(2)
     ]
     write_database(project.expert_db("t1"), entries, robot, stages={})
-    for module in (dataset_exports, policy):
+    for module in (database, policy):
         monkeypatch.setattr(module, "PROJECT", project)
     return project
 
@@ -63,7 +64,8 @@ def test_every_format_of_the_command_is_an_asset(project):
     pytest.importorskip("rerun", reason="the extra booster-lab[export] is not installed")
     assert tuple(EXPORTS) == FORMATS
     assert ran(project).success
-    for kind, plan in export_plans("t1").items():
+    for kind, name in EXPORTS.items():
+        plan = PLANS[name]
         folder = project.data / "exports/t1" / kind
         assert (folder / "README.md").is_file()
         facts = project.store.load(plan.key.to_user_string()).settings["export"]
@@ -75,11 +77,11 @@ def test_every_format_of_the_command_is_an_asset(project):
     archive = next((project.data / "exports/t1/mjlab").glob("*.npz"))
     assert read_motion(archive, "clip").clip.frame_count == 60
     archive.unlink()
-    assert stored_version(project, export_plans("t1")["mjlab"]) is None
+    assert stored_version(project, PLANS[EXPORTS["mjlab"]]) is None
 
 
 def test_the_card_explains_stages_that_the_graph_has():
-    assert set(STAGES) <= {plan.name for plan in (*SHARED, *named_plans("t1").values())}
+    assert set(STAGES) <= {plan.name for plan in (*SHARED, *PLANS.values())}
 
 
 def test_a_format_whose_package_is_missing_fails_in_one_sentence_and_keeps_what_was_there(project, monkeypatch):
@@ -87,7 +89,7 @@ def test_a_format_whose_package_is_missing_fails_in_one_sentence_and_keeps_what_
     folder.mkdir(parents=True)
     (folder / "old.rrd").write_bytes(b"old")
     monkeypatch.setitem(__import__("sys").modules, "rerun", None)
-    result = ran(project, raise_on_error=False, selection=[export_plans("t1")["rerun"].key])
+    result = ran(project, raise_on_error=False, selection=[PLANS[EXPORTS["rerun"]].key])
     (failure,) = [event for event in result.all_events if event.is_step_failure]
     assert "pip install 'booster-lab[export]'" in failure.event_specific_data.error_display_string
     assert [path.name for path in folder.iterdir()] == ["old.rrd"]

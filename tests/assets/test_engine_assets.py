@@ -9,8 +9,8 @@ import dagster as dg
 import pytest
 import yaml
 
-from assets import cross_engine, judged_policy, limit_cycles, policy
-from assets.plan import engine_plans, policy_plans, robot_plans
+from assets import cross_engine, limit_cycles, policy
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
@@ -18,7 +18,7 @@ from pipeline.deployment import deployment_task, digest
 from pipeline.robot import Robot
 from tests.factories.policies import still_policy
 
-PLANS = {plan.name: plan for plan in (*policy_plans("t1"), *engine_plans("t1"), *robot_plans("t1"))}
+PLANS = robot_plans("t1")
 EXPORTED, ADAPTED = PLANS["exported_policy"], PLANS["adapted_robot"]
 WALK = {"segments": [{"seconds": 1.0, "command": [0.6, 0, 0]}], "measured_s": 0.5}
 
@@ -37,10 +37,10 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch: pytest.Monkey
     cycles = yaml.safe_load((root / "data" / "limit_cycles.yaml").read_text())
     cycles |= {"seconds": 3.0, "settled_s": 0.5}
     (tmp_path / "data" / "limit_cycles.yaml").write_text(json.dumps(cycles))
-    for module in (policy, cross_engine, judged_policy, limit_cycles):
+    for module in (policy, cross_engine, limit_cycles):
         monkeypatch.setattr(module, "PROJECT", project)
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(judged_policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
     return project
 
 

@@ -9,8 +9,7 @@ import pytest
 from assets import failure_modes
 from assets.project import Project
 from pipeline.batch import Manifest
-from pipeline.failures.missed import NOTED
-from pipeline.failures.trial_report import TrialReport
+from pipeline.failures.trial_report import NOTED, TrialReport
 from pipeline.hardware_logs import write_trial
 from pipeline.hardware_logs.missed_bars import MissedBar
 from tests.factories.log_trials import ROOT, trials_in
@@ -64,7 +63,7 @@ def test_a_fault_of_ours_is_told_and_not_remembered(project, robot, tmp_path, mo
     write_trial(path, trial)
     numbers = {"robot": "t1", "log": "x"}
     with monkeypatch.context() as broken:
-        broken.setattr("pipeline.failures.find.find_failures", lambda *args, **given: 1 / 0)
+        broken.setattr(failure_modes, "find_failures", lambda *args, **given: 1 / 0)
         said = failure_modes._answer("x", path, numbers)
     assert said["fault"] and "ZeroDivisionError" in said["unread"]
     assert "report" in failure_modes._answer("x", path, numbers)

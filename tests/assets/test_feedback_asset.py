@@ -7,9 +7,9 @@ import pytest
 
 from assets import feedback
 from assets.approved import approvals_of
-from assets.page_renewal import page_request, renew_feedback_page
 from assets.project import Project
-from assets.run_tries import MAX_TRIES
+from assets.runs import MAX_FAILURES
+from assets.sensors import page_request, renew_feedback_page
 from pipeline.batch import Manifest
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approve import approve_proposal, take_back_sections
@@ -110,7 +110,7 @@ def test_a_page_that_cannot_be_made_is_tried_a_few_times_and_no_more(project):
     with dg.instance_for_test() as instance:
         note_page(instance, fall(1))
         approve_proposal(project.feedback, digest, "a person")
-        for _ in range(MAX_TRIES):
+        for _ in range(MAX_FAILURES):
             request = page_request(instance, project)
             assert request is not None
             run = instance.create_run_for_job(job, tags=dict(request.tags), status=dg.DagsterRunStatus.STARTED)

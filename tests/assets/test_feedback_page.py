@@ -1,6 +1,6 @@
 """The table of the page: each change with how many logs it rests on, and how often they count."""
 
-from assets.feedback_page import FeedbackPage
+from assets.feedback import FeedbackPage
 from pipeline.failures.trial_report import TrialReport
 from pipeline.feedback.approved import Approvals
 from tests.factories.trial_reports import failure, proposal, report

@@ -7,8 +7,7 @@ import pytest
 
 from assets.definitions import defs
 from assets.freshness import topological
-from assets.groups import group_of
-from assets.plan import EXPORTS, plans
+from assets.plan import EXPORTS, group_of, plans
 from assets.project import PROJECT
 from assets.robot_motions import robot_assets
 

@@ -10,19 +10,18 @@ import dagster as dg
 import numpy as np
 import pytest
 
+import assets.bootstrap
 import assets.definitions
-import assets.external
 import assets.hardware
-import assets.log_sensor
 import assets.resources
+import assets.sensors
 from assets.bootstrap import assets_of
-from assets.hardware import hardware_logs, hardware_trials, logs_version, trials_of
-from assets.log_ingest import IngestedLogs, ingest_folder
-from assets.log_sensor import hardware_log_sensor, ingest_logs
+from assets.hardware import IngestedLogs, hardware_logs, hardware_trials, ingest_folder, logs_version, trials_of
 from assets.plan import TRIALS
 from assets.project import Project
 from assets.resources import StoreIOManager
-from assets.run_locks import alive
+from assets.runs import alive
+from assets.sensors import hardware_log_sensor, ingest_logs
 from pipeline.files import digest, settings
 from pipeline.hardware_logs import LogSettings, Storage, mcap_bytes, read_trial
 from tests.factories.robot_logs import POLICY, START_NS, every, low_states, robot_log
@@ -40,7 +39,7 @@ def project(root, tmp_path, monkeypatch) -> Project:
     for path in (root / "data").glob("*.yaml"):
         shutil.copy(path, made.data)
     (made.data / "motions").mkdir()
-    for module in (assets.hardware, assets.log_sensor, assets.resources):
+    for module in (assets.hardware, assets.sensors, assets.resources):
         monkeypatch.setattr(module, "PROJECT", made)
     return made
 
@@ -259,7 +258,7 @@ def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
     with dg.instance_for_test() as instance:
         tags = tick(instance)
         assert isinstance(tags, dict)
-        assets.external.note_external(instance, project)
+        assets.bootstrap.note_external(instance, project)
         assert materialize(instance).success
         run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
         instance.report_run_failed(run)
@@ -310,7 +309,7 @@ def ingest_job() -> dg.JobDefinition:
 def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
     with dg.instance_for_test() as instance:
-        assets.external.note_external(instance, project)
+        assets.bootstrap.note_external(instance, project)
         result = materialize(instance)
         assert result.success
         assert tick(instance) == "no new log: 1 are ingested, 0 still being written"

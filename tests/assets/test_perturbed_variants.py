@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from assets.variants import all_variants, with_further_variants
+from assets.reference_motions import all_variants, with_further_variants
 from pipeline.augment import AugmentSettings, Strengths, process
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
 from pipeline.clips.robot_clip import RobotClip

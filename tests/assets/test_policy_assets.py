@@ -14,7 +14,7 @@ from assets import ablation, amp_policy, policy, resources, training_process
 from assets.bootstrap import _made_for_children, _parents, _upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
-from assets.plan import digest_of_robot, plans, policy_plans, robot_plans
+from assets.plan import digest_of_robot, plans, robot_plans
 from assets.project import PROJECT, Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from pipeline.batch import Manifest
@@ -22,11 +22,9 @@ from pipeline.export.folder import Source, export_policy
 from tests.factories.networks import network_file
 from tests.factories.training_stand_in import write_training_stand_in
 
-TRAINED, ABLATION, EXPORTED = policy_plans("t1")[:3]
-DATABASE, ADAPTED, MODEL = (
-    next(plan for plan in robot_plans("t1") if plan.name == name)
-    for name in ("expert_db", "adapted_robot", "robot_model")
-)
+PLANS = robot_plans("t1")
+TRAINED, ABLATION, EXPORTED = (PLANS[name] for name in ("amp_policy", "augmentation_ablation", "exported_policy"))
+DATABASE, ADAPTED, MODEL = (PLANS[name] for name in ("expert_db", "adapted_robot", "robot_model"))
 FREE = {"strictest": "public-domain", "allowed_use": "Any use."}
 CLOSED = {"strictest": "non-commercial", "allowed_use": "Research.", "licences": {"AMASS": "non-commercial"}}
 

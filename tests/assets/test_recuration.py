@@ -6,10 +6,11 @@ from contextlib import contextmanager
 import dagster as dg
 import pytest
 
-from assets import recuration, run_tries
+from assets import runs, sensors
 from assets.approved import PARTS, SHARED_PARTS, approvals_of, approved_part, noting
 from assets.project import Project
-from assets.recuration import (
+from assets.runs import MAX_FAILURES, alive
+from assets.sensors import (
     APPROVED_TAG,
     MAX_NIGHTLY_TRIES,
     approved_feedback_sensor,
@@ -17,8 +18,6 @@ from assets.recuration import (
     nightly_recuration,
     recurate,
 )
-from assets.run_locks import alive
-from assets.run_tries import MAX_TRIES
 from pipeline.batch import Manifest
 from pipeline.feedback.approve import approve_proposal, take_back_sections
 from pipeline.feedback.change import proposal_digest
@@ -34,7 +33,7 @@ def project(root, tmp_path, monkeypatch) -> Project:
     """A project with a proposal; sensor and schedule look at it."""
     made = feedback_project(root, tmp_path)
     propose_into(made, *two_falls())
-    monkeypatch.setattr(recuration, "PROJECT", made)
+    monkeypatch.setattr(sensors, "PROJECT", made)
     return made
 
 
@@ -153,7 +152,7 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
         approve(project, "weights")
         for count in range(MAX_NIGHTLY_TRIES):
             asked = tick(instance)
-            if count >= MAX_TRIES:
+            if count >= MAX_FAILURES:
                 assert f"{count} runs for what is approved now came to nothing" in asked
                 asked = nightly_recuration(dg.build_schedule_context(instance=instance))
             assert isinstance(asked, dg.RunRequest)
@@ -186,7 +185,7 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_something_change
 def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
     with reached(project) as instance:
         approve(project, "weights")
-        for _ in range(MAX_TRIES):
+        for _ in range(MAX_FAILURES):
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
             run_of(instance, request, dg.DagsterRunStatus.SUCCESS)
@@ -197,7 +196,7 @@ def test_runs_that_succeed_and_reach_nothing_do_not_go_on_for_ever(project):
 
 def test_what_is_approved_again_after_it_was_taken_back_is_run_again(project):
     with reached(project) as instance:
-        for _ in range(MAX_TRIES + 1):
+        for _ in range(MAX_FAILURES + 1):
             approve(project, "weights")
             request = tick(instance)
             assert isinstance(request, dg.RunRequest)
@@ -234,7 +233,7 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
         assert isinstance(request, dg.RunRequest)
         run = run_of(instance, request, dg.DagsterRunStatus.STARTING)
         assert "a run was started" in tick(instance)
-        monkeypatch.setattr(run_tries, "START_S", 0.0)
+        monkeypatch.setattr(runs, "START_S", 0.0)
         assert isinstance(tick(instance), dg.RunRequest)
         with alive(project.store.root / "runs", run.run_id):
             assert "a run was started" in tick(instance), "it has its lock"

@@ -18,7 +18,7 @@ from pipeline.release.dossier import Status
 from pipeline.release.page import page
 from tests.factories.networks import network_file
 
-KNOWN = {name: Plan(name=name, packages=(), robot="t1") for name in RELEASED}
+KNOWN = {name: Plan(name, "validation", (), robot="t1") for name in RELEASED}
 PNG = b"\x89PNG\r\n\x1a\n"
 
 

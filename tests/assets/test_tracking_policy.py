@@ -12,7 +12,7 @@ import dagster as dg
 import pytest
 
 from assets import resources, tracking_policy
-from assets.plan import named_plans
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
@@ -25,7 +25,7 @@ from pipeline.tracking.tracker_folder import read_card
 from tests.factories.robot_clips import standing
 from tests.factories.sweeps import SETTINGS
 
-PLANS = named_plans("t1")
+PLANS = robot_plans("t1")
 
 
 @pytest.fixture

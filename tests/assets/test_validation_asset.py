@@ -6,8 +6,8 @@ from pathlib import Path
 import dagster as dg
 import pytest
 
-from assets import judged_policy, policy, validation
-from assets.plan import policy_plans, robot_plans, validation_plan
+from assets import policy, validation
+from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
@@ -17,8 +17,8 @@ from pipeline.validation import suites
 from tests.factories.policies import still_policy
 
 FEW = {"push force standing 20 Ns": 1, "push force standing 60 Ns": 1}
-EXPORTED = next(plan for plan in policy_plans("t1") if plan.name == "exported_policy")
-ADAPTED = next(plan for plan in robot_plans("t1") if plan.name == "adapted_robot")
+PLANS = robot_plans("t1")
+EXPORTED, ADAPTED = PLANS["exported_policy"], PLANS["adapted_robot"]
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def project(tmp_path: Path, root: Path, monkeypatch: pytest.MonkeyPatch) -> Proj
     shutil.copy(root / "data" / "validation.yaml", tmp_path / "data" / "validation.yaml")
     for module in (policy, validation):
         monkeypatch.setattr(module, "PROJECT", project)
-    monkeypatch.setattr(suites, "cells_of", lambda suite, robot: suites.named(robot, FEW))
+    monkeypatch.setattr(validation, "cells_of", lambda suite, robot: suites.named(robot, FEW))
     monkeypatch.setattr(validation, "SHOWN", {"push force standing 20 Ns": 1})
     return project
 
@@ -54,7 +54,7 @@ def test_a_policy_that_falls_is_failed_with_reasons_pictures_and_logs(
         [
             exported_policy,
             dg.AssetSpec(ADAPTED.key),
-            validation.mujoco_validation(validation_plan("t1"), EXPORTED, ADAPTED),
+            validation.mujoco_validation(PLANS["mujoco_validation"], EXPORTED, ADAPTED),
         ],
         resources={"clip_pool": ClipPoolResource(workers=1), "io_manager": dg.mem_io_manager},
     )
@@ -78,8 +78,8 @@ def test_other_engines_say_the_digest_of_what_they_walk_too(
     project: Project, robot: Robot, monkeypatch: pytest.MonkeyPatch
 ):
     still = still_policy(deployment_task(robot))
-    monkeypatch.setattr(judged_policy, "PROJECT", project)
-    monkeypatch.setattr(judged_policy, "served_policy", lambda manifest: still)
+    monkeypatch.setattr(policy, "PROJECT", project)
+    monkeypatch.setattr(policy, "served_policy", lambda manifest: still)
     exported = Manifest(stage="exported_policy", entries=(), judged=(), settings={"p": {"digest": "another"}})
-    found = judged_policy.judged_policy(judged_policy.JudgedPolicyConfig(), exported, "t1")
+    found = policy.evaluated_policy(policy.EvaluatedPolicyConfig(), exported, "t1")
     assert found.digest == digest(still)

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from assets.plan import Plan, engine_plans, policy_plans, validation_plan
+from assets.plan import Plan, robot_plans
 from pipeline.batch.code_version import BELOW_ALL_STAGES
 
-PLANS = {plan.name: plan for plan in (*policy_plans("t1"), *engine_plans("t1"), validation_plan("t1"))}
+PLANS = robot_plans("t1")
 RUN_BY = {
-    "mujoco_validation": ("validation/measure", "validation/suites", "validation/verdict", "validation/failed_trials"),
+    "mujoco_validation": ("validation/figures", "validation/suites", "validation/verdict", "validation/failed_trials"),
     "cross_engine_validation": ("validation/cross_engine", "validation/cross_engine_trials"),
-    "webots_validation": ("webots/validate", "webots/project", "webots/checks", "validation/deployed"),
+    "webots_validation": ("webots/validate", "webots/project", "validation/deployed"),
     "limit_cycles": ("validation/limit_cycle_walks", "hardware_logs/trial"),
 }
 """Modules of `pipeline` that an asset calls."""

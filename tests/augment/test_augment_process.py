@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import time_scale_clip, time_scale_numbers
-from pipeline.augment.settings import Strengths
+from pipeline.augment.process import Strengths
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError
 from pipeline.files import settings

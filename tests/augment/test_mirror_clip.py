@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.augment.mirror import mirror_clip, mirror_numbers, mirror_skill
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Kinematics, Robot
 from tests.factories.robot_clips import wandering
 

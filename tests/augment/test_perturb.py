@@ -10,14 +10,14 @@ from pipeline import rotation, time_series
 from pipeline.augment import AugmentSettings, process
 from pipeline.augment.mirror import mirror_clip
 from pipeline.augment.perturb import perturb
-from pipeline.augment.settings import KINDS, Strengths
+from pipeline.augment.process import KINDS, Strengths
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import SettingsError
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility import process as judge
 from pipeline.files import settings
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.quality.sole import sole_motion
 from pipeline.retarget import RetargetSettings
 from pipeline.retarget import process as retarget

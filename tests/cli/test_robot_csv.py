@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline import rotation
-from pipeline.cli.robot_csv import ROOT_COLUMNS, encode_csv
+from pipeline.cli.retarget_command import ROOT_COLUMNS, encode_csv
 from pipeline.readers import read_motion
 from tests.factories.figures import standing_robot, tumbling_robot
 

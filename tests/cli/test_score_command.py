@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.cli.main import main
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.readers import read_motion
 from pipeline.scoring import FIGURES
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from pipeline.clips.soundness import faults_of
+from pipeline.clips.codec import faults_of
 from tests.factories.clips import human_clip, robot_clip
 
 

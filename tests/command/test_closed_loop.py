@@ -54,7 +54,7 @@ def checkout(root, tmp_path_factory) -> Checkout:
 
     Its runs can be made to die right before the database is written.
     """
-    made = Checkout.make(root, tmp_path_factory.mktemp("loop"), ("stand", "side_left"))
+    made = Checkout.make(root, tmp_path_factory.mktemp("loop"), ("stand", "side_left")).with_answers_of(root)
     logs = made.root / "data/hardware_logs"
     shutil.rmtree(logs)
     logs.mkdir()

@@ -8,11 +8,13 @@ import pytest
 import yaml
 
 from tests.factories.checkout import Checkout
-from tests.factories.curation_browser import Browser, browser, curation_server
+from tests.factories.curation_browser import PICTURES_VARIABLE, Browser, browser, curation_server
 
 pytestmark = pytest.mark.command
 
 FEW = ("stand", "walk")
+PICTURED = (*FEW, "back", "run_easy", "side_left", "turn_left")
+"""Motions where screenshots for the docs are wanted."""
 MARKUP = "<img src=x onerror=alert(1)>"
 """Name of a motion file: it must reach the page as text."""
 RUN_MS = 280_000
@@ -20,9 +22,8 @@ RUN_MS = 280_000
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
-    """A checkout with a database and a proposal that waits; for pictures with all motions that ship."""
-    all_of_them = tuple(path.stem for path in (root / "data/motions").glob("*.bvh"))
-    motions = all_of_them if os.environ.get("BOOSTER_LAB_PICTURES") else FEW
+    """A checkout with a database and a proposal that waits."""
+    motions = PICTURED if os.environ.get(PICTURES_VARIABLE) else FEW
     made = Checkout.make(root, tmp_path_factory.mktemp("curate"), motions).with_answers_of(root)
     shutil.copy2(made.root / "data/motions/stand.bvh", made.root / f"data/motions/{MARKUP}.bvh")
     made.materialize(timeout_s=580)

@@ -5,8 +5,8 @@ import socket
 
 import pytest
 
-from pipeline.cli.clips_to_view import clips_to_view
 from pipeline.cli.project import find_project
+from pipeline.cli.view_command import clips_to_view
 from pipeline.readers import Statement
 from pipeline.viewing.viewer import Viewer
 from tests.factories.browser import WAIT_S, chromium, listening

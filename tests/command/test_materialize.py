@@ -1,6 +1,5 @@
 """The README's command, typed literally, after each kind of change. One checkout, one story."""
 
-import dataclasses
 import json
 import os
 import re
@@ -9,7 +8,7 @@ import signal
 
 import pytest
 
-from pipeline.actuators.synthesize import T1, measurement_text
+from pipeline.actuators.synthesize import Drive, measurement_text
 from pipeline.expert import read_database
 from tests.factories.checkout import ASSETS, Checkout
 
@@ -227,7 +226,7 @@ def test_a_measurement_changed_calibrates_its_motor_and_remakes_what_depends_on_
     before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/actuators/t1/knee.csv"
     text = path.read_text()
-    weak = dataclasses.replace(T1["knee"], knee_torque=40.0)
+    weak = Drive(knee_torque=40.0, knee_speed=12.57, source="a weaker knee")
     path.write_text(measurement_text("knee", weak))
     materialized.materialize()
     made = {name for name, count in materialized.counts().items() if count > before[name]}

@@ -33,7 +33,7 @@ def commands(root: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
-    return Checkout.make(root, tmp_path_factory.mktemp("readme"), ("walk",))
+    return Checkout.make(root, tmp_path_factory.mktemp("readme"), ("walk",)).with_answers_of(root)
 
 
 def test_the_commands_are_those_that_are_tested(root):

@@ -13,7 +13,8 @@ FEW = ("stand", "curve_left")
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
-    return Checkout.make(root, tmp_path_factory.mktemp("ui"), FEW)
+    """A checkout that need not repeat what `make expert_db` did here; the typed command below works afresh."""
+    return Checkout.make(root, tmp_path_factory.mktemp("ui"), FEW).with_answers_of(root)
 
 
 @pytest.fixture(scope="module")

@@ -55,6 +55,13 @@ def test_links_between_documents_lead_somewhere(root: Path):
     assert broken == []
 
 
+def test_the_readme_is_short_and_no_line_of_the_docs_is_long(root: Path):
+    assert len((root / "README.md").read_text().split()) <= 600
+    pages = [*root.glob("*.md"), *(root / "docs").glob("*.md")]
+    long = [f"{page.name}: {line[:60]}" for page in pages for line in page.read_text().splitlines() if len(line) > 400]
+    assert long == []
+
+
 def test_the_tree_stays_light(root: Path):
     if not (root / ".git").exists():
         pytest.skip("not a git checkout")

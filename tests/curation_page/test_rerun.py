@@ -10,8 +10,7 @@ from starlette.testclient import TestClient
 from pipeline.batch import ClipPool, Store
 from pipeline.curation_page.app import make_app
 from pipeline.curation_page.clip_table import read_table
-from pipeline.curation_page.materialization import stage_of_line
-from pipeline.curation_page.rerun import rerun_of
+from pipeline.curation_page.materialization import rerun_of, stage_of_line
 from pipeline.curation_page.workplace import Workplace
 from pipeline.errors import PipelineError
 from tests.factories import curated_project as made

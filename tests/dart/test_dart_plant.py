@@ -13,7 +13,7 @@ from pipeline import rotation
 from pipeline.actuators import read_standing_pose
 from pipeline.dart.plant import DartPlant
 from pipeline.robot import Kinematics, Robot, mujoco_model
-from pipeline.simulation.armature_on_links import added_moments, put_armature_on_links
+from pipeline.simulation.mujoco_plant import added_moments, put_armature_on_links
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 

@@ -10,12 +10,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.cli.judged_clips import clip_of
+from pipeline.cli.stored_clips import clip_of
 from pipeline.errors import FileError
 from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
 from pipeline.expert.database_clip import read_database_clip
 from pipeline.expert.index import read_table
-from pipeline.files import json_file
+from pipeline.files import csv_json
 from tests.factories.robot_clips import wandering
 
 
@@ -75,7 +75,7 @@ def test_a_file_that_is_too_deep_or_too_large_is_refused(robot, tmp_path, monkey
     for read in (lambda: read_database_clip(path, robot), lambda: clip_of(path)):
         with pytest.raises(FileError, match=r"clip\.json: not .*recursion"):
             read()
-    monkeypatch.setattr(json_file, "MAX_BYTES", 1_000)
+    monkeypatch.setattr(csv_json, "MAX_JSON_BYTES", 1_000)
     for read in (lambda: read_database_clip(path, robot), lambda: clip_of(path)):
         with pytest.raises(FileError, match=r"clip\.json: the file is larger than the 1000 bytes allowed"):
             read()

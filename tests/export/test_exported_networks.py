@@ -16,9 +16,15 @@ from onnx import TensorProto, helper, numpy_helper
 from pipeline.deployment import deployment_task, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export.metadata import ExportError
-from pipeline.export.onnx_model import read_onnx, to_onnx, write_onnx
+from pipeline.export.networks import (
+    read_onnx,
+    read_torch_script,
+    to_onnx,
+    to_torch_script,
+    write_onnx,
+    write_torch_script,
+)
 from pipeline.export.parity import TOLERANCE, measure_parity, observations_to_compare
-from pipeline.export.torch_script import read_torch_script, to_torch_script, write_torch_script
 from tests.factories.networks import network, with_robot_gains
 
 

@@ -19,9 +19,8 @@ from pipeline.deployment.policy import Golden
 from pipeline.errors import PipelineError
 from pipeline.export.card import FILE, read_card
 from pipeline.export.folder import GOLDEN, ONNX, POLICY, TORCH_SCRIPT, Source, export_policy, read_export
-from pipeline.export.onnx_model import read_onnx
+from pipeline.export.networks import read_onnx, read_torch_script
 from pipeline.export.parity import read_golden
-from pipeline.export.torch_script import read_torch_script
 from pipeline.files import digest
 from pipeline.learning.checkpoint import STATES, load_checkpoint, save_checkpoint
 from pipeline.learning.training_error import TrainingError

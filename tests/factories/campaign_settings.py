@@ -20,7 +20,7 @@ from pipeline.actuators.motor_table import read_motors
 from pipeline.actuators.read_measurement import Measurement, read_measurement
 from pipeline.actuators.settings import ActuatorSettings
 from pipeline.actuators.standing import read_standing_pose
-from pipeline.augment.settings import AugmentSettings
+from pipeline.augment.process import AugmentSettings
 from pipeline.catalog import CatalogSettings
 from pipeline.errors import PipelineError
 from pipeline.expert import DatabaseSettings
@@ -28,7 +28,7 @@ from pipeline.failures.settings import FailureSettings
 from pipeline.feasibility import CommandSettings, FeasibilitySettings
 from pipeline.feedback.rules import FeedbackRules
 from pipeline.files import settings
-from pipeline.files.csv_text import read_csv_text
+from pipeline.files.csv_json import read_csv_text
 from pipeline.hardware_logs import LogSettings
 from pipeline.readers import read_sources
 from pipeline.repair import RepairSettings

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assets.approved import approvals_of
-from assets.log_ingest import ingest_folder
+from assets.hardware import ingest_folder
 from assets.plan import TRIALS
 from assets.project import Project
 from pipeline.actuators.adapted_robot import adapt, write_adapted_robot

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.robot import load_robot
 from tests.factories import motion_files as files
 from tests.factories.mutant import Mutant, flagged, refused, understood

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.batch import ClipPool
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure
 from pipeline.validation.suites import named
 from pipeline.validation.verdict import Verdict, judge
 

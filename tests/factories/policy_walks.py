@@ -4,10 +4,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.deployment import load_policy
+import numpy as np
+
+from pipeline.deployment import Policy, PolicyController, deployment_task, load_policy
 from pipeline.robot import Robot
-from pipeline.simulation.rollout import Rollout, rollout, steady_command
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.record import Rollout
+from pipeline.simulation.run import Command, run
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
+
+COMMAND_SLEW = 1.0
+"""How fast the command goes from standing to its value [m/s or rad/s a second]."""
+
+
+def rollout(
+    robot: Robot, policy: Policy, control: PdControl, command: Command, seconds: float, timestep_s: float = 0.005
+) -> Rollout:
+    """Walk for `seconds` from the default pose on flat ground; joints the policy doesn't have are held at their
+    default."""
+    task = deployment_task(robot, control.kp, control.kd)
+    plant = MujocoPlant(robot, MujocoOptions(timestep_s=timestep_s))
+    return run(robot, plant, PolicyController(task, policy), control, command, seconds)
+
+
+def steady_command(forward: float, lateral: float, yaw_rate: float) -> Command:
+    """A command that is slewed from zero to its value and kept."""
+    goal = np.array([forward, lateral, yaw_rate])
+    return lambda time_s: np.clip(goal, -COMMAND_SLEW * time_s, COMMAND_SLEW * time_s)
+
 
 ANKLE_KD = 2.0
 """The gains this policy is deployed with have it twice as high as the robot's [N m s/rad]."""

@@ -94,6 +94,7 @@ MISTAKES = {
         "human_links",
         "left_shank",
     ),
+    "key links without the root": Mistake(text("robot.toml", r'    "Trunk",\s*', ""), "key_links", "Trunk"),
     "a sole corner off the ground": Mistake(
         cell("sites.csv", "right_sole_rear_left", "z", lambda z: z + 0.02), "soles", "right_sole_rear_left"
     ),

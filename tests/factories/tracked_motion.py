@@ -9,9 +9,10 @@ from pipeline.deployment.task import DeploymentTask, deployment_task
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Event
-from pipeline.simulation.rollout import Rollout, steady_command
+from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
+from tests.factories.policy_walks import steady_command
 from tests.factories.robot_clips import standing
 
 
@@ -21,8 +22,9 @@ def waving(robot: Robot, seconds: float = 4.0) -> RobotClip:
     times_s = np.arange(clip.frame_count) / clip.fps
     swing = 0.25 * (1.0 - np.cos(np.pi * times_s))
     joints = clip.joint_pos.copy()
-    for name, sign in (("Left_Shoulder_Pitch", -1.0), ("Right_Shoulder_Pitch", -1.0), ("Head_pitch", 1.0)):
-        joints[:, robot.joint(name)] += sign * swing
+    signs = {"Left_Shoulder_Pitch": -1.0, "Right_Shoulder_Pitch": -1.0, "Head_pitch": 1.0}
+    for joint, name in enumerate(robot.joint_names):
+        joints[:, joint] += signs.get(name.removeprefix("A"), 0.0) * swing
     return RobotClip(**{**vars(clip), "joint_pos": joints})
 
 

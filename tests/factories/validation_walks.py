@@ -8,8 +8,7 @@ from pipeline import rotation
 from pipeline.robot import Robot
 from pipeline.simulation.record import Rollout
 from pipeline.validation.cells import TRACKING, Cell
-from pipeline.validation.figures import Numbers
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured, Numbers
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from pipeline.failures.find import find_failures
-from pipeline.failures.fingerprint import UNKNOWN, fingerprint_of, windows_of
+from pipeline.failures.signals import UNKNOWN, fingerprint_of, windows_of
 from pipeline.failures.trial_report import TrialReport
-from pipeline.feedback.recordings import recorded
+from pipeline.feedback.trust import recorded
 from pipeline.hardware_logs import RobotLog, write_mcap
-from pipeline.hardware_logs.mcap_writer import Storage
+from pipeline.hardware_logs.write import Storage
 from pipeline.virtual_robot.scripted import TOPPLE_LEFT
 from pipeline.virtual_robot.trial import VirtualTrial
 from tests.factories.log_trials import FAILURES, scripted_log, trials_in

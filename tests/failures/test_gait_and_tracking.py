@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.failures.failure import Failure
+from pipeline.failures.falls import slips, stumbles, windows_over
 from pipeline.failures.find import find_failures
-from pipeline.failures.gait import slips, stumbles, windows_over
 from pipeline.failures.signals import RobotMismatchError, signals_of
 from pipeline.failures.tracking import delay_and_gain, tracking_divergences
 from tests.factories.log_trials import FAILURES

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.failures.failure import Failure
 from pipeline.failures.find import find_failures
-from pipeline.failures.missed import missed_bars
 from pipeline.failures.signals import signals_of
+from pipeline.failures.trial_report import missed_bars
 from pipeline.hardware_logs import mcap_bytes
 from pipeline.hardware_logs.missed_bars import NOTE, MissedBar, note_of
 from pipeline.robot import Robot

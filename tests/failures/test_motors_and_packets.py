@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.failures.motors import hot_motors, speed_saturations, torque_saturations
-from pipeline.failures.packets import lost_packets
+from pipeline.failures.motors import hot_motors, lost_packets, speed_saturations, torque_saturations
 from pipeline.failures.signals import signals_of
 from pipeline.hardware_logs import Gap
 from tests.factories.log_trials import FAILURES

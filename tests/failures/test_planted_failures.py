@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.failures import judged, knee_errors
 from pipeline.failures.find import find_failures
-from pipeline.feedback.motor_limits import lowered
+from pipeline.feedback.cell_weights import lowered
 from pipeline.feedback.propose import propose
 from pipeline.feedback.sim_to_real import simulated, twin_of
 from tests.factories.log_trials import FAILURES, trial_of

@@ -130,7 +130,7 @@ READERS = {
     "walked.npz": ("pipeline.training.plain_walk", "Network({path})", "L0_w.npy"),
     "golden.npz": ("pipeline.export.parity", "read_golden({path})", "command.npy"),
     "checkpoint.pt": ("pipeline.learning.checkpoint", "load_checkpoint({path}, 'cpu')", "model/data/0"),
-    "script.pt": ("pipeline.export.torch_script", "read_torch_script({path})", "script/code/0"),
+    "script.pt": ("pipeline.export.networks", "read_torch_script({path})", "script/code/0"),
 }
 """File -> the module of its reader, the call, and a member that the archive has."""
 

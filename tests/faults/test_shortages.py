@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from assets.log_ingest import ingest_folder
+from assets.hardware import ingest_folder
 from assets.plan import TRIALS
 from assets.project import Project
 from pipeline.cli import main as command

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline import rotation
 from pipeline.feasibility.command_space import by_command, command_seconds_text
-from pipeline.quality.command_velocity import command_velocity_over_time
+from pipeline.quality.planar_motion import command_velocity_over_time
 
 
 def _row(clip: str, seconds: float, commands: list[list[float]] | None = None, fps: float = 50.0) -> dict:

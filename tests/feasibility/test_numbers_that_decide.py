@@ -175,5 +175,5 @@ def test_another_stride_gives_another_verdict(robot: Robot, monkeypatch: pytest.
         return all(verdict.holds for verdict in gliding(dataclasses.replace(motion, contacts=told), LIMITS.feet))
 
     whole = holds()
-    monkeypatch.setattr("pipeline.quality.command_velocity.STRIDE_S", 0.5)
+    monkeypatch.setattr("pipeline.quality.planar_motion.STRIDE_S", 0.5)
     assert (whole, holds()) == (False, True)

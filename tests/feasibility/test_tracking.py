@@ -9,7 +9,7 @@ from pipeline import rotation
 from pipeline.augment import AugmentSettings
 from pipeline.augment import process as augment
 from pipeline.catalog import CatalogSettings, catalogue_file
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.clips.outcome import Outcome, Piece
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
@@ -26,7 +26,7 @@ from pipeline.repair import process as repair
 from pipeline.retarget import RetargetSettings
 from pipeline.retarget.process import onto_robot
 from pipeline.robot import Robot
-from pipeline.simulation.rollout import Rollout
+from pipeline.simulation.record import Rollout
 from tests.factories.robot_clips import standing
 from tests.factories.tracked_motion import tracked, waving
 

@@ -7,8 +7,8 @@ import pytest
 from pipeline.actuators import ActuatorSettings, adapt
 from pipeline.augment import AugmentSettings, Strengths
 from pipeline.feedback.approved import further_variants, wanted_seconds
+from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.change import Change, ChangeError, Witness
-from pipeline.feedback.motor_limits import check_limits, lowered
 from pipeline.files import settings
 from tests.factories.trial_reports import CURATION, DATA
 

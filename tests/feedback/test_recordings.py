@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from pipeline.failures.fingerprint import UNKNOWN, WINDOW_NS
+from pipeline.failures.signals import UNKNOWN, WINDOW_NS
 from pipeline.failures.trial_report import TrialReport
 from tests.factories.trial_reports import LEFT_CELL, RULES, failure, proposal, report, saturated, values
 

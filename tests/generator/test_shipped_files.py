@@ -11,7 +11,7 @@ import yaml
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
 from pipeline.generator import RECIPES
-from pipeline.generator import sidecar as sidecar_module
+from pipeline.generator import recipes as recipes_module
 from pipeline.generator.__main__ import main
 from pipeline.generator.defects import DEFECTS
 from pipeline.generator.skeleton import JOINT_OF_BODY
@@ -67,7 +67,7 @@ FORWARD = (("walk_slow", 0.6), ("walk", 1.3), ("walk_fast_jog", 2.0), ("run", np
 
 
 def test_the_committed_files_are_what_the_generator_makes_byte_for_byte(root):
-    made = dict(sidecar_module.texts())
+    made = dict(recipes_module.texts())
     there = {path.name for path in folder(root).iterdir()}
     assert there == set(made)
     for name, text in made.items():
@@ -76,7 +76,7 @@ def test_the_committed_files_are_what_the_generator_makes_byte_for_byte(root):
 
 
 def test_the_command_writes_a_folder(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sidecar_module, "texts", lambda: iter([("a.bvh", "one"), ("README.md", "two")]))
+    monkeypatch.setattr(recipes_module, "texts", lambda: iter([("a.bvh", "one"), ("README.md", "two")]))
     main([str(tmp_path / "out")])
     assert (tmp_path / "out" / "a.bvh").read_text() == "one"
     assert "README.md" in capsys.readouterr().out

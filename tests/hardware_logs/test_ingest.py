@@ -21,7 +21,7 @@ from pipeline.hardware_logs import (
     write_mcap,
 )
 from pipeline.hardware_logs.log_report import Bounds
-from pipeline.hardware_logs.mcap_records import DATA_END, RECORD_HEAD
+from pipeline.hardware_logs.mcap_chunk import DATA_END, RECORD_HEAD
 from pipeline.hardware_logs.missed_bars import MissedBar, note_of
 from pipeline.robot import load_robot
 from tests.factories.robot_logs import START_NS, facts, low_states, robot_log

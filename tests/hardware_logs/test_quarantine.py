@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.hardware_logs.quarantine import note_refusals, text_paths
+from pipeline.hardware_logs.log_folder import note_refusals, text_paths
 
 
 def texts(folder: Path) -> dict[str, str]:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pipeline import rotation
-from pipeline.quality.command_velocity import command_velocity
-from pipeline.quality.smoothness import acceleration_p99, mean_jerk
+from pipeline.quality.planar_motion import command_velocity
+from pipeline.quality.retargeting import acceleration_p99, mean_jerk
 
 
 @pytest.mark.parametrize("start", [0.0, 2.0, -3.0])

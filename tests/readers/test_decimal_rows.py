@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.readers.decimal_rows import LINES_AT_ONCE, read_decimals
+from pipeline.readers.text_file import LINES_AT_ONCE, read_decimals
 
 
 def words(rng: np.random.Generator, count: int) -> list[str]:

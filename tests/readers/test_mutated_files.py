@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.errors import FileError
 from pipeline.hardware_logs import write_mcap
-from pipeline.hardware_logs.mcap_writer import FASTWRITE
+from pipeline.hardware_logs.write import FASTWRITE
 from pipeline.readers import read_motion
 from tests.factories import c3d_files, robot_files
 from tests.factories import motion_files as files

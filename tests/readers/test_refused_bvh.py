@@ -8,7 +8,7 @@ import pytest
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers import Statement, read_motion
 from pipeline.readers.bvh import MAX_DEPTH, read_bvh
-from pipeline.readers.unit import METRES
+from pipeline.readers.human_motion import METRES
 from tests.factories import motion_files as files
 
 GOOD = files.bvh(files.upright(4, seed=1))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.catalog import CatalogSettings, catalogue_file
-from pipeline.cli.robot_csv import encode_csv
+from pipeline.cli.retarget_command import encode_csv
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError
 from pipeline.files import settings

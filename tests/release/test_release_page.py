@@ -7,9 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from pipeline.release.dossier import Dossier, Origin, Picture, Status, Verdict, verdict_of
+from pipeline.release.dossier import Dossier, Origin, Picture, Status, Table, Verdict, tables_of, verdict_of
 from pipeline.release.page import page, style_source
-from pipeline.release.tables import Table, tables_of
 
 POLICY = "a" * 64
 PNG = b"\x89PNG\r\n\x1a\nnot really"

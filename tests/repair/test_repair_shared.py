@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.files import settings as settings_files
 from pipeline.readers.read_motion import read_motion
-from pipeline.readers.statement import Statement
+from pipeline.readers.source import Statement
 from pipeline.repair import RepairSettings, process
 
 pytestmark = pytest.mark.shared

@@ -7,8 +7,8 @@ from benchmarks.gmr_worker import without_meshes
 from pipeline import rotation
 from pipeline.readers import read_motion
 from pipeline.readers.bvh import read_bvh
+from pipeline.readers.human_motion import TO_Z_UP
 from pipeline.readers.match_skeleton import match_skeleton
-from pipeline.readers.up_axis import TO_Z_UP
 
 
 def test_canonical_frames_go_back_to_the_joints_of_the_file(root):

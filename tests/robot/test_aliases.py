@@ -121,7 +121,7 @@ def test_a_policy_is_exported_in_the_newer_naming(tmp_path: Path, t1: Robot):
 
 
 def test_an_archive_of_a_clip_has_the_newer_names(t1: Robot):
-    from pipeline.dataset_export.archives import ARCHIVES
+    from pipeline.dataset_export.export import ARCHIVES
 
     named = t1.in_naming(NAMING)
     frames = 5

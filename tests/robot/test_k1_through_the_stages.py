@@ -18,9 +18,9 @@ from pipeline.robot.load import ROBOTS, read_description
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.virtual_robot.scripted import SWAY, TOPPLE_LEFT
 from pipeline.virtual_robot.trial import VirtualTrial
-from pipeline.webots.checks import project_faults
 from pipeline.webots.project import write_project
 from pipeline.webots.result import WebotsSettings
+from pipeline.webots.validate import project_faults
 from tests.factories.log_trials import FAILURES, nominal_actuators, scripted_log, trial_of
 from tests.factories.networks import network_file
 

@@ -12,7 +12,7 @@ import pytest
 
 from pipeline.robot import Robot, load_robot, mujoco_model, render
 from pipeline.robot.load import ROBOTS, robot_names
-from pipeline.robot.mjcf import numbers
+from pipeline.robot.model_files import numbers
 from tests.factories.robot_folder import copy_robot, replace, write_small_robot
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.quality.command_velocity import command_velocity
+from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Robot
-from pipeline.simulation.self_collision import self_collision
+from pipeline.simulation.mujoco_plant import self_collision
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from tests.factories.policy_walks import policy_walk
 from tests.factories.robot_clips import standing

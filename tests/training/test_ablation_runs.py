@@ -14,7 +14,7 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.training.__main__ import _parser, main
 from pipeline.training.ablation_runs import COLUMNS, OPTION, read_runs
 from pipeline.training.config import changed_by_texts, preset
-from pipeline.viewing.training_curves import discriminator_curves
+from pipeline.viewing.tracking_plots import discriminator_curves
 from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, write_arm_runs
 from tests.factories.training_bundle import small_bundle
 

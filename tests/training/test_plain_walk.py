@@ -12,7 +12,7 @@ from pipeline.deployment import load_policy
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.validation.cells import command_cells
 from pipeline.validation.deployed import deployed
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure
 from pipeline.validation.suites import push_cell
 from tests.factories.training_bundle import small_bundle
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import torch
 
+from pipeline.learning.robot_facts import T1_LEG_M, T1_WEIGHT_N, RobotFacts
 from pipeline.training.config import PAPER, RECIPE
 from pipeline.training.mdp import rewards
 
@@ -36,6 +38,15 @@ WEIGHTS = {
 """Table "Summary of Task Reward Function" of the paper."""
 
 
+def robot_of(weight: float, leg_length: float) -> Any:
+    """A robot of a weight [N] and a leg length [m], and nothing else."""
+    ratios = {"weight_ratio": weight / T1_WEIGHT_N, "leg_ratio": leg_length / T1_LEG_M}
+    return Mock(spec=RobotFacts, weight=weight, leg_length=leg_length, **ratios)
+
+
+T1 = robot_of(31.734 * 9.81, 0.5516)
+
+
 def env(command=(0.0, 0.0, 0.0), **state: Any) -> Any:
     """An environment of one robot with some quantities."""
     return SimpleNamespace(
@@ -45,12 +56,12 @@ def env(command=(0.0, 0.0, 0.0), **state: Any) -> Any:
 
 
 def test_the_paper_has_its_nineteen_terms_with_their_weights():
-    terms = rewards.reward_cfg(PAPER)
+    terms = rewards.reward_cfg(T1, PAPER)
     assert {name: term.weight for name, term in terms.items() if name != "stalled"} == pytest.approx(WEIGHTS)
 
 
 def test_the_recipe_adds_only_what_its_options_name():
-    added = set(rewards.reward_cfg(RECIPE)) - set(WEIGHTS)
+    added = set(rewards.reward_cfg(T1, RECIPE)) - set(WEIGHTS)
     assert added == {"track_all", "track_mean", "progress", "stand_still", "power", "saturation", "stalled"}
 
 
@@ -127,18 +138,29 @@ def test_only_feet_in_contact_slide():
 @pytest.mark.parametrize(("force", "cost"), [(400.0, 0.0), (600.0, 100.0), (2000.0, 400.0)])
 def test_foot_force_costs_between_500_and_900_newtons(force, cost):
     given = env(feet_force_w=((0.0, 0.0, -force), (0.0, 0.0, 0.0)))
-    assert rewards.feet_force(given).item() == pytest.approx(cost)
+    params = rewards.reward_cfg(T1, PAPER)["feet_force"].params
+    assert rewards.feet_force(given, **params).item() == pytest.approx(cost, abs=0.05)
 
 
 def test_distances_and_stumbles_of_the_feet():
     near = env(feet_pos_w=((0.0, 0.0, 0.0), (0.0, 0.15, 0.0)))
-    assert rewards.feet_too_near(near).item() == pytest.approx(0.05)
+    assert rewards.feet_too_near(near, 0.2).item() == pytest.approx(0.05)
     apart = {"feet_pos_w": ((0.0, 0.0, 0.0), (0.26, 0.0, 0.0)), "heading_w": (0.0, 1.0)}
-    assert rewards.feet_lateral_distance(env((1.0, 0.0, 0.0), **apart)).item() == pytest.approx(0.06)
-    assert rewards.feet_lateral_distance(env((0.0, 0.3, 0.0), **apart)).item() == 0.0
+    assert rewards.feet_lateral_distance(env((1.0, 0.0, 0.0), **apart), 0.2).item() == pytest.approx(0.06)
+    assert rewards.feet_lateral_distance(env((0.0, 0.3, 0.0), **apart), 0.2).item() == 0.0
     for sideways, stumbles in ((6.0, 1.0), (4.0, 0.0)):
         given = env(feet_force_w=((sideways, 0.0, 1.0), (0.0, 0.0, 300.0)))
         assert rewards.feet_stumble(given).item() == stumbles
+
+
+def test_forces_and_distances_of_the_feet_are_the_papers_for_the_t1_and_scale_with_the_robot():
+    smaller = robot_of(0.5 * T1.weight, 0.8 * T1.leg_length)
+    for robot, force, apart in ((T1, 500.0, 0.2), (smaller, 250.0, 0.16)):
+        terms = rewards.reward_cfg(robot, PAPER)
+        assert terms["feet_force"].params["soft"] == pytest.approx(force, rel=1e-3)
+        assert terms["feet_force"].params["span"] == pytest.approx(0.8 * force, rel=1e-3)
+        for name in ("feet_too_near", "feet_lateral_distance"):
+            assert terms[name].params["apart"] == pytest.approx(apart)
 
 
 def test_shapes_that_touch_are_counted():

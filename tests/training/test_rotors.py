@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline.simulation.armature_on_links import put_armature_on_links
-from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
+from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant, put_armature_on_links
 from pipeline.training.plain_walk import model_of
 from pipeline.training.rotors import put_rotors_on_links
 from tests.factories.training_bundle import small_bundle

@@ -17,10 +17,10 @@ from pipeline.robot import load_robot
 from pipeline.training import validation_stage
 from pipeline.training.__main__ import main
 from pipeline.training.stage import Stage
-from pipeline.validation import checkpoint_choice
-from pipeline.validation.checkpoint_choice import Swept
+from pipeline.validation import sweep as sweep_module
 from pipeline.validation.cross_engine import ENGINES
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
+from pipeline.validation.sweep import SweepResult
 from tests.factories.training_bundle import small_bundle
 
 FILES = ("sweep.json", "mujoco.json", "dart.json", "figures.json")
@@ -52,9 +52,9 @@ def shorten(monkeypatch):
     def few(cells):
         return tuple(dataclasses.replace(cell, trials=cell.trials[:1]) for cell in cells[2:4])
 
-    whole, sweep, read = validation_stage.cells_of, checkpoint_choice.sweep_cells, settings.read
+    whole, sweep, read = validation_stage.cells_of, sweep_module.sweep_cells, settings.read
     monkeypatch.setattr(validation_stage, "cells_of", lambda suite, robot: few(whole(suite, robot)))
-    monkeypatch.setattr(checkpoint_choice, "sweep_cells", lambda robot: few(sweep(robot)))
+    monkeypatch.setattr(sweep_module, "sweep_cells", lambda robot: few(sweep(robot)))
 
     def grid(path, kind):
         found = read(path, kind)
@@ -135,10 +135,10 @@ def test_a_run_killed_while_it_walks_in_dart_goes_on_there_and_has_the_same_card
 
 def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_later():
     found = [
-        Swept(iteration=1, falls=0, command_error=0.10, survival=0.5),
-        Swept(iteration=2, falls=0, command_error=0.05, survival=0.5),
-        Swept(iteration=3, falls=0, command_error=0.05, survival=0.5),
-        Swept(iteration=4, falls=1, command_error=0.01, survival=1.0),
+        SweepResult(iteration=1, falls=0, command_error=0.10, survival=0.5),
+        SweepResult(iteration=2, falls=0, command_error=0.05, survival=0.5),
+        SweepResult(iteration=3, falls=0, command_error=0.05, survival=0.5),
+        SweepResult(iteration=4, falls=1, command_error=0.01, survival=1.0),
     ]
     assert validation_stage.best(found).iteration == 3
 

@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from pipeline.validation.cells import SURVIVING, Cell, command_cells
-from pipeline.validation.checkpoint_choice import Swept, best, error_of, swept
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured
+from pipeline.validation.sweep import SweepResult, best, error_of, swept
 
 COMMANDS = {cell.name: cell for cell in command_cells((0,))}
 
@@ -56,6 +56,6 @@ def test_figures_of_a_checkpoint_are_those_of_its_cells():
     ],
 )
 def test_the_best_falls_least_then_errs_least_and_the_later_wins_a_tie(other, wins):
-    first = Swept(iteration=100, falls=0, command_error=0.05, survival=0.5)
-    assert best([first, Swept(iteration=200, **other)]).iteration == wins
-    assert best([Swept(iteration=200, **other), first]).iteration == wins
+    first = SweepResult(iteration=100, falls=0, command_error=0.05, survival=0.5)
+    assert best([first, SweepResult(iteration=200, **other)]).iteration == wins
+    assert best([SweepResult(iteration=200, **other), first]).iteration == wins

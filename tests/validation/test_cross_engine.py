@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline import rotation
-from pipeline.cli import cross_engine_command
+from pipeline.cli import policy_commands
 from pipeline.cli.main import main
 from pipeline.deployment import save_policy
 from pipeline.validation import cross_engine as comparison
@@ -28,7 +28,7 @@ from pipeline.validation.cross_engine_walk import (
     walk,
 )
 from pipeline.validation.deployed import Deployed
-from pipeline.viewing.engine_plots import cross_engine_plots
+from pipeline.viewing.validation_plots import cross_engine_plots
 
 
 def walked(**changes: float | None) -> Figures:
@@ -233,7 +233,7 @@ def test_the_command_says_whose_bars_they_are_and_with_which_gains_it_walked(
 ):
     monkeypatch.chdir(root)
     monkeypatch.setattr(comparison, "walk_cell", lambda *_: walked(forward_m_s=0.0))
-    monkeypatch.setattr(cross_engine_command, "robot_folder", lambda project, name: root / "robots" / name)
+    monkeypatch.setattr(policy_commands, "robot_folder", lambda project, name: root / "robots" / name)
     save_policy(tmp_path / "still.npz", still.policy)
     out = tmp_path / "said.json"
     asked = ("--cells", "stand", "--seeds", "1", "--workers", "1", "--json", str(out), *damping)

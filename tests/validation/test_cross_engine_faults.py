@@ -15,9 +15,9 @@ from pipeline.simulation.sensors import PerfectSensors
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import ValidationSettings
 from pipeline.validation.cross_engine import cross_engine
-from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
 from pipeline.validation.cross_engine_walk import DART, MUJOCO, CrossEngineSettings
 from pipeline.validation.deployed import Deployed
+from tests.factories.cross_engine_faults import FAULTS, with_normalizer
 from tests.factories.policies import random_policy
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from pipeline.deployment import load_policy
 from pipeline.validation.bars import ValidationSettings, read_validation
-from pipeline.validation.cross_engine_faults import FAULTS, with_normalizer
 from pipeline.validation.deployed import ANKLE_KD, Deployed, deployed, with_ankle_kd
+from tests.factories.cross_engine_faults import FAULTS, with_normalizer
 from tests.factories.planted_faults import CAUGHT_BY, judged
 
 pytestmark = pytest.mark.shared

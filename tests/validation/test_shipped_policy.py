@@ -10,9 +10,9 @@ import pytest
 from pipeline.export.folder import Export, complete_export, read_export
 from pipeline.export.parity import read_golden, replay
 from pipeline.validation.bars import ValidationSettings, read_validation
-from pipeline.validation.cross_engine_faults import FAULTS
 from pipeline.validation.deployed import Deployed, deployed
 from pipeline.validation.suites import full
+from tests.factories.cross_engine_faults import FAULTS
 from tests.factories.planted_faults import CAUGHT_BY, judged
 from tests.factories.vendor_deploy import VendorPolicy, import_task, vendor_modules
 

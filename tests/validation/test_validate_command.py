@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli import validate_command
+from pipeline.cli import policy_commands
 from pipeline.cli.main import main
 from pipeline.deployment import deployment_task, save_policy
 from pipeline.files import atomic
@@ -30,7 +30,7 @@ def still(robot: Robot, tmp_path: Path) -> Path:
 def one_push(robot: Robot, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A suite of a single push."""
     monkeypatch.chdir(root)
-    monkeypatch.setattr(validate_command, "cells_of", lambda suite, of: named(of, {CELL: 1}))
+    monkeypatch.setattr(policy_commands, "cells_of", lambda suite, of: named(of, {CELL: 1}))
 
 
 def _bars(monkeypatch: pytest.MonkeyPatch, at_least: float) -> None:
@@ -110,7 +110,7 @@ def test_the_verdict_says_whose_bars_they_are_and_with_which_gains_it_walked(
     """Two dampings of one policy had the same JSON but for the figures, and the plain robot was held silently to the
     adapted robot's bars."""
     _bars(monkeypatch, 0.0)
-    monkeypatch.setattr(validate_command, "robot_folder", lambda project, name: root / "robots" / name)
+    monkeypatch.setattr(policy_commands, "robot_folder", lambda project, name: root / "robots" / name)
     own = dict(zip(robot.joint_names, robot.kd.tolist(), strict=True))
     assert own["Left_Ankle_Roll"] != 2.0
     for damping, ankle, said in (

@@ -4,8 +4,7 @@ import pytest
 
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.validation.figures import numbers_of
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured, numbers_of
 from pipeline.validation.trial import CommandProfile, Trial, VelocityCommand
 from tests.factories.validation_walks import cell, gliding_rollout, measured
 

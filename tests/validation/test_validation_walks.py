@@ -13,14 +13,13 @@ from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import TERRAINS, Cell, condition_cells, terrain_cells
-from pipeline.validation.cross_engine_faults import action_scale_halved, left_and_right_swapped, wrong_joint_order
 from pipeline.validation.deployed import Deployed, anchor, deployed, with_ankle_kd
 from pipeline.validation.derive import cell_digest, read_numbers, write_numbers
-from pipeline.validation.figures import numbers_of
-from pipeline.validation.measure import measure
+from pipeline.validation.figures import measure, numbers_of
 from pipeline.validation.suites import named, push_cells
 from pipeline.validation.trial import CommandProfile, Conditions, GroundSpec, Start, Trial, VelocityCommand
 from pipeline.validation.walk import Branches, Worlds, drawn_start, ground_of, walk
+from tests.factories.cross_engine_faults import action_scale_halved, left_and_right_swapped, wrong_joint_order
 from tests.factories.policies import random_policy, still_policy
 
 STAND = CommandProfile(commands=(VelocityCommand(),))

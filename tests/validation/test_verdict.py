@@ -9,6 +9,7 @@ import pytest
 from pipeline.errors import SettingsError
 from pipeline.files import settings
 from pipeline.robot import Robot
+from pipeline.robot.size import RobotSize
 from pipeline.validation.bars import (
     Agreement,
     Bar,
@@ -24,8 +25,7 @@ from pipeline.validation.bars import (
 )
 from pipeline.validation.cells import SURVIVING
 from pipeline.validation.derive import text_of
-from pipeline.validation.figures import FIGURES
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import FIGURES, Measured
 from pipeline.validation.suites import full, quick
 from pipeline.validation.verdict import Verdict, as_text, judge
 from tests.factories.validation_walks import cell, measured
@@ -50,6 +50,7 @@ AGREEMENT = Agreement(
 
 def _settings(*reference: Measured) -> ValidationSettings:
     return ValidationSettings(
+        calibrated_on=RobotSize(leg_length=0.5516, mass=31.734),
         margins=MARGINS,
         required=REQUIRED,
         agreement=AGREEMENT,

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.cli.validate_command import policy_of
+from pipeline.cli.policy_commands import policy_of
 from pipeline.errors import FileError, PipelineError, UnknownNameError
 from pipeline.simulation.terrain import FlatGround, Slope
 from pipeline.validation.deployed import deployed
-from pipeline.viewing.film import write_film
+from pipeline.viewing.film import Walk, record_walk, simulated, write_film
 from pipeline.viewing.human_figure import human_figure
 from pipeline.viewing.live_walk import TERRAINS, LiveWalk, surface
 from pipeline.viewing.play_page import KEYS, PlayPage
-from pipeline.viewing.walk_film import Walk, record_walk, simulated
 from tests.factories.figures import gliding_human
 
 

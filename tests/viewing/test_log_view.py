@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.cli.clips_to_view import clips_to_view
 from pipeline.cli.project import Project
+from pipeline.cli.view_command import clips_to_view
 from pipeline.errors import FileError
 from pipeline.readers import NOTHING_STATED
 from pipeline.robot import Kinematics

@@ -7,7 +7,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.bars import CellBars
 from pipeline.validation.cells import command_cells
-from pipeline.validation.measure import Measured
+from pipeline.validation.figures import Measured
 from pipeline.validation.suites import push_cells
 from pipeline.validation.verdict import CellVerdict, Verdict
 from pipeline.viewing.validation_plots import command_tracking, foot_contacts, survival_heatmap, torque_speed

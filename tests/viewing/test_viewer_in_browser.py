@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
-from pipeline.cli.clips_to_view import clips_to_view
 from pipeline.cli.project import find_project
+from pipeline.cli.view_command import clips_to_view
 from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
 from pipeline.readers import Statement
 from pipeline.viewing.viewer import Viewer

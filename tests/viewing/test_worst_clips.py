@@ -7,8 +7,7 @@ import pytest
 from PIL import Image
 
 from pipeline.batch import Entry, Judged, Manifest, Store
-from pipeline.viewing import worst_clips as module
-from pipeline.viewing.worst_clips import worst_clips
+from pipeline.viewing import contact_sheet as module
 from tests.factories.figures import standing_robot
 
 LOST_S = {"a": 0.5, "b": 3.0, "b~mirror": 3.5, "c": 0.0, "d": 2.0}
@@ -41,12 +40,12 @@ def test_the_worst_come_first_one_of_each_family_with_its_reason(stages, robot, 
         return b""
 
     monkeypatch.setattr(module, "worst_clips_sheet", listed)
-    worst_clips(*stages, robot, most=2)
+    module.worst_clips(*stages, robot, most=2)
     assert titles == [("b~mirror", "too heavy for b~mirror"), ("d", "too heavy for d")]
 
 
 def test_it_is_a_picture_also_when_nothing_was_lost(stages, robot):
     stage, previous, store = stages
-    assert Image.open(io.BytesIO(worst_clips(stage, previous, store, robot))).width > 500
+    assert Image.open(io.BytesIO(module.worst_clips(stage, previous, store, robot))).width > 500
     nothing = dataclasses.replace(stage, judged=())
-    assert Image.open(io.BytesIO(worst_clips(nothing, previous, store, robot))).width > 500
+    assert Image.open(io.BytesIO(module.worst_clips(nothing, previous, store, robot))).width > 500

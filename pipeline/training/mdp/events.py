@@ -61,10 +61,14 @@ class Slopes:
 
 
 class PushTimer:
-    """Times and directions of one kind of push, in the unit of its largest."""
+    """Times and directions of one kind of push, in the unit of its largest.
 
-    def __init__(self, env, config: PushesConfig, largest: tuple[float, float]):
-        self._env, self._span, self._largest = env, config.interval_s, largest
+    `scale` is the factor from the T1, which the largest ones are given for, to the robot.
+    """
+
+    def __init__(self, env, config: PushesConfig, largest: tuple[float, float], scale: float):
+        self._env, self._span = env, config.interval_s
+        self._largest = (scale * largest[0], scale * largest[1])
         self._left_s = torch.zeros(env.num_envs, device=env.device)
         self.restart(torch.ones(env.num_envs, dtype=torch.bool, device=env.device))
         env.restarts.append(self.restart)
@@ -96,7 +100,8 @@ class Kick:
 
     def __init__(self, cfg: EventTermCfg, env):
         pushes = env.context.config.pushes
-        self._timer = PushTimer(env, pushes, pushes.kick_m_s)
+        scale = math.sqrt(env.context.bundle.robot.leg_ratio)
+        self._timer = PushTimer(env, pushes, pushes.kick_m_s, scale)
 
     def __call__(self, env, env_ids: torch.Tensor | None) -> None:
         begins, change_w = self._timer.due()
@@ -109,7 +114,9 @@ class Push:
 
     def __init__(self, cfg: EventTermCfg, env):
         pushes = env.context.config.pushes
-        self._timer = PushTimer(env, pushes, pushes.impulse_n_s)
+        robot = env.context.bundle.robot
+        scale = robot.weight_ratio * math.sqrt(robot.leg_ratio)
+        self._timer = PushTimer(env, pushes, pushes.impulse_n_s, scale)
         self._left_s = torch.zeros(env.num_envs, device=env.device)
         env.restarts.append(self.restart)
 

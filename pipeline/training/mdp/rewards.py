@@ -12,6 +12,7 @@ import torch
 from mjlab.envs.mdp import rewards as mdp
 from mjlab.managers.reward_manager import RewardTermCfg
 
+from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.config import Config
 from pipeline.training.mdp.commands import moves
 from pipeline.training.mdp.terminations import ended_by, fell
@@ -29,9 +30,9 @@ pays for more than the command (10 % more were measured)."""
 SLOW_M_S = 0.2
 """A trunk that moves faster was pushed, and may be caught by a step [m/s]."""
 FORCE_SOFT, FORCE_SPAN = 500.0, 400.0
-"""Foot force without cost, and the span beyond it in which the cost grows [N] (paper)."""
+"""Foot force without cost, and the span beyond it in which the cost grows, of the T1 [N] (paper)."""
 FEET_APART = 0.2
-"""[m] (paper)"""
+"""Distance of the T1's feet [m] (paper)."""
 FULL_TORQUE = 0.85
 """Share of the motor's torque at its speed that costs nothing."""
 
@@ -141,16 +142,16 @@ def feet_slide(env) -> torch.Tensor:
     return (speed * env.robot_state.contacts).sum(dim=1)
 
 
-def feet_force(env) -> torch.Tensor:
-    """Norm of the feet's vertical forces beyond FORCE_SOFT, at most FORCE_SPAN [N]."""
+def feet_force(env, soft: float, span: float) -> torch.Tensor:
+    """Norm of the feet's vertical forces beyond `soft`, at most `span` [N]."""
     vertical = torch.linalg.norm(env.robot_state.feet_force_w[..., 2], dim=1)
-    return torch.clamp(vertical - FORCE_SOFT, 0.0, FORCE_SPAN)
+    return torch.clamp(vertical - soft, 0.0, span)
 
 
-def feet_too_near(env) -> torch.Tensor:
-    """By how much the feet are nearer than FEET_APART [m]."""
+def feet_too_near(env, apart: float) -> torch.Tensor:
+    """By how much the feet are nearer than `apart` [m]."""
     feet = env.robot_state.feet_pos_w
-    return torch.clamp(FEET_APART - torch.linalg.norm(feet[:, 0] - feet[:, 1], dim=1), min=0.0)
+    return torch.clamp(apart - torch.linalg.norm(feet[:, 0] - feet[:, 1], dim=1), min=0.0)
 
 
 def feet_stumble(env) -> torch.Tensor:
@@ -159,16 +160,18 @@ def feet_stumble(env) -> torch.Tensor:
     return (torch.linalg.norm(force[..., :2], dim=-1) > 5.0 * force[..., 2].abs()).any(dim=1).float()
 
 
-def feet_lateral_distance(env) -> torch.Tensor:
-    """Difference of the feet's lateral distance in the yaw frame from FEET_APART [m]; 0 at lateral commands."""
+def feet_lateral_distance(env, apart: float) -> torch.Tensor:
+    """Difference of the feet's lateral distance in the yaw frame from `apart` [m]; 0 at lateral commands."""
     feet, heading = env.robot_state.feet_pos_w, env.robot_state.heading_w
     gap_w = feet[:, 0] - feet[:, 1]
     gap = gap_w[:, 1] * heading[:, 0] - gap_w[:, 0] * heading[:, 1]
-    return torch.abs(gap.abs() - FEET_APART) * (env.command[:, 1].abs() < 0.1)
+    return torch.abs(gap.abs() - apart) * (env.command[:, 1].abs() < 0.1)
 
 
-def reward_cfg(config: Config) -> dict[str, RewardTermCfg]:
-    """All terms; those of weight 0 are left out."""
+def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
+    """All terms, forces and distances scaled to the robot; those of weight 0 are left out."""
+    force = {"soft": FORCE_SOFT * robot.weight_ratio, "span": FORCE_SPAN * robot.weight_ratio}
+    apart = {"apart": FEET_APART * robot.leg_ratio}
     weights, term = config.rewards, RewardTermCfg
     limits = joints_beyond_limits if weights.joint_limits == "indicator" else mdp.joint_pos_limits
     terms = {
@@ -194,9 +197,9 @@ def reward_cfg(config: Config) -> dict[str, RewardTermCfg]:
         "stalled": term(func=stalled, weight=-100.0),
         "undesired_contacts": term(func=undesired_contacts, weight=-1.0),
         "feet_slide": term(func=feet_slide, weight=weights.feet_slide),
-        "feet_force": term(func=feet_force, weight=-3e-3),
-        "feet_too_near": term(func=feet_too_near, weight=-2.0),
+        "feet_force": term(func=feet_force, weight=-3e-3, params=force),
+        "feet_too_near": term(func=feet_too_near, weight=-2.0, params=apart),
         "feet_stumble": term(func=feet_stumble, weight=-2.0),
-        "feet_lateral_distance": term(func=feet_lateral_distance, weight=-2.0),
+        "feet_lateral_distance": term(func=feet_lateral_distance, weight=-2.0, params=apart),
     }
     return {name: each for name, each in terms.items() if each.weight != 0.0}

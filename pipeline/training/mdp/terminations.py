@@ -8,12 +8,12 @@ import torch
 from mjlab.envs.mdp import terminations as mdp
 from mjlab.managers.termination_manager import TerminationTermCfg
 
+from pipeline.learning.robot_facts import RobotFacts
 from pipeline.training.config import Config
 from pipeline.training.masks import replace
 
 MAX_TILT_DEG = 60.0
-MIN_HEIGHT_M = 0.45
-"""A fall (paper)."""
+"""A fall (paper), beside a root below the robot's `fall_height`."""
 STALL_SPEED, STALL_YAW = 0.2, 0.3
 """A command of more than this [m/s], [rad/s] may be ignored."""
 STALL_SHARE = 0.3
@@ -54,11 +54,11 @@ class Stalled:
         replace(self._seconds, mask, 0.0)
 
 
-def termination_cfg(config: Config, distils: bool) -> dict[str, TerminationTermCfg]:
+def termination_cfg(robot: RobotFacts, config: Config, distils: bool) -> dict[str, TerminationTermCfg]:
     """Falls, stalls where they are on, and the end of the time; in distillation also the clip's end and losing it."""
     terms = {
         "tilt": TerminationTermCfg(func=mdp.bad_orientation, params={"limit_angle": math.radians(MAX_TILT_DEG)}),
-        "height": TerminationTermCfg(func=mdp.root_height_below_minimum, params={"minimum_height": MIN_HEIGHT_M}),
+        "height": TerminationTermCfg(func=mdp.root_height_below_minimum, params={"minimum_height": robot.fall_height}),
         "diverged": TerminationTermCfg(func=mdp.nan_detection),
         "time": TerminationTermCfg(func=mdp.time_out, time_out=True),
     }

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.errors import PipelineError
 from pipeline.webots.scene_model import Body, Primitive, SceneModel
-from pipeline.webots.stand_in.engine import RootMotion, start_poses
+from pipeline.webots.stand_in.mujoco_engine import RootMotion, start_poses
 
 FOLDER_VARIABLE = "BOOSTER_LAB_ODE"
 """Environment variable with the folder of pyode's module, if it is not installed."""

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.stand_in.engine import Engine, RootMotion
+from pipeline.webots.stand_in.mujoco_engine import Engine, RootMotion
 
 API = Path(__file__).resolve().parent / "api"
 """Folder of the module `controller`."""

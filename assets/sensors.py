@@ -1,0 +1,209 @@
+"""Sensors and schedules: new logs are ingested; approved changes reach the page of curation_feedback and the database.
+
+One sensor looks for logs in data/hardware_logs that are complete. Another one looks every half minute for approved
+changes that have not reached the page, which is made at once, or a database; a schedule does so once a night, for
+changes that were approved while no sensor ran. A failed run is repeated up to `MAX_FAILURES` times.
+None of them trains.
+"""
+
+import json
+
+import dagster as dg
+
+from assets.approved import (
+    PAGE_TAG,
+    PARTS,
+    PROPOSAL,
+    SHARED_PARTS,
+    approvals_of,
+    approved_key,
+    approved_versions,
+    shown_state,
+)
+from assets.bootstrap import note_external
+from assets.freshness import INPUT_VERSION_PREFIX, last_tags
+from assets.hardware import HARDWARE_LOGS, logs_version
+from assets.plan import FINGERPRINT_DIGITS, HARDWARE, SHARED, TRIALS, robot_plans
+from assets.project import PROJECT, Project
+from assets.runs import MAX_FAILURES, RecentRuns, recent_runs
+from pipeline.errors import PipelineError
+from pipeline.feedback.approved import EMPTY, heard
+from pipeline.files import digest
+
+renew_feedback_page = dg.define_asset_job(
+    "renew_feedback_page",
+    selection=dg.AssetSelection.assets(PROPOSAL),
+    description="The page of curation_feedback with what is approved now.",
+)
+
+
+def page_request(instance: dg.DagsterInstance, project: Project) -> dg.RunRequest | None:
+    """The run that makes the page again; None where it is as it should be, was never made, or can't be made."""
+    tags, state = last_tags(instance, PROPOSAL), shown_state(approvals_of(project), project.feedback.declined_changes())
+    if tags is None or tags.get(PAGE_TAG) == state:
+        return None
+    runs = dg.RunsFilter(job_name=renew_feedback_page.name)
+    found = recent_runs(instance, project, runs, lambda run: run.tags.get(PAGE_TAG) == state)
+    if found.running or found.cancelled or found.failures >= MAX_FAILURES:
+        return None
+    return dg.RunRequest(job_name=renew_feedback_page.name, tags={PAGE_TAG: state})
+
+
+EVERY_S = 30
+USED_BY = {"augmentation": "motion_variants", "weights": "feasible_motions", "motors": "adapted_robot"}
+"""Section of a robot's feedback -> its asset that uses it. Training does too, but is not started here."""
+
+APPROVED_TAG = "booster_lab/approved"
+"""Tag of a run: what was approved when it was requested."""
+MAX_NIGHTLY_TRIES = 2 * MAX_FAILURES
+"""The sensor gives up first; by night the machine may have room again."""
+
+DATABASES = tuple(robot_plans(robot)["expert_db"].key for robot in PROJECT.robots)
+
+recurate = dg.define_asset_job(
+    "recurate",
+    selection=dg.AssetSelection.assets(*DATABASES),
+    description="The expert databases of all robots with what is approved; what is not touched is not worked on.",
+)
+
+
+def behind(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
+    """Databases that do not yet contain what is approved now, with the reason.
+
+    Stages are compared by the versions that their last run recorded, databases by their own. What was never made is not
+    behind: its first run uses what is approved then.
+    """
+    versions = {key: version for key, (version, _) in approved_versions(project).items()}
+    late: dict[dg.AssetKey, str] = {}
+    for robot in project.robots:
+        plans = {plan.name: plan for plan in SHARED} | robot_plans(robot)
+        in_database = _in_database(project, robot)
+        for section in PARTS:
+            name = "selected_motions" if section in SHARED_PARTS else USED_BY.get(section)
+            if name is None:
+                continue
+            key = approved_key(section, robot)
+            tags = last_tags(instance, plans[name].key)
+            noted = (tags or {}).get(INPUT_VERSION_PREFIX + key.to_user_string(), versions[key])
+            if noted != versions[key]:
+                late[plans["expert_db"].key] = f"{key.to_user_string()} changed"
+            elif in_database is not None and in_database.get(section, EMPTY) != versions[key]:
+                late[plans["expert_db"].key] = f"{key.to_user_string()} did not reach the database"
+    return late
+
+
+def _in_database(project: Project, robot: str) -> dict[str, str] | None:
+    """Section -> version of its approved part, as a robot's database has it; None where there is no database."""
+    try:
+        return heard(json.loads((project.expert_db(robot) / "manifest.json").read_text())["stages"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def requested(instance: dg.DagsterInstance, project: Project, most: int) -> dg.RunRequest | dg.SkipReason:
+    """The run that brings what is approved into the databases, or why there is none."""
+    try:
+        for section, fault in approvals_of(project).faults.items():
+            if section in SHARED_PARTS or section in USED_BY:  # a file that can't be read faults all sections
+                return dg.SkipReason(str(fault))
+        late = behind(instance, project)
+        state = digest.of_json({key.to_user_string(): each[0] for key, each in approved_versions(project).items()})
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(str(error))
+    if not late:
+        return dg.SkipReason("no database is behind what is approved")
+    reasons = "; ".join(f"{key.to_user_string()}: {why}" for key, why in sorted(late.items()))
+    mark = {APPROVED_TAG: state[:FINGERPRINT_DIGITS]}
+    found = _runs_for(instance, project, mark)
+    if found.running:
+        return dg.SkipReason(f"a run was started for what is approved now ({reasons})")
+    if found.cancelled:
+        return dg.SkipReason(
+            f"run {found.last_run} for what is approved now was cancelled ({reasons}); something else that is approved "
+            "starts one, or start the job recurate by hand"
+        )
+    if found.failures >= most:
+        return dg.SkipReason(
+            f"{found.failures} runs for what is approved now came to nothing ({reasons}); "
+            f"look at run {found.last_run}, then start the job recurate by hand"
+        )
+    return dg.RunRequest(job_name=recurate.name, asset_selection=sorted(late), tags=mark)
+
+
+def _runs_for(instance: dg.DagsterInstance, project: Project, mark: dict[str, str]) -> RecentRuns:
+    """Runs for the current approvals. Databases are still behind, so each that ended counts as failed."""
+    runs = dg.RunsFilter(job_name=recurate.name)
+    return recent_runs(instance, project, runs, lambda run: run.tags.get(APPROVED_TAG) == mark[APPROVED_TAG])
+
+
+@dg.sensor(
+    name="approved_feedback_sensor",
+    jobs=[renew_feedback_page, recurate],
+    minimum_interval_seconds=EVERY_S,
+    default_status=dg.DefaultSensorStatus.RUNNING,
+    description="Renews the page of curation_feedback when what is approved changed, then re-curates the databases "
+    "that it has not reached; what fails is tried again twice.",
+)
+def approved_feedback_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """The page first, which takes seconds; then a run while a database is behind and none is at work."""
+    return page_request(context.instance, PROJECT) or requested(context.instance, PROJECT, MAX_FAILURES)
+
+
+@dg.schedule(
+    job=recurate,
+    cron_schedule="0 3 * * *",
+    default_status=dg.DefaultScheduleStatus.RUNNING,
+    description="Every night, if what is approved has not reached a database.",
+)
+def nightly_recuration(context: dg.ScheduleEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """Skips where nothing changed."""
+    return requested(context.instance, PROJECT, MAX_NIGHTLY_TRIES)
+
+
+LOGS_EVERY_S = 30
+LOGS_TAG = "booster_lab/logs"
+"""Tag of a run: the content of the folder that it was started for."""
+
+ingest_logs = dg.define_asset_job(
+    "ingest_logs",
+    selection=dg.AssetSelection.groups(HARDWARE),
+    description="What the folder of logs holds as trials, and what is made of them. Nothing of it takes effect unseen.",
+)
+
+
+@dg.sensor(
+    job=ingest_logs,
+    minimum_interval_seconds=LOGS_EVERY_S,
+    default_status=dg.DefaultSensorStatus.RUNNING,
+    description="Ingests new logs of data/hardware_logs, once each; what is still being copied waits.",
+)
+def hardware_log_sensor(context: dg.SensorEvaluationContext) -> dg.RunRequest | dg.SkipReason:
+    """One run for each new content of the folder; one that failed, as its machine may have, is tried again, one that
+    a person cancelled is not."""
+    try:
+        version, facts = logs_version(PROJECT)
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(f"the folder of logs can't be looked at: {error}")
+    count, waiting = facts["files"], facts["still being written"]
+    tags = last_tags(context.instance, TRIALS.key)
+    known = (tags or {}).get(INPUT_VERSION_PREFIX + HARDWARE_LOGS.to_user_string()) == version or not (count or tags)
+    mark = {LOGS_TAG: version[:FINGERPRINT_DIGITS]}
+    runs = dg.RunsFilter(job_name=ingest_logs.name, tags=mark)
+    found = recent_runs(context.instance, PROJECT, runs, lambda run: not run.is_success)
+    if found.running:
+        return dg.SkipReason(f"a run was started for these {count} logs")
+    if known and not found.failures:
+        return dg.SkipReason(f"no new log: {count} are ingested, {waiting} still being written")
+    if found.cancelled:
+        return dg.SkipReason(
+            f"run {found.last_run} for these {count} logs was cancelled; a new log starts one, or start one by hand"
+        )
+    if found.failures >= MAX_FAILURES:
+        return dg.SkipReason(
+            f"{found.failures} runs for these {count} logs failed; look at {found.last_run}, or start one by hand"
+        )
+    try:
+        note_external(context.instance, PROJECT)
+    except (PipelineError, OSError) as error:
+        return dg.SkipReason(f"no run can be started for these {count} logs: {error}")
+    return dg.RunRequest(tags=mark)

@@ -1,0 +1,134 @@
+"""`booster-lab validate` and `cross-engine`: does a policy follow commands in MuJoCo, and in other physics engines?
+
+The exit code is the verdict.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+from pipeline.batch.reporting_pool import ReportingPool
+from pipeline.cli.policy_arguments import CrossEngine, Validate
+from pipeline.cli.project import Project, find_project
+from pipeline.cli.text_table import text_table
+from pipeline.deployment import Policy, digest, load_policy
+from pipeline.errors import FileError, UnknownNameError
+from pipeline.files import atomic
+from pipeline.robot import load_robot
+from pipeline.validation.cross_engine import NAMES, CrossEngineResult, cross_engine
+from pipeline.validation.cross_engine_walk import CrossEngineSettings
+from pipeline.validation.deployed import deployed, with_ankle_kd
+from pipeline.validation.failed_trials import refuse_foreign, remove_earlier, write_failed_trials
+from pipeline.validation.figures import measure
+from pipeline.validation.suites import cells_of
+from pipeline.validation.verdict import as_text, judge, table
+
+EXPORTED = "policy.npz"
+"""The network in the folder of an exported policy (`pipeline.export.folder`)."""
+FAILED = 3
+"""Exit code of a policy that fails; 1 is of a validation or comparison that could not be done."""
+
+
+def validate_policy(args: Validate) -> int:
+    """Measure, evaluate, report."""
+    project = find_project()
+    bars = project.validation(args.robot)
+    folder = robot_folder(project, args.robot)
+    one = deployed(folder, policy_of(args.policy, folder))
+    if args.ankle_kd is not None:
+        one = with_ankle_kd(one, args.ankle_kd)
+    cells = cells_of(args.suite, one.robot)
+    if args.failures:
+        refuse_foreign(args.failures, cells, one)
+    measured = measure(one, cells, ReportingPool(workers=args.workers, what="parts of the trials done"))
+    verdict = judge(measured, bars, suite=args.suite, policy=digest(one.policy), robot=one.robot.digest)
+    if args.table:
+        rows = table(verdict)
+        print(text_table(list(rows[0]), [list(row.values()) for row in rows]))
+    damped = "" if args.ankle_kd is None else f", ankles damped with {args.ankle_kd:g} N m s/rad"
+    print(f"{args.policy} on {folder}, suite {args.suite}{damped}")
+    print(as_text(verdict))
+    if args.json:
+        record = {**verdict.to_dict(), "gains": one.gains()}
+        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    if args.failures:
+        logs = write_failed_trials(one, verdict, args.failures)
+        gone = remove_earlier(args.failures, one, logs)
+        for path in logs:
+            print(f"written: {path}")
+        for path in gone:
+            print(f"removed, of an earlier verdict: {path}")
+    return 0 if verdict.passed else FAILED
+
+
+def robot_folder(project: Project, name: str) -> Path:
+    """The adapted robot's folder, or the robot's own where it was never adapted. Raises UnknownNameError."""
+    project.robot(name)
+    adapted = project.root / "data" / "adapted_robot" / name
+    return adapted if (adapted / "robot.toml").is_file() else project.root / "robots" / name
+
+
+def policy_of(path: Path, robot: Path) -> Policy:
+    """The policy of an npz or of an exported policy's folder. Raises FileError."""
+    if path.is_dir():
+        if not (path / EXPORTED).is_file():
+            raise FileError(path, f"it has no {EXPORTED}.", "Name an npz, or the folder of an exported policy.")
+        from pipeline.export.folder import read_export  # brings PyTorch
+
+        return read_export(path, load_robot(robot)).policy
+    if path.suffix != ".npz":
+        raise FileError(path, "it is no npz.", "Name an npz, or the folder of an exported policy.")
+    return load_policy(path)
+
+
+def compare_engines(args: CrossEngine) -> int:
+    """Walk, evaluate, report."""
+    project = find_project()
+    grid = project.settings("cross_engine.yaml", CrossEngineSettings)
+    bars = project.validation(args.robot)
+    for name in args.cells:
+        if name not in grid.cells:
+            raise UnknownNameError("cell", name, tuple(grid.cells))
+    if args.seeds is not None:
+        grid = dataclasses.replace(grid, simulation=dataclasses.replace(grid.simulation, seeds=args.seeds))
+    folder = robot_folder(project, args.robot)
+    one = deployed(folder, policy_of(args.policy, folder))
+    if args.ankle_kd is not None:
+        one = with_ankle_kd(one, args.ankle_kd)
+    found = cross_engine(
+        one, grid, bars, pool=ReportingPool(workers=args.workers, what="walks done"), only=tuple(args.cells)
+    )
+    print(text_table(["cell", "engine", "survival", "forward", "left", "turning", "height", "power [W]"], _rows(found)))
+    print(f"{args.policy} on {folder}: {'passed' if found.passed else 'failed'}")
+    for reason in found.reasons:
+        print(f"  {reason}")
+    for text in (text for cell in found.cells if cell.required for text in cell.explained):
+        print(f"  explained by the armature on the links: {text}")
+    for name, why in found.not_required.items():
+        print(f"  not required  {name}: {why}")
+    if found.note:
+        print(f"  note  {found.note}")
+    required = len(found.cells) - len(found.not_required)
+    failed = f"{len(found.failed_cells)} of {required} required cells failed"
+    print(failed if required else "no cell is required: nothing was shown")
+    if args.json:
+        record = {"policy": digest(one.policy), "gains": one.gains(), **found.to_dict()}
+        atomic.write_text(args.json, json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n")
+    return 0 if found.passed else FAILED
+
+
+def _rows(found: CrossEngineResult) -> list[list[str]]:
+    figures = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")
+    return [
+        [
+            cell.name if cell.required else f"({cell.name})",
+            NAMES[engine],
+            f"{cell.survival(engine):.1f}",
+            *(f"{cell.mean(engine, name):.3f}" for name in figures),
+            f"{cell.mean(engine, 'power_w'):.0f}",
+        ]
+        for cell in found.cells
+        for engine in cell.figures
+    ]

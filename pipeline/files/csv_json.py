@@ -1,0 +1,92 @@
+"""CSV and JSON files that people write: bounded in size, UTF-8, and every fault of a table with its line."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pipeline.errors import FileError
+from pipeline.files.settings import DECIMAL
+
+MAX_BYTES = 50_000_000
+"""Of a table; a motor's sweep or a robot's joints have a few thousand rows."""
+
+
+def read_csv_text(path: Path) -> str:
+    """The text of a file. Raises FileError: too large, or with the line of the first bytes that are no UTF-8."""
+    if path.stat().st_size > MAX_BYTES:
+        raise FileError(path, f"the file has {path.stat().st_size} bytes, more than the {MAX_BYTES} allowed.")
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        problem = f"the byte 0x{data[error.start]:02x} is no UTF-8 text."
+        raise FileError(path, problem, "Save the table as UTF-8 (in a spreadsheet: 'CSV UTF-8').", line) from error
+
+
+def plain_number(text: str) -> float:
+    """The number in a cell, written as in settings files.
+
+    Raises ValueError for `1_0`, `nan` or digits of other scripts, which `float` takes, and for what no double holds.
+    """
+    value = float(text) if DECIMAL.match(text) else float("nan")
+    if not math.isfinite(value):
+        raise ValueError(f"'{text[:40]}' is no finite decimal number")
+    return value
+
+
+def plain_integer(text: str) -> int:
+    """The whole number in a cell. Raises ValueError."""
+    value = plain_number(text)
+    if value != int(value):
+        raise ValueError(f"'{text[:40]}' is no whole number")
+    return int(value)
+
+
+def csv_records(
+    lines: Iterable[str], path: Path | str, delimiter: str = ",", first_line: int = 1
+) -> Iterator[list[str]]:
+    """Records of a table. Raises FileError with the line where a field is too long or no end of a quote is found.
+
+    Args:
+        path: what messages call the file
+        first_line: number of the first of `lines` in the file
+    """
+    reader = csv.reader(lines, delimiter=delimiter)
+    try:
+        yield from reader
+    except csv.Error as error:
+        line = first_line + max(reader.line_num - 1, 0)
+        raise FileError(path, f"the row can't be read ({error}).", "Shorten or correct it.", line) from error
+
+
+MAX_JSON_BYTES = 50_000_000
+"""Of a file: a database's manifest of 400,000 clips, or a clip of half an hour."""
+
+
+def read_json(path: Path, what: str = "JSON", do: str = "") -> Any:
+    """The value of a file.
+
+    Raises FileError for a file that is missing, too large, nested too deeply or no JSON, as NaN and infinities are.
+
+    Args:
+        what: what the file has to be, for the sentence
+        do: what a person is to do about one that is not
+    """
+    if not path.is_file():
+        raise FileError(path, "the file does not exist.", do)
+    if path.stat().st_size > MAX_JSON_BYTES:
+        raise FileError(path, f"the file is larger than the {MAX_JSON_BYTES} bytes allowed.", do)
+    try:
+        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise FileError(path, f"not {what} ({error}).", do) from error
+
+
+def _refuse(text: str) -> NoReturn:
+    raise ValueError(f"{text} is not a JSON number")
