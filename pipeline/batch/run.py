@@ -19,8 +19,8 @@ from pipeline.batch.again import clips_again
 from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
-from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.clips.codec import faults_of
+from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
 

@@ -17,7 +17,7 @@ from pipeline.batch.code_version import code_version
 from pipeline.errors import FileError
 from pipeline.expert import swap
 from pipeline.files import atomic, digest
-from pipeline.files.json_file import read_json
+from pipeline.files.csv_json import read_json
 from pipeline.robot import Robot
 
 FRAMES = b'"Frames": [\n'

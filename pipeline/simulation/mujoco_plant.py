@@ -20,7 +20,7 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
-from pipeline.robot import Robot, mujoco_model
+from pipeline.robot import Robot
 from pipeline.robot.kinematics import compiled
 from pipeline.simulation.plant import NoBallError, PlantState
 from pipeline.simulation.terrain import FlatGround, Ground
