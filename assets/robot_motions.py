@@ -100,7 +100,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
     inputs = {"repaired_motions": dg.AssetIn(dg.AssetKey(["repaired_motions"])), **inputs_of(robot_model=model)}
 
     @dg.asset(
-        **declared_motions(plan, "placo", "3", inputs),
+        **declared_motions(plan, "placo", "4", inputs),
         check_specs=check_specs(plan),
     )
     @plain_errors
@@ -121,6 +121,7 @@ def _retargeted_motions(plan: Plan, model: Plan) -> Any:
         numbers = ["worst_figure", "times_its_bar", "leg_ratio", "slip_m_s", "slip_strict_m_s", "drift_m"]
         numbers += ["penetration_m", "height_shift_m", "limb_error_deg", "thigh_error_deg", "shank_error_deg"]
         numbers += ["trunk_error_deg", "heading_error_deg", "jerk_rad_s3", "jump_percent"]
+        numbers += ["pelvis_velocity_error_m_s", "pelvis_acceleration_ratio", "lateral_share", "lean_taken_off_deg"]
         return materialized(plan, manifest, stage_metadata(manifest, numbers, highest_first="times_its_bar"))
 
     return retargeted_motions

@@ -1,10 +1,12 @@
 """KP3 against its bars and, where it is installed, against GMR on the same clips in the same run.
 
     python benchmarks/retarget.py FILE_OR_FOLDER... [--fps 30 --fps 50] [--gmr PYTHON --gmr-repo FOLDER]
-        [--repeat 3] [--each] [--json] [--raw] [--trade-offs OUT.png] [--memory CLIPS]
+        [--parts FILE_OR_FOLDER...] [--repeat 3] [--each] [--json] [--raw] [--trade-offs OUT.png] [--memory CLIPS]
 
 The files go through reader, catalogue and repair; both retargeters get what is handed on. Scores are those of
-`booster-lab score`, pooled over all frames. docs/retarget.md tells what the numbers mean and how GMR is set up.
+`booster-lab score`, pooled over all frames. With `--parts` the bars
+are those of fast clips: of the files as a whole, and of the windows of runs and side steps in the parts.
+docs/retarget.md tells what the numbers mean and how GMR is set up.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import dataclasses
 import os
 import statistics
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # one core, before numpy is loaded
@@ -22,12 +25,13 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # one core, before
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import retarget_memory, retarget_trade_offs  # noqa: E402
+from benchmarks import retarget_fast, retarget_memory, retarget_trade_offs  # noqa: E402
 from benchmarks.gmr import Gmr  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from benchmarks.retarget_runs import Scored, handed_on, motion_files, run_gmr, run_ours, text_to_csv  # noqa: E402
 from pipeline.cli.chain import Chain  # noqa: E402
 from pipeline.cli.project import Project  # noqa: E402
+from pipeline.feasibility import FeasibilitySettings  # noqa: E402
 from pipeline.files import settings as settings_file  # noqa: E402
 from pipeline.retarget import RetargetSettings  # noqa: E402
 from pipeline.robot import Robot, load_robot  # noqa: E402
@@ -36,7 +40,7 @@ from pipeline.scoring import FIGURES, pooled  # noqa: E402
 TIMES_GMR, TIMES_GMR_FROM_TEXT = 25.0, 15.0
 """Least speed of retargeting, and from BVH text to CSV, against GMR's inverse kinematics."""
 
-AT_ANY_RATE = ("limit", "slip", "drift", "penetration", "self_collision", "height_shift")
+AT_ANY_RATE = ("limit", "slip", "drift", "penetration", "self_collision", "height_shift", "pelvis")
 """Parts of the keys of figures whose bars hold at any rate; those of the others are for 30 Hz."""
 
 IN_EACH_CLIP = ("self_collision_percent", "self_collision_max_cm")
@@ -52,6 +56,9 @@ def main() -> None:
         sys.exit(0 if report(bars, machine=machine(), json=parsed.json) else 1)
     files = motion_files(parsed.paths)
     clips = handed_on(files, chain, raw=parsed.raw)
+    parts = motion_files(parsed.parts)
+    clips += retarget_fast.pieces_of(retarget_fast.labelled(parts, chain))
+    limits = retarget_fast.BARS if parts else {figure.key: figure.bar for figure in FIGURES}
     if not clips:
         sys.exit("repair leaves nothing of these files; --raw takes them as recorded")
     if parsed.trade_offs:
@@ -63,9 +70,12 @@ def main() -> None:
         settings = dataclasses.replace(base, fps=fps)
         ours = run_ours(clips, settings, robot, parsed.repeat)
         theirs = run_gmr(clips, fps, gmr, robot) if gmr else None
-        bars += _bars(ours, theirs, fps) + _from_text(files, chain, settings, robot, theirs, parsed.repeat)
+        bars += _bars(ours, theirs, fps, limits) + _from_text(files, chain, settings, robot, theirs, parsed.repeat)
         if parsed.each:
             _print_each(ours, fps)
+    if parts:
+        judged = Project(ROOT).settings("feasibility.yaml", FeasibilitySettings)
+        bars += retarget_fast.accepted_bars(retarget_fast.labelled([*files, *parts], chain), base, judged, robot)
     if gmr is None and not parsed.json:
         print("GMR: not installed (--gmr PYTHON --gmr-repo FOLDER)")
     sys.exit(0 if report(bars, machine=machine(), json=parsed.json) else 1)
@@ -74,6 +84,7 @@ def main() -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("paths", nargs="*", type=Path, help="motion files, or folders of them")
+    parser.add_argument("--parts", nargs="+", default=[], type=Path, help="of these only the runs and side steps")
     parser.add_argument("--fps", type=float, action="append", help="rate [Hz], may be repeated (30 and 50)")
     parser.add_argument("--robot", default="t1")
     parser.add_argument("--settings", type=Path, default=ROOT / "data/retarget.yaml")
@@ -93,15 +104,15 @@ def _arguments() -> argparse.Namespace:
     return parsed
 
 
-def _bars(ours: Scored, theirs: Scored | None, fps: float) -> list[Bar]:
-    """The figures of one rate, GMR's beside ours."""
+def _bars(ours: Scored, theirs: Scored | None, fps: float, limits: Mapping[str, float | None]) -> list[Bar]:
+    """The figures of one rate, GMR's beside ours; `limits` are the largest values at 30 Hz by the figures' keys."""
     at = f"{fps:g} Hz"
     bars = _speed(ours, theirs, at)
     scores = {"": pooled(list(ours.scores.values())).figures()}
     if theirs:
         scores["GMR: "] = pooled(list(theirs.scores.values())).figures()
     for figure in FIGURES:
-        bound = figure.bar if fps == 30.0 or any(part in figure.key for part in AT_ANY_RATE) else None
+        bound = limits.get(figure.key) if fps == 30.0 or any(part in figure.key for part in AT_ANY_RATE) else None
         for who, figures in scores.items():
             bars.append(_bar(f"{at}, {who}{figure.title}", figures[figure.key], figure.unit, None if who else bound))
         if figure.key in IN_EACH_CLIP:

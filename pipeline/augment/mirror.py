@@ -11,7 +11,7 @@ from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot import Robot
 
-_SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s")
+_SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s", "pelvis_velocity_error_m_s")
 
 
 def time_scale_clip(clip: RobotClip, scale: float, name: str) -> RobotClip:

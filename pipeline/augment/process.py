@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Annotated
 
+import numpy as np
+
 from pipeline.augment.mirror import mirror_clip, mirror_numbers, time_scale_clip, time_scale_numbers
 from pipeline.augment.perturb import perturb
 from pipeline.clips.outcome import LABELS, Number, Numbers, Outcome, Piece, Reason
@@ -112,16 +114,20 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
         originals.append(_piece(image, mirror_numbers(numbers), clip.name, mirrored=True, scale=1.0))
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:
-        pieces += [_scaled(piece, scale, clip.name) for scale in settings.time_scales for piece in originals]
+        pieces += [_scaled(piece, scale, clip.name, robot) for scale in settings.time_scales for piece in originals]
     perturbed, reasons = _perturbed(originals, settings.perturbations, robot, settings.contact)
     pieces += perturbed
     return Outcome(pieces=tuple(pieces), reasons=tuple(reasons), numbers={"variants": len(pieces)})
 
 
-def _scaled(piece: Piece, scale: float, parent: str) -> Piece:
+def _scaled(piece: Piece, scale: float, parent: str, robot: Robot) -> Piece:
+    """The piece at another speed. Splines overshoot where a joint rests at its limit: what they pass it by is cut."""
     clip = piece.clip
     assert isinstance(clip, RobotClip)
     faster = time_scale_clip(clip, scale, f"{clip.name}~x{scale:g}")
+    lower = np.minimum(robot.joint_lower, clip.joint_pos.min(axis=0))
+    upper = np.maximum(robot.joint_upper, clip.joint_pos.max(axis=0))
+    faster = dataclasses.replace(faster, joint_pos=np.clip(faster.joint_pos, lower, upper))
     mirrored = bool(piece.numbers["mirrored"])
     return _piece(faster, time_scale_numbers(piece.numbers, scale), parent, mirrored=mirrored, scale=scale)
 

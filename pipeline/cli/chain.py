@@ -69,6 +69,10 @@ class Chain:
         window = {"skill": TRANSITION, "start_frame": 0, "stop_frame": piece.clip.frame_count}
         return repair(piece.clip, {**piece.numbers, **window}, settings=self._repair)
 
+    def repaired_window(self, window: Piece) -> Outcome:
+        """A window of one skill of a catalogued clip, its frames repaired, filled or cut."""
+        return repair(window.clip, window.numbers, settings=self._repair)
+
     def retargeted(self, piece: Piece, numbers: Mapping[str, Any], robot: Robot) -> Outcome:
         """A repaired piece onto a robot; a recording of this robot passes."""
         return onto_robot(piece.clip, {**numbers, **piece.numbers}, settings=self._retarget, robot=robot)

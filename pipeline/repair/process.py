@@ -18,11 +18,13 @@ from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
 from pipeline.repair.filling import filled
 from pipeline.repair.floor import Floor, find_floor, levelled, place
+from pipeline.repair.planting import Planted, planted
 from pipeline.repair.reasons import Division, divide
 from pipeline.repair.robot_motion import process_robot
 from pipeline.repair.settings import RepairSettings
 from pipeline.repair.skating import Skating, find_skating
 from pipeline.repair.smoothing import smoothed
+from pipeline.repair.tree import Positions
 from pipeline.robot import Robot
 
 CONTEXT_S = 1.0
@@ -117,19 +119,64 @@ def _pieces(
         labelled = smoothed(clip.cut(low, high, clip.name), skill, settings.smooth)
         feet = both_feet(labelled, floor.height)
         labelled = dataclasses.replace(labelled, contacts=label_contacts(feet, clip.fps, settings.contact))
-        skating = _inside(find_skating(feet, clip.body_pos_w[low:high], clip.fps, settings.contact), low, first, last)
+        pos_w = clip.body_pos_w[low:high]
+        skating = _inside(find_skating(feet, pos_w, clip.fps, settings.contact), low, first, last)
+        fixed = _planted(labelled, pos_w, feet, skating, slice(first - low, last - low), floor, settings)
+        if fixed is not None:
+            labelled, feet, skating = fixed.clip, both_feet(fixed.clip, floor.height), []
+            gathered.append(reasons.of_planting(fixed, first, last, clip.fps, settings.contact))
         gathered += reasons.of_skating(skating, clip.fps, settings.contact)
         for start, stop in _between(skating, first, last):
             refused, piece = _piece(labelled, feet, start, stop, low, settings)
             gathered += refused
             if piece is not None:
-                taken.append((start, *piece))
+                taken.append((start, *piece, fixed))
     several = len(taken) > 1
     pieces = []
-    for number, (first, piece, slip) in enumerate(taken, start=1):
+    for number, (first, piece, slip, fixed) in enumerate(taken, start=1):
         named = dataclasses.replace(piece, name=f"{clip.name}+{number}" if several else clip.name)
-        pieces.append(_placed(named, first, slip, division, floor, floor.at(first, clip), settings))
+        placed = _placed(named, first, slip, division, floor, floor.at(first, clip), settings)
+        planting = {"planted_m_s": fixed.mean_m_s if fixed else 0.0, "planted_m": fixed.way_m if fixed else 0.0}
+        pieces.append(dataclasses.replace(placed, numbers={**placed.numbers, **planting}))
     return tuple(pieces), gathered
+
+
+def _planted(
+    labelled: HumanClip,
+    pos_w: Positions,
+    feet: tuple[FootPoints, FootPoints],
+    skating: list[Skating],
+    within: slice,
+    floor: Floor,
+    settings: RepairSettings,
+) -> Planted | None:
+    """The clip with its feet planted where they slide slowly; None where they don't, or slide afterwards too.
+
+    Args:
+        labelled: the stretch and its surroundings, with contacts
+        pos_w: its bodies before smoothing
+        skating: where its feet slide
+        within: frames of the stretch
+    """
+    contact, fps = settings.contact, labelled.fps
+    assert labelled.contacts is not None
+
+    def too_fast(clip: HumanClip, feet: tuple[FootPoints, FootPoints], limit_m_s: float) -> bool:
+        assert clip.contacts is not None
+        slip = stance_slip((feet[0].cut(within), feet[1].cut(within)), clip.contacts[within])
+        return slip > limit_m_s + contact.slip_per_speed * _ground_speed(clip.pos("pelvis")[within], fps)
+
+    slides = bool(skating) or too_fast(labelled, feet, contact.slip_limit_m_s)
+    fast = any(one.speed_m_s > contact.plant_m_s for one in skating) or too_fast(labelled, feet, contact.plant_m_s)
+    if not slides or fast:
+        return None
+    found = planted(labelled, feet, labelled.contacts, within, contact.plant_m_s)
+    moved_w = found.clip.body_pos_w[:, :1] - labelled.body_pos_w[:, :1]
+    after = both_feet(found.clip, floor.height)
+    still = find_skating(after, pos_w + moved_w, fps, contact)
+    if too_fast(found.clip, after, contact.slip_limit_m_s) or _inside(still, 0, within.start, within.stop):
+        return None
+    return found
 
 
 def _piece(

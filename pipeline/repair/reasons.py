@@ -13,6 +13,7 @@ from pipeline import time_series
 from pipeline.clips.outcome import Reason
 from pipeline.repair.defect import Defect, Findings
 from pipeline.repair.floor import Floor
+from pipeline.repair.planting import Planted
 from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSettings
 from pipeline.repair.skating import Skating
 from pipeline.repair.tree import Positions
@@ -123,6 +124,24 @@ def of_skating(skating: list[Skating], fps: float, settings: ContactSettings) ->
         )
         for one in skating
     ]
+
+
+def of_planting(found: Planted, first: int, last: int, fps: float, settings: ContactSettings) -> Reason:
+    """That the feet of a stretch [first, last) slid slowly and were planted."""
+    text = (
+        f"frames {first}-{last - 1}: standing feet slide; the body is moved so that they stand, at "
+        f"{found.mean_m_s:.3f} m/s on average, {found.way_m:.2f} m in all"
+    )
+    return Reason(
+        code="foot_skate",
+        text=text,
+        effect="repaired",
+        start_s=first / fps,
+        stop_s=last / fps,
+        value=found.mean_m_s,
+        limit=settings.plant_m_s,
+        unit="m/s",
+    )
 
 
 def of_flight(

@@ -122,6 +122,8 @@ class ContactSettings:
     """What is added to it for each m/s of the pelvis [(m/s)/(m/s)]."""
     skate_limit_m_s: Annotated[float, POSITIVE]
     """A stretch is cut in which the slowest point near the ground hardly ever is slower than this."""
+    plant_m_s: Annotated[float, NOT_NEGATIVE]
+    """Feet that slide no faster than this are planted by moving the whole body, by this speed at most."""
     longest_flight_s: Annotated[float, NOT_NEGATIVE]
     """Both feet off the ground for longer than this is no gait of a person."""
 

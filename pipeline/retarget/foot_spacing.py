@@ -104,16 +104,33 @@ def space_swings(
     Args:
         spread: frames over which a push comes and goes
     """
-    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
     lacking = overlap(*plans, heading, sole, gap)
     if not lacking.any():
         return
     swings = ~contacts
     share = swings / np.maximum(swings.sum(axis=1, keepdims=True), 1)
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        push = faded(lacking * share[:, side], spread)
-        push = np.where(swings[:, side], push * _window(swings[:, side], spread), 0.0)
-        plans[side][:, :2] += sign * push[:, None] * lateral_w
+    for side in range(2):
+        push_outward(plans[side], side, swings[:, side], lacking * share[:, side], heading, spread)
+
+
+def push_outward(
+    plan: Float[np.ndarray, "t 5"],
+    side: int,
+    swings: Bool[np.ndarray, " t"],
+    way: Float[np.ndarray, " t"],
+    heading: Float[np.ndarray, " t"],
+    spread: float,
+) -> None:
+    """Move a swinging foot outward in place by at least most of `way` [m]; not where it stands.
+
+    Args:
+        spread: frames over which the push comes and goes
+    """
+    if not (way * swings).any():
+        return
+    push = np.where(swings, faded(way, spread) * _window(swings, spread), 0.0)
+    lateral_w = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
+    plan[:, :2] += (1.0 - 2.0 * side) * push[:, None] * lateral_w
 
 
 def faded(push: Float[np.ndarray, " t"], spread: float) -> Float[np.ndarray, " t"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -16,10 +17,11 @@ from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
+from pipeline.retarget.pelvis_path import fading_grip, held_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
-from pipeline.robot import Kinematics, Robot
+from pipeline.robot import Kinematics, LinkPoses, Robot
 from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
 
@@ -42,7 +44,7 @@ def process(clip: HumanClip, numbers: Mapping[str, Any], *, settings: RetargetSe
         joint_pos=trajectory.joint_pos,
         contacts=targets.contacts,
     )
-    measured = numbers_of(result, human, targets.leg_ratio, robot)
+    measured = numbers_of(result, human, targets.leg_ratio, robot) | changes_of(targets)
     return Outcome(pieces=(Piece(clip=result, numbers=measured),), numbers={"seconds": clip.duration_s})
 
 
@@ -50,18 +52,31 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
     """Targets and the trajectory that follows them, for a clip without missing samples at the robot's rate.
 
     Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
-    zero-phase low pass, which takes the jitter out of what the targets leave free. Distances of the settings are scaled
-    to the robot.
+    zero-phase low pass, which takes the jitter out of what the targets leave free. Where the first pass lets the pelvis
+    go astray it is held, and the first pass is done again. Distances of the settings are scaled to the robot.
     """
     settings = scaled(settings, robot)
-    solver = solver_for(robot)
+    solver, pelvis = solver_for(robot), robot.link(robot.human["pelvis"])
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
-    first = solver.solve(human.name, targets, rest, settings.weights.posture_first, settings)
+    weights = settings.weights
+    first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
+    poses = _poses(first, robot)
+    posture_weight, start = weights.posture_second, None
+    held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, settings.fps)
+    if held.any():
+        grip = fading_grip(targets.grip > 0.5, settings.pelvis, settings.fps)
+        targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
+        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+        poses = _poses(first, robot)
+        posture_weight = weights.posture_second_held
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
-    poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
-    return targets, solver.solve(human.name, targets, smooth, settings.weights.posture_second, settings)
+    return targets, solver.solve(human.name, targets, smooth, posture_weight, settings, start)
+
+
+def _poses(trajectory: Trajectory, robot: Robot) -> LinkPoses:
+    return Kinematics(robot).forward(trajectory.root_pos_w, trajectory.root_quat_w, trajectory.joint_pos)
 
 
 def _refuse_missing(clip: HumanClip) -> None:
@@ -88,10 +103,26 @@ def numbers_of(clip: RobotClip, human: HumanClip, leg_ratio: float, robot: Robot
         "height_shift_m": figures["height_shift_mm"] / 1000.0,
         "jerk_rad_s3": figures["jerk_rad_s3"],
         "jump_percent": figures["jump_percent"],
+        "pelvis_velocity_error_m_s": figures["pelvis_velocity_error_m_s"],
+        "pelvis_acceleration_ratio": figures["pelvis_acceleration_ratio"],
         **{key: value for key, value in figures.items() if key.endswith("_error_deg")},
     }
     known = {name: value if math.isfinite(value) else None for name, value in numbers.items()}
     return {"leg_ratio": leg_ratio, **known, "worst_figure": worst, "times_its_bar": times, **velocity_of(clip)}
+
+
+def changes_of(targets: Targets) -> dict[str, float]:
+    """Where the plan departs from the human because the robot can't follow, each 0 (shares: 1) where it does not.
+
+    Least share of the lateral motion that is kept, largest way that a foothold is moved outward [m], largest angle that
+    the trunk leans less than the chest [deg], and the share of the frames in which the pelvis is held to its path.
+    """
+    return {
+        "lateral_share": targets.lateral_share,
+        "foothold_moved_m": targets.foothold_moved,
+        "lean_taken_off_deg": math.degrees(targets.lean_taken_off),
+        "pelvis_held_share": float((targets.pelvis_held > 0.0).mean()),
+    }
 
 
 def velocity_of(clip: RobotClip) -> dict[str, float]:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import FEET
+from pipeline.errors import UnknownNameError
 from pipeline.quality.retargeting import LIMBS
 from pipeline.retarget.foot_plan import Sole
 from pipeline.robot import Kinematics, Robot
@@ -22,6 +23,8 @@ class RobotBody:
     """Hip to knee plus knee to ankle, mean of both sides [m]."""
     hip_half_width: float
     """Half the distance of the hips [m]."""
+    hip_adduction: Float[np.ndarray, 2]
+    """Largest angle by which a hip brings the leg inward, (left, right) [rad]."""
     hip_centre_b: Float[np.ndarray, 3]
     """Midpoint of the hips in the pelvis link's frame [m]."""
     sole: Sole
@@ -54,6 +57,7 @@ def measure(robot: Robot) -> RobotBody:
     return RobotBody(
         leg=float(np.mean([np.linalg.norm(np.diff(bone, axis=0), axis=-1).sum() for bone in bones])),
         hip_half_width=float(np.linalg.norm(hips[0] - hips[1])) / 2.0,
+        hip_adduction=np.array([_adduction(robot, side) for side in range(2)]),
         hip_centre_b=(hips[0] + hips[1]) / 2.0 - pelvis_pos_w,
         sole=Sole(
             depth=float(-corners_b[:, 2].mean()),
@@ -70,3 +74,28 @@ def _waist(robot: Robot) -> int:
     """The joint by which the pelvis link hangs on the trunk link."""
     pelvis = robot.link(robot.human["pelvis"])
     return int(robot.tree.joint[pelvis])
+
+
+def _adduction(robot: Robot, side: int) -> float:
+    """Limit of the hip joint that turns about x, toward the other leg [rad]."""
+    name = FEET[side]
+    joint, sign = _joint_about(0, robot, f"{name}_thigh", "pelvis")
+    inward_is_negative = (sign > 0.0) == (side == 0)
+    return float(-robot.joint_lower[joint] if inward_is_negative else robot.joint_upper[joint])
+
+
+def ankle_pitch(robot: Robot, side: int) -> int:
+    """Index of the ankle joint that turns about y."""
+    return _joint_about(1, robot, f"{FEET[side]}_foot", f"{FEET[side]}_shank")[0]
+
+
+def _joint_about(axis: int, robot: Robot, below: str, above: str) -> tuple[int, float]:
+    """The joint between two links (by their human names) that turns about an axis of the root, and its sign."""
+    axes = robot.tree.joint_axes_root()
+    link, top = robot.link(robot.human[below]), robot.link(robot.human[above])
+    while link != top:
+        joint = int(robot.tree.joint[link])
+        if abs(axes[joint][axis]) > 0.9:
+            return joint, float(axes[joint][axis])
+        link = int(robot.tree.parent[link])
+    raise UnknownNameError(f"joint about {'xyz'[axis]} from {above} to {below}", robot.human[below], robot.joint_names)

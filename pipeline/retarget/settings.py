@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Range, check, increasing
-from pipeline.files.sourced import LENGTH, PER_AREA
+from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, POSITIVE, RATE_HZ, SHARE, Range, check, increasing
+from pipeline.files.sourced import LENGTH, PER_AREA, SPEED
 from pipeline.robot.size import RobotSize
 
 
@@ -46,6 +46,8 @@ class FootSettings:
     """Least height of the sole in the middle of a swing [m]."""
     spacing: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Least gap between the two soles seen from above [m]."""
+    reach_free: Annotated[float, LENGTH, NOT_NEGATIVE]
+    """Way that a foot may lack to the hip's adduction limit before its foothold is moved outward [m]."""
     wary: Annotated[float, LENGTH, NOT_NEGATIVE]
     """Gap on top of `spacing` below which a swinging foot is held as firmly as a standing one [m]."""
     spacing_s: Annotated[float, NOT_NEGATIVE]
@@ -74,6 +76,54 @@ class ClearanceSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NarrowingSettings:
+    """Side steps that are narrowed and slowed instead of crossed."""
+
+    free: Annotated[float, LENGTH, NOT_NEGATIVE]
+    """Way that a foot may lack to the hip's adduction limit before steps are narrowed [m]."""
+    full: Annotated[float, LENGTH, POSITIVE]
+    """Way beyond it at which nothing lateral would be left [m]."""
+    least_share: Annotated[float, PART]
+    """Least share of the lateral motion that is kept."""
+    spread_s: Annotated[float, NOT_NEGATIVE]
+    """Time over which narrowing comes and goes [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrunkSettings:
+    """How far the trunk leans with a bent back."""
+
+    free_lean: Annotated[float, Range(0.0, 1.6)]
+    """Lean of the chest from upright up to which the trunk follows exactly [rad]."""
+    highest_lean: Annotated[float, Range(0.0, 1.6)]
+    """Lean of the trunk that is approached beyond it, where the pelvis doesn't lean further [rad]."""
+
+    def __post_init__(self) -> None:
+        check(increasing(self, "free_lean", "highest_lean"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PelvisSettings:
+    """Where the second pass holds the pelvis to the human's path."""
+
+    tolerated_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, that leaves a clip alone [m/s]."""
+    free_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Error that is left alone in other clips [m/s]."""
+    astray_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
+    """Error from which on the pelvis is held by `weights.pelvis_held` [m/s]."""
+    window_s: Annotated[float, NOT_NEGATIVE]
+    """Window of that error [s]."""
+    cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
+    """Zero-phase low pass on the error [Hz]."""
+    fade_s: Annotated[float, NOT_NEGATIVE]
+    """Time over which the pelvis, and feet in clips where it is held, are taken hold of and let go [s]."""
+
+    def __post_init__(self) -> None:
+        check(increasing(self, "free_m_s", "astray_m_s"))
+
+
+@dataclass(frozen=True, kw_only=True)
 class WeightSettings:
     """Weights of the soft tasks; each multiplies a squared error."""
 
@@ -87,8 +137,12 @@ class WeightSettings:
     """[cost/rad2]"""
     foot_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
+    foot_height_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    """Where the pelvis is held [cost/m2]."""
     pelvis_horizontal: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
+    pelvis_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    """The horizontal one where the second pass holds the pelvis to its path [cost/m2]."""
     pelvis_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
     trunk: Annotated[float, NOT_NEGATIVE]
@@ -97,12 +151,16 @@ class WeightSettings:
     """[cost/rad2]"""
     legs: Annotated[float, NOT_NEGATIVE]
     """Directions of thighs and shanks [cost/rad2]."""
+    legs_held: Annotated[float, NOT_NEGATIVE]
+    """Where the pelvis is held [cost/rad2]."""
     arms: Annotated[float, NOT_NEGATIVE]
     """Directions of upper arms and forearms [cost/rad2]."""
     posture_first: Annotated[float, NOT_NEGATIVE]
     """Toward the default pose, first pass [cost/rad2]."""
     posture_second: Annotated[float, NOT_NEGATIVE]
     """Toward the smoothed first pass, second pass [cost/rad2]."""
+    posture_second_held: Annotated[float, NOT_NEGATIVE]
+    """In clips where the pelvis is held [cost/rad2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,4 +184,7 @@ class RetargetSettings:
     stance: StanceSettings
     feet: FootSettings
     clearance: ClearanceSettings
+    narrowing: NarrowingSettings
+    trunk: TrunkSettings
+    pelvis: PelvisSettings
     weights: WeightSettings

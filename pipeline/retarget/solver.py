@@ -17,15 +17,23 @@ from pipeline import rotation
 from pipeline.clips.human_clip import FEET
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget.robot_body import measure
+from pipeline.retarget.robot_body import ankle_pitch, measure
 from pipeline.retarget.settings import RetargetSettings, WeightSettings
 from pipeline.retarget.targets import Targets
 from pipeline.robot import Robot
 
 FRAME = "_link_frame"
 """Ending of frames that are added to the URDF."""
+LEG = ("thigh", "shank")
+"""Endings of the limbs that are legs."""
 LIMIT_MARGIN = 1e-6
 """Distance [rad] kept from position limits, so that rounding stays inside them."""
+
+ANKLE_MARGIN = 0.06
+"""Distance [rad] kept from the ankle's toes-up limit; with the roll at its limit too, foot and shank would overlap."""
+
+RESETTLE_ITERATIONS = 6
+"""Solves on frame 0 from a solution for nearly the same targets."""
 
 DAMPING = 1e-6
 """Weight of the step's square; it keeps the program strictly convex."""
@@ -49,6 +57,8 @@ class Solver:
         self._wrapper = placo.RobotWrapper("", placo.Flags.ignore_collisions, _urdf(robot))
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
+        for side in range(2):
+            self._lower[ankle_pitch(robot, side)] += ANKLE_MARGIN
         for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()
@@ -85,21 +95,27 @@ class Solver:
         posture: Float[np.ndarray, "t j"],
         posture_weight: float,
         settings: RetargetSettings,
+        start: Trajectory | None = None,
     ) -> Trajectory:
         """Joint motion that follows `targets`, and `posture` with `posture_weight`, within all limits.
 
+        It settles on frame 0 from `posture`, or in fewer solves from the first frame of a similar trajectory `start`.
         Raises ClipError that names the clip and the frame where the program has no solution.
         """
         frames = len(posture)
         feed = _Feed(self, targets, posture)
         states = np.empty((frames, len(self._wrapper.state.q)))
-        self._start(targets, posture[0])
+        if start is None:
+            self._start(targets.pelvis_pos_w[0], targets.trunk_quat_w[0], posture[0])
+        else:
+            self._start(start.root_pos_w[0], start.root_quat_w[0], start.joint_pos[0])
+        settling = settings.settle_iterations if start is None else min(RESETTLE_ITERATIONS, settings.settle_iterations)
         self._configure(settings.weights, posture_weight)
         self._limit_speed(settings)
         for frame in range(frames):
             feed.set(frame, settings.weights)
             try:
-                for _ in range(settings.settle_iterations if frame == 0 else 1):
+                for _ in range(settling if frame == 0 else 1):
                     self._solver.solve(True)
                     self._wrapper.update_kinematics()
             except RuntimeError as error:
@@ -114,12 +130,17 @@ class Solver:
             joint_pos=states[:, self._columns],
         )
 
-    def _start(self, targets: Targets, joint_pos: Float[np.ndarray, " j"]) -> None:
+    def _start(
+        self,
+        root_pos_w: Float[np.ndarray, 3],
+        root_quat_w: Float[np.ndarray, 4],
+        joint_pos: Float[np.ndarray, " j"],
+    ) -> None:
         self._solver.enable_velocity_limits(False)
         self._wrapper.reset()
         q = np.array(self._wrapper.state.q)
-        q[:3] = targets.pelvis_pos_w[0]
-        q[3:7] = np.roll(targets.trunk_quat_w[0], -1)
+        q[:3] = root_pos_w
+        q[3:7] = np.roll(root_quat_w, -1)
         q[self._columns] = np.clip(joint_pos, self._lower, self._upper)
         self._wrapper.state.q = q
         self._wrapper.update_kinematics()
@@ -130,16 +151,13 @@ class Solver:
             self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
-        self._pelvis_horizontal.configure("pelvis_horizontal", "soft", weights.pelvis_horizontal)
         self._pelvis_height.configure("pelvis_height", "soft", weights.pelvis_height)
         self._trunk.configure("trunk", "soft", weights.trunk)
         self._waist.configure("waist", "soft", weights.waist)
         self._posture.configure("posture", "soft", posture_weight)
-        for task in self._foot_height:
-            task.configure("foot_height", "soft", weights.foot_height)
         for (limb, _, _), task in zip(LIMBS, self._limbs, strict=True):
-            leg = limb.endswith(("thigh", "shank"))
-            task.configure(limb, "soft", weights.legs if leg else weights.arms)
+            if not limb.endswith(LEG):
+                task.configure(limb, "soft", weights.arms)
 
 
 class _Feed:
@@ -148,7 +166,7 @@ class _Feed:
     def __init__(self, solver: Solver, targets: Targets, posture: Float[np.ndarray, "t j"]):
         names = solver.robot.joint_names
         self._solver = solver
-        self._firm, self._contacts = targets.firm.tolist(), targets.contacts.tolist()
+        self._grip, self._contacts = targets.grip.tolist(), targets.contacts.tolist()
         self._pelvis = list(targets.pelvis_pos_w)
         self._trunk = list(rotation.to_matrix(targets.trunk_quat_w))
         waist = names[solver.body.waist]
@@ -158,12 +176,15 @@ class _Feed:
         self._foot_pos = [list(targets.foot_pos_w[:, side]) for side in range(2)]
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
-        self._held: list[tuple[bool, bool] | None] = [None, None]
+        self._pelvis_held: list[float] = targets.pelvis_held.tolist()
+        self._share: float | None = None
+        self._held: list[tuple[float, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
         solver = self._solver
         solver._pelvis_horizontal.target_world = self._pelvis[frame]
         solver._pelvis_height.target_world = self._pelvis[frame]
+        self._hold_pelvis(self._pelvis_held[frame], weights)
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joints(self._waist[frame])
         if frame < len(self._posture):
@@ -173,20 +194,40 @@ class _Feed:
             solver._foot_position[side].target_world = foot_pos_w
             solver._foot_height[side].target_world = foot_pos_w
             solver._foot_orientation[side].R_world_frame = self._foot_rot[side][frame]
-            self._hold(side, (self._firm[frame][side], self._contacts[frame][side]), weights)
+            self._hold(side, (self._grip[frame][side], self._contacts[frame][side]), weights)
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
 
-    def _hold(self, side: int, held: tuple[bool, bool], weights: WeightSettings) -> None:
-        """Weights of a foot that is (held firmly, standing); they are set in the solver when they change."""
+    def _hold_pelvis(self, share: float, weights: WeightSettings) -> None:
+        """Weights that depend on how firmly the pelvis is held; they are set in the solver when they change."""
+        if share == self._share:
+            return
+        self._share, solver = share, self._solver
+        path = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
+        solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", path)
+        for task in solver._foot_height:
+            task.configure("foot_height", "soft", _between(weights.foot_height, weights.foot_height_held, share))
+        for (limb, _, _), task in zip(LIMBS, solver._limbs, strict=True):
+            if limb.endswith(LEG):
+                task.configure(limb, "soft", _between(weights.legs, weights.legs_held, share))
+
+    def _hold(self, side: int, held: tuple[float, bool], weights: WeightSettings) -> None:
+        """Weights of a foot with its (grip, stance); they are set in the solver when they change."""
         if held == self._held[side]:
             return
         self._held[side] = held
-        firm, stands = held
-        position = weights.stance_position if firm else weights.swing_position
+        grip, stands = held
+        position = _between(weights.swing_position, weights.stance_position, grip)
         orientation = weights.stance_orientation if stands else weights.swing_orientation
         self._solver._foot_position[side].configure(FEET[side], "soft", position)
         self._solver._foot_orientation[side].configure(FEET[side], "soft", orientation)
+
+
+def _between(low: float, high: float, share: float) -> float:
+    """`low` for 0, `high` for 1, geometrically between."""
+    if share in (0.0, 1.0):
+        return high if share else low
+    return low * (high / low) ** share
 
 
 def _is_constant(posture: Float[np.ndarray, "t j"]) -> bool:

@@ -13,10 +13,13 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.human_clip import body as body_index
 from pipeline.errors import ClipError
 from pipeline.quality.retargeting import LIMBS
-from pipeline.retarget import foot_plan, foot_spacing
+from pipeline.retarget import foot_plan, foot_reach, foot_spacing
 from pipeline.retarget.foot_plan import PITCH, YAW, Sole, X, Z
+from pipeline.retarget.foot_reach import Hips
+from pipeline.retarget.narrowing import lateral_share, narrowed
 from pipeline.retarget.robot_body import RobotBody
 from pipeline.retarget.settings import RetargetSettings
+from pipeline.retarget.trunk_lean import limited_lean
 
 FLAT_PERCENTILE = 30.0
 """Of the foot's pitch over its stance frames: heel rise makes the upper part, so the foot is flat below."""
@@ -85,14 +88,16 @@ class Targets:
 
     contacts: Bool[np.ndarray, "t 2"]
     """Stance, (left, right)."""
-    firm: Bool[np.ndarray, "t 2"]
-    """Where a foot is held as firmly as in a stance: stances, and swings close by the other foot."""
+    grip: Float[np.ndarray, "t 2"]
+    """How firmly a foot is held to its place: 1 in stances and in swings close by the other foot, 0 in others."""
     foot_pos_w: Float[np.ndarray, "t 2 3"]
     """Ankles (left, right) [m]."""
     foot_quat_w: Float[np.ndarray, "t 2 4"]
     """Feet, parallel to the sole, x to the toes."""
     pelvis_pos_w: Float[np.ndarray, "t 3"]
     """Origin of the pelvis link [m]."""
+    pelvis_held: Float[np.ndarray, " t"]
+    """How firmly the pelvis is held to its horizontal path: 0 softly, 1 firmly."""
     trunk_quat_w: Float[np.ndarray, "t 4"]
     waist_pos: Float[np.ndarray, " t"]
     """Angle of the waist joint [rad]."""
@@ -100,6 +105,12 @@ class Targets:
     """Unit directions of `LIMBS`."""
     leg_ratio: float
     """Robot length / human length used for all positions; the robot's speed / the human's."""
+    foothold_moved: float
+    """Largest way [m] that a foothold was moved outward because the hips can't adduct further."""
+    lateral_share: float
+    """Least share of the human's lateral motion that is kept; 1 where no step is narrowed."""
+    lean_taken_off: float
+    """Largest angle [rad] by which the trunk leans less than the human's chest."""
 
 
 def plan_targets(
@@ -109,23 +120,38 @@ def plan_targets(
     person = measure(clip, contacts)
     ratio = settings.leg_scale * body.leg / person.leg
     clip = _smoothed(clip, settings.smooth_hz)
-    hips_w = np.stack([clip.pos(f"{side}_hip") for side in FEET], axis=1)
-    lateral_w = _horizontal(hips_w[:, 0] - hips_w[:, 1])
+    lateral_w = _horizontal(clip.pos("left_hip") - clip.pos("right_hip"))
     heading = np.unwrap(np.arctan2(-lateral_w[:, 0], lateral_w[:, 1]))
-    widening = body.hip_half_width - ratio * person.hip_half_width
-    feet = _plan_feet(clip, contacts, ratio, lateral_w[:, :2] * widening, heading, person, body, settings)
-    trunk_quat_w = clip.quat("chest")
-    centre_w = ratio * (hips_w.mean(axis=1) - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+    widening_w = lateral_w[:, :2] * (body.hip_half_width - ratio * person.hip_half_width)
+    trunk_quat_w, lean_taken_off = limited_lean(clip.quat("chest"), clip.quat("pelvis"), settings.trunk)
+    waist_pos = waist_angle(trunk_quat_w, heading)
+
+    def centre_of(clip: HumanClip) -> Float[np.ndarray, "t 3"]:
+        middle_w = np.mean([clip.pos(f"{side}_hip") for side in FEET], axis=0)
+        return ratio * (middle_w - [0.0, 0.0, person.ankle_height.mean()]) + [0.0, 0.0, body.sole.depth]
+
+    hips = foot_reach.hips_of(centre_of(clip), trunk_quat_w, waist_pos, body)
+    raws = _scaled_feet(clip, ratio, widening_w, heading, person, body.sole)
+    lacking = np.maximum(*(foot_reach.lacking(raw, side, hips) for side, raw in enumerate(raws)))
+    share = lateral_share(lacking, settings.narrowing, clip.fps)
+    clip = narrowed(clip, lateral_w, share)
+    centre_w = centre_of(clip)
+    hips = foot_reach.hips_of(centre_w, trunk_quat_w, waist_pos, body)
+    feet, moved = _plan_feet(clip, contacts, ratio, widening_w, heading, hips, person, body, settings)
     return Targets(
         contacts=contacts,
-        firm=contacts | _close(feet, heading, body.sole, settings)[:, None],
+        grip=(contacts | _close(feet, heading, body.sole, settings)[:, None]).astype(float),
         foot_pos_w=np.stack([foot[:, X : Z + 1] for foot in feet], axis=1),
         foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
+        pelvis_held=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,
-        waist_pos=waist_angle(trunk_quat_w, heading),
+        waist_pos=waist_pos,
         limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),
         leg_ratio=ratio,
+        foothold_moved=moved,
+        lateral_share=float(share.min()),
+        lean_taken_off=lean_taken_off,
     )
 
 
@@ -144,29 +170,47 @@ def _plan_feet(
     ratio: float,
     widening_w: Float[np.ndarray, "t 2"],
     heading: Float[np.ndarray, " t"],
+    hips: Hips,
     person: Proportions,
     body: RobotBody,
     settings: RetargetSettings,
-) -> tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]]:
-    """Plans of both feet (ankle x, y, z, yaw, pitch), spaced and above ground."""
+) -> tuple[tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]], float]:
+    """Plans of both feet (ankle x, y, z, yaw, pitch), in reach, spaced and above ground; `foothold_moved` [m]."""
     feet, sole = settings.feet, body.sole
-    raws, locked = [], []
+    raws, locked = _scaled_feet(clip, ratio, widening_w, heading, person, sole), []
     for side, name in enumerate(FEET):
         outward_w = widening_w if side == 0 else -widening_w
-        ankle, toe = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe")
-        raw = _scaled_foot(ankle, toe, side, ratio, outward_w, heading, person, sole)
+        ankle, toe, raw = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe"), raws[side]
         toe_yaw = np.arctan2(toe[:, 1] - ankle[:, 1], toe[:, 0] - ankle[:, 0])
         scaled_toe_w = ratio * toe[:, :2] + outward_w
         ankle_to_toe = ratio * float(person.ankle_to_toe[side])
-        raws.append(raw)
         locked.append(foot_plan.lock_stances(raw, contacts[:, side], scaled_toe_w, toe_yaw, ankle_to_toe, sole, feet))
     spread = feet.spacing_s * clip.fps
+    moved = foot_reach.bring_footholds_in_reach((locked[0], locked[1]), contacts, heading, hips, feet.reach_free)
     foot_spacing.space_footholds((locked[0], locked[1]), contacts, heading, sole, feet.spacing, round(spread))
     slope = max(1, round(feet.slope_s * clip.fps))
     plans = [foot_plan.spread(raws[side], locked[side], contacts[:, side], slope) for side in range(2)]
+    foot_reach.bring_swings_in_reach((plans[0], plans[1]), contacts, heading, hips, feet.reach_free, spread)
     foot_spacing.space_swings((plans[0], plans[1]), contacts, heading, sole, feet.spacing, spread)
     left, right = (foot_plan.keep_above_ground(plans[side], contacts[:, side], sole, feet) for side in range(2))
-    return left, right
+    return (left, right), moved
+
+
+def _scaled_feet(
+    clip: HumanClip,
+    ratio: float,
+    widening_w: Float[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    person: Proportions,
+    sole: Sole,
+) -> list[Float[np.ndarray, "t 5"]]:
+    """Both feet as the robot's, see `_scaled_foot`."""
+    feet = []
+    for side, name in enumerate(FEET):
+        outward_w = widening_w if side == 0 else -widening_w
+        ankle, toe = clip.pos(f"{name}_ankle"), clip.pos(f"{name}_toe")
+        feet.append(_scaled_foot(ankle, toe, side, ratio, outward_w, heading, person, sole))
+    return feet
 
 
 def _scaled_foot(

@@ -53,8 +53,19 @@ def stance_labels(human: HumanClip, strictness: Strictness) -> Bool[np.ndarray, 
         label = toe_w[:, 2] < np.percentile(toe_w[:, 2], LOW_PERCENTILE) + strictness.height
         label &= np.linalg.norm(velocity[:, :2], axis=1) < strictness.speed_m_s
         label &= np.abs(velocity[:, 2]) < VERTICAL_SPEED_M_S
-        columns.append(time_series.moving_mean(label.astype(float), width) > 0.5)
+        columns.append(_median(label, width // 2))
     return np.stack(columns, axis=1)
+
+
+def _median(label: Bool[np.ndarray, " t"], half: int) -> Bool[np.ndarray, " t"]:
+    """Median of 2 `half` + 1 frames; near the ends of fewer, as many on both sides of the frame.
+
+    A window that reaches further inward than outward would extend a stance over the landing or take-off at the end.
+    """
+    total = np.concatenate([[0], np.cumsum(label)])
+    index = np.arange(len(label))
+    reach = np.minimum(half, np.minimum(index, len(label) - 1 - index))
+    return 2 * (total[index + reach + 1] - total[index - reach]) > 2 * reach + 1
 
 
 TOLERANCE_S = 0.05

@@ -13,6 +13,7 @@ from pipeline.quality.sole import inner_contacts
 from pipeline.robot import Kinematics, LinkPoses, Robot
 from pipeline.scoring.align import STRICTNESSES, aligned, stance_labels
 from pipeline.scoring.figures import Score
+from pipeline.scoring.pelvis_path import pelvis_path
 from pipeline.simulation.mujoco_plant import self_collision
 
 COLLISION_DEPTH = 0.002
@@ -49,6 +50,7 @@ def samples_without_collisions(human: HumanClip, clip: RobotClip, robot: Robot) 
     kinematics = Kinematics(robot)
     poses = kinematics.forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
     samples = _limits(clip, robot) | _feet(human, clip.fps, kinematics, poses, robot)
+    samples |= pelvis_path(human, kinematics, poses, robot)
     return samples | _smoothness(clip, robot) | _likeness(human, poses, robot)
 
 

@@ -94,7 +94,7 @@ class SkillBounds:
     side_ratio: Annotated[float, Range(1.0, 10.0)]
     """Least ratio of sideways or backward speed to the perpendicular one."""
     ahead_ratio: Annotated[float, Range(1.0, 10.0)]
-    """Least ratio of forward to lateral speed; a diagonal walk is no skill."""
+    """Least ratio of forward to lateral speed; a diagonal walk is no skill. Runs need `side_ratio` only."""
     walk_slow_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
     """Forward speed at which slow walking becomes walking [m/s]."""
     walk_speed: Annotated[float, Range(0.0, 15.0, open_low=True)]
@@ -133,9 +133,10 @@ def distances(
     across = ratio * np.abs(lateral)
     back = travel + _over(across, -forward)
     edges = [0.0, bounds.walk_slow_speed, bounds.walk_speed, bounds.jog_speed, np.inf]
+    ratios = [bounds.ahead_ratio] * 3 + [bounds.side_ratio]
     ahead = [
-        travel + _over(bounds.ahead_ratio * np.abs(lateral), forward) + _over(low, forward) + _over(forward, high)
-        for low, high in itertools.pairwise(edges)
+        travel + _over(ratio * np.abs(lateral), forward) + _over(low, forward) + _over(forward, high)
+        for ratio, (low, high) in zip(ratios, itertools.pairwise(edges), strict=True)
     ]
     return np.stack([stand, *turns, *sides, back, *ahead], axis=1)
 

@@ -1,5 +1,6 @@
 """The variants of a clip, and time scaling against motions whose formula is known."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,19 @@ def test_a_scaled_sine_is_the_sine_at_scaled_times(robot: Robot, scale: float):
         np.testing.assert_allclose(getattr(scaled, field)[inner], getattr(fine, field)[index][inner], atol=2e-5)
     assert scaled.fps == clip.fps
     assert abs((scaled.frame_count - 1) * scale - (clip.frame_count - 1)) < scale
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+def test_a_joint_that_rests_at_its_limit_does_not_pass_it_at_another_speed(robot: Robot, scale: float):
+    clip = standing(robot)
+    joint, joint_pos = robot.joint("Left_Knee_Pitch"), clip.joint_pos.copy()
+    joint_pos[:, joint] = np.maximum(robot.joint_lower[joint], 0.5 * np.sin(np.arange(clip.frame_count) / 5.0))
+    clip = dataclasses.replace(clip, joint_pos=joint_pos)
+    settings = dataclasses.replace(BOTH, time_scales=(scale,), unscaled_skills=())
+    assert time_scale_clip(clip, scale, "spline").joint_pos[:, joint].min() < robot.joint_lower[joint] - 1e-4
+    for piece in process(clip, {"skill": "walk"}, settings=settings, robot=robot).pieces:
+        assert np.all(piece.clip.joint_pos >= robot.joint_lower)
+        assert np.all(piece.clip.joint_pos <= robot.joint_upper)
 
 
 def test_accelerations_scale_with_the_square_without_steps(robot: Robot):

@@ -18,6 +18,7 @@ FEET = FootSettings(
     slope_s=0.2,
     clearance=0.01,
     spacing=0.02,
+    reach_free=0.1,
     wary=0.03,
     spacing_s=0.06,
 )

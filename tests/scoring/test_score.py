@@ -11,6 +11,7 @@ from pipeline.errors import ClipError
 from pipeline.robot import load_robot
 from pipeline.scoring import FIGURES, aligned, pooled, score
 from pipeline.scoring.align import STRICTNESSES, stance_labels
+from pipeline.scoring.figures import Pooling
 from tests.factories.human_clips import Gait, walker
 from tests.factories.retarget_clips import person_of
 
@@ -99,7 +100,8 @@ def test_clips_are_pooled_by_their_samples_and_depths_by_the_deepest():
     assert whole.frames == 80
     for figure in FIGURES:
         parts = np.concatenate([part.samples[figure.key] for part in scores])
-        wanted = parts.max() if figure.largest else parts.mean()
+        pools = {Pooling.MEAN: np.mean, Pooling.LARGEST: np.max, Pooling.RMS: lambda x: np.sqrt(np.mean(x**2))}
+        wanted = pools[figure.pooling](parts)
         assert whole.figures()[figure.key] == pytest.approx(wanted)
 
 

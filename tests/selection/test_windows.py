@@ -56,6 +56,10 @@ def test_walking_diagonally_is_no_walk():
     assert [skill for skill, *_ in found(gliding_person([(4.0, 0.73, 0.57, 0.0)]))] == [TRANSITION]
 
 
+def test_running_diagonally_is_a_run():
+    assert [skill for skill, *_ in found(gliding_person([(3.0, 2.6, 1.7, 0.0)]))] == ["run"]
+
+
 def test_windows_change_where_the_motion_does():
     legs = [
         (2.0, 0.0, 0.0, 0.0),

@@ -1,0 +1,92 @@
+"""Feet that the hips can't bring far enough inward stay outward: footholds give way so that the pelvis keeps its path.
+
+A hip that adducts by no more than `a` holds an ankle with `outward >= -sin(a) * distance`, where `outward` is the way
+from the hip to the ankle along the pelvis's outward axis and `distance` that from hip to ankle. People who step
+sideways bring their feet further inward, and cross them. What `narrowing` leaves of that is taken here: a foothold is
+moved outward, as a whole, by what it lacks in the worst frame of its stance; a swinging foot passes further outward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from pipeline import rotation, time_series
+from pipeline.retarget.foot_plan import X, Z
+from pipeline.retarget.foot_spacing import push_outward
+from pipeline.retarget.robot_body import RobotBody
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hips:
+    """The robot's hips on the pelvis path that is planned, T frames."""
+
+    pos_w: Float[np.ndarray, "t 2 3"]
+    """Hip joints (left, right) [m]."""
+    left_w: Float[np.ndarray, "t 3"]
+    """The pelvis link's axis to the left, unit."""
+    sin_adduction: Float[np.ndarray, 2]
+    """Sine of the largest adduction, (left, right)."""
+
+
+def hips_of(
+    centre_w: Float[np.ndarray, "t 3"],
+    trunk_quat_w: Float[np.ndarray, "t 4"],
+    waist_pos: Float[np.ndarray, " t"],
+    body: RobotBody,
+) -> Hips:
+    """Hips around their planned midpoint; the pelvis link is the trunk turned by the waist."""
+    pelvis_quat_w = rotation.multiply(trunk_quat_w, rotation.about_z(waist_pos))
+    left_w = rotation.rotate(pelvis_quat_w, np.array([0.0, 1.0, 0.0]))
+    apart = np.array([body.hip_half_width, -body.hip_half_width])
+    pos_w = centre_w[:, None] + apart[:, None] * left_w[:, None]
+    return Hips(pos_w=pos_w, left_w=left_w, sin_adduction=np.sin(body.hip_adduction))
+
+
+def lacking(foot: Float[np.ndarray, "t 5"], side: int, hips: Hips) -> Float[np.ndarray, " t"]:
+    """Way [m], 0 or more, that the ankle must go outward to be within the hip's adduction."""
+    leg_w = foot[:, X : Z + 1] - hips.pos_w[:, side]
+    outward = np.sum(leg_w * hips.left_w, axis=1) * (1.0 - 2.0 * side)
+    return np.maximum(-hips.sin_adduction[side] * rotation.length(leg_w) - outward, 0.0)
+
+
+def bring_footholds_in_reach(
+    locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    contacts: Bool[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    hips: Hips,
+    free: float,
+) -> float:
+    """Move whole footholds outward in place, so that no hip must adduct beyond its limit; the largest way [m].
+
+    Args:
+        free: what may lack without a move [m]: the trunk gives way by as much
+    """
+    lateral_w, largest = np.stack([-np.sin(heading), np.cos(heading)], axis=-1), 0.0
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        short = np.maximum(lacking(locked[side], side, hips) - free, 0.0)
+        for start, stop in time_series.runs(contacts[:, side]):
+            worst = start + int(np.argmax(short[start:stop]))
+            locked[side][start:stop, :2] += sign * short[worst] * lateral_w[worst]
+            largest = max(largest, float(short[worst]))
+    return largest
+
+
+def bring_swings_in_reach(
+    plans: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
+    contacts: Bool[np.ndarray, "t 2"],
+    heading: Float[np.ndarray, " t"],
+    hips: Hips,
+    free: float,
+    spread: float,
+) -> None:
+    """Move swinging feet outward in place, as `bring_footholds_in_reach` does footholds.
+
+    Args:
+        spread: frames over which a push comes and goes
+    """
+    for side in range(2):
+        short = np.maximum(lacking(plans[side], side, hips) - free, 0.0)
+        push_outward(plans[side], side, ~contacts[:, side], short, heading, spread)

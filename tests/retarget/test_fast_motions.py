@@ -1,0 +1,173 @@
+"""Lean, side steps and the pelvis's path: the plan departs from the human only where the robot must."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline import rotation, time_series
+from pipeline.clips.human_clip import HumanClip, body
+from pipeline.files import settings as settings_file
+from pipeline.retarget import RetargetSettings, process
+from pipeline.retarget.foot_plan import contacts_of
+from pipeline.retarget.foot_reach import Hips, lacking
+from pipeline.retarget.narrowing import LEGS, lateral_share, narrowed
+from pipeline.retarget.pelvis_path import fading_grip, held_share
+from pipeline.retarget.solver import solver_for
+from pipeline.retarget.trunk_lean import limited_lean
+from pipeline.robot import load_robot
+from pipeline.scoring import score
+from tests.factories.human_clips import Gait, standing, walker
+
+ROBOT = load_robot("t1")
+SETTINGS = settings_file.read(Path(__file__).resolve().parents[2] / "data/retarget.yaml", RetargetSettings)
+FPS = 50.0
+UP = np.array([0.0, 0.0, 1.0])
+LEFT_W = np.tile([0.0, 1.0, 0.0], (100, 1))
+
+
+def leaning(angle: np.ndarray, yaw: float = 0.3) -> np.ndarray:
+    return rotation.multiply(
+        rotation.about_z(np.full(len(angle), yaw)), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), angle)
+    )
+
+
+def lean_of(quat_w: np.ndarray) -> np.ndarray:
+    return np.arccos(np.clip(rotation.rotate(quat_w, UP)[:, 2], -1.0, 1.0))
+
+
+def test_a_bent_back_is_followed_up_to_the_limit_in_its_direction():
+    angle = np.linspace(0.0, 1.2, 100)
+    chest, pelvis = leaning(angle), leaning(0.4 * angle)
+    trunk, taken_off = limited_lean(chest, pelvis, SETTINGS.trunk)
+    lean, free = lean_of(trunk), angle < SETTINGS.trunk.free_lean
+    np.testing.assert_array_equal(trunk[free], chest[free])
+    assert np.all(np.diff(lean) > -1e-9), "more lean of the person never is less of the robot"
+    assert lean.max() < np.deg2rad(45.0)
+    assert taken_off == pytest.approx(1.2 - lean[-1])
+    np.testing.assert_allclose(rotation.yaw_of(trunk), 0.3, atol=1e-9)
+
+
+def test_a_person_who_lies_is_followed():
+    lying = leaning(np.full(50, 1.5))
+    trunk, taken_off = limited_lean(lying, lying, SETTINGS.trunk)
+    np.testing.assert_array_equal(trunk, lying)
+    assert taken_off == 0.0
+
+
+def test_a_foot_lacks_what_the_adducted_leg_can_not_reach():
+    hips = Hips(pos_w=np.zeros((1, 2, 3)), left_w=LEFT_W[:1], sin_adduction=np.sin([0.2, 0.2]))
+    for inward in (0.1, 0.2, 0.3):
+        ankle = 0.5 * np.array([0.0, -np.sin(inward), -np.cos(inward)])
+        left = np.concatenate([ankle, [0.0, 0.0]])[None]
+        expected = max(0.5 * (np.sin(inward) - np.sin(0.2)), 0.0)
+        assert lacking(left, 0, hips)[0] == pytest.approx(expected, abs=1e-12)
+        assert lacking(left * [1.0, -1.0, 1.0, 1.0, 1.0], 1, hips)[0] == pytest.approx(expected, abs=1e-12)
+
+
+def test_narrowing_keeps_standing_feet_and_scales_the_way_sideways():
+    person = standing(seconds=100 / 60.0)
+    pos_w = person.body_pos_w.copy()
+    feet = [body(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "toe")]
+    others = [index for index in range(pos_w.shape[1]) if index not in feet]
+    pos_w[:, others, 1] += 0.2 * np.sin(np.linspace(0.0, 3.0, len(pos_w)))[:, None]
+    clip = dataclasses.replace(person, body_pos_w=pos_w)
+    thin = narrowed(clip, LEFT_W, np.full(100, 0.6))
+    for side in ("left", "right"):
+        assert np.abs(np.diff(thin.pos(f"{side}_toe")[:, 1])).max() < 2e-4
+        np.testing.assert_array_equal(thin.pos(f"{side}_toe")[:, [0, 2]], clip.pos(f"{side}_toe")[:, [0, 2]])
+    way, full = (np.ptp(each.pos("pelvis")[:, 1]) for each in (thin, clip))
+    assert way == pytest.approx(0.6 * full, rel=0.01)
+    assert len(LEGS) == 6
+
+
+def test_a_clip_whose_feet_reach_is_not_narrowed():
+    clip = walker(seconds=2.0)
+    share = lateral_share(np.full(clip.frame_count, SETTINGS.narrowing.free), SETTINGS.narrowing, clip.fps)
+    assert (share == 1.0).all()
+    lateral_w = np.tile([0.0, 1.0, 0.0], (clip.frame_count, 1))
+    assert narrowed(clip, lateral_w, share) is clip
+
+
+def crossing() -> HumanClip:
+    """A person who walks with the feet 0.3 m across each other: left on the right side, right on the left."""
+    clip = walker(seconds=4.0, gait=Gait(speed_m_s=0.6))
+    pos_w = clip.body_pos_w.copy()
+    for side, inward in (("left", -0.15), ("right", 0.15)):
+        for part, share in (("knee", 0.5), ("ankle", 1.0), ("toe", 1.0)):
+            middle = clip.pos("pelvis")[:, 1].mean()
+            offset = pos_w[:, body(f"{side}_{part}"), 1] - middle
+            pos_w[:, body(f"{side}_{part}"), 1] = middle + offset + share * (inward - offset)
+    return dataclasses.replace(clip, body_pos_w=pos_w)
+
+
+def test_crossed_steps_are_narrowed_recorded_and_the_pelvis_stays_on_its_path():
+    human = crossing()
+    piece = process(human, {}, settings=SETTINGS, robot=ROBOT).pieces[0]
+    assert piece.numbers["lateral_share"] < 0.95
+    figures = score(human, piece.clip, ROBOT).figures()
+    assert figures["position_limit_percent"] == 0.0
+    assert figures["self_collision_percent"] == 0.0
+    assert figures["pelvis_velocity_error_m_s"] < 0.15
+    assert figures["pelvis_acceleration_ratio"] < 2.0
+
+
+def test_a_walk_that_the_robot_can_do_changes_nothing():
+    numbers = process(walker(seconds=4.0), {}, settings=SETTINGS, robot=ROBOT).pieces[0].numbers
+    assert (numbers["lateral_share"], numbers["foothold_moved_m"]) == (1.0, 0.0)
+    assert (numbers["lean_taken_off_deg"], numbers["pelvis_held_share"]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("error_m_s", "share"), [(0.1, 0.0), (0.15, 0.0), (0.3, 1.0)])
+def test_the_pelvis_is_held_where_its_velocity_goes_astray(error_m_s, share):
+    times_s = np.arange(400) / FPS
+    planned_w = np.zeros((400, 3))
+    hz = 1.5
+    reached_w = planned_w.copy()
+    reached_w[:, 1] = np.sqrt(2.0) * error_m_s / (2 * np.pi * hz) * np.sin(2 * np.pi * hz * times_s)
+    held = held_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
+    assert held[100:300].mean() == pytest.approx(share, abs=0.05)
+
+
+def test_the_grip_of_a_foot_is_full_in_stances_and_fades_outside():
+    firm = np.zeros((60, 2), dtype=bool)
+    firm[20:40, 0] = True
+    grip = fading_grip(firm, SETTINGS.pelvis, FPS)
+    assert (grip[20:40, 0] == 1.0).all()
+    assert (np.diff(grip[:21, 0]) >= 0.0).all()
+    assert (np.diff(grip[39:, 0]) <= 0.0).all()
+    assert 0.0 < grip[19, 0] < 1.0
+    assert grip[10, 0] == grip[50, 0] == 0.0
+    assert not grip[:, 1].any()
+
+
+def test_a_run_has_no_stance_in_the_air_and_keeps_its_pelvis_path():
+    human = walker(seconds=3.0, gait=Gait(speed_m_s=3.0, stride_s=0.7, stance_share=0.35))
+    at_rate = human.resampled(SETTINGS.fps)
+    assert human.contacts is not None
+    assert (~human.contacts.any(axis=1)).mean() > 0.2, "the person flies"
+    planned = contacts_of(at_rate, SETTINGS.stance)
+    theirs = at_rate.contacts
+    assert theirs is not None
+    assert planned.any(axis=0).all()
+    assert (planned & ~theirs).mean() < 0.03
+    held = dataclasses.replace(SETTINGS.pelvis, tolerated_m_s=0.1, free_m_s=0.05, astray_m_s=0.1)
+    loose = dataclasses.replace(SETTINGS.pelvis, tolerated_m_s=9.0)
+    held, soft = (dataclasses.replace(SETTINGS, pelvis=pelvis) for pelvis in (held, loose))
+    numbers, without = (process(human, {}, settings=each, robot=ROBOT).pieces[0].numbers for each in (held, soft))
+    assert without["pelvis_held_share"] == 0.0 < numbers["pelvis_held_share"]
+    assert numbers["pelvis_velocity_error_m_s"] < 0.75 * without["pelvis_velocity_error_m_s"]
+    assert numbers["slip_m_s"] < 1.1 * without["slip_m_s"]
+
+
+def test_ankles_keep_off_the_corner_where_foot_and_shank_overlap():
+    solver = solver_for(ROBOT)
+    for name in ("Left_Ankle_Pitch", "Right_Ankle_Pitch"):
+        index = ROBOT.joint(name)
+        assert solver._lower[index] > ROBOT.joint_lower[index] + 0.05
+
+
+def test_velocity_of_the_sine_above_is_what_it_says():
+    way = np.sqrt(2.0) * 0.3 / (2 * np.pi * 1.5) * np.sin(2 * np.pi * 1.5 * np.arange(400) / FPS)
+    assert np.sqrt(np.mean(time_series.derivative(way, FPS) ** 2)) == pytest.approx(0.3, rel=0.02)
