@@ -14,9 +14,8 @@ from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import curator_link, picture, plain_errors, table_of
 from pipeline.batch import Manifest
-from pipeline.clips.robot_clip import RobotClip
 from pipeline.dataset_export import export_database
-from pipeline.expert import DatabaseSettings, ExpertEntry, write_database
+from pipeline.expert import DatabaseSettings, ExpertEntry, StoredClip, write_database
 from pipeline.expert.index import database_version
 from pipeline.expert.swap import replace_folder
 from pipeline.feasibility.command_space import by_command
@@ -41,7 +40,7 @@ def materialize_database(
     robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
     folder = PROJECT.expert_db(robot.name)
     values = settings.read(PROJECT.settings("database.yaml"), DatabaseSettings)
-    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values)
+    manifest = write_database(folder, _entries(feasible), robot, stages=feasible.settings, settings=values, pool=pool)
     realizable, accuracy = realizability_check(plan, feasible, pool, context.log)
     metadata = {
         **curator_link("databases"),
@@ -56,17 +55,14 @@ def materialize_database(
         data_version=dg.DataVersion(database_version(folder)),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan)
+    yield from judge_database(plan, frames=False)  # they were read when they were written
     yield realizable
 
 
 def _entries(feasible: Manifest) -> Iterator[Any]:
-
     for entry in feasible.entries:
-        clip = PROJECT.store.get_clip(entry.blob, entry.clip)
-        assert isinstance(clip, RobotClip)
         yield ExpertEntry(
-            clip=clip,
+            clip=StoredClip(name=entry.clip, blob=entry.blob, store=PROJECT.store),
             weight=entry.numbers["weight"],
             skill=entry.numbers["skill"],
             licence=entry.numbers["licence"],

@@ -128,11 +128,10 @@ def database_check_specs(plan: Plan) -> list[dg.AssetCheckSpec]:
     ]
 
 
-def judge_database(plan: Plan) -> Iterator[dg.AssetCheckResult]:
-    """One verdict per check on the database on disk."""
-
+def judge_database(plan: Plan, *, frames: bool = True) -> Iterator[dg.AssetCheckResult]:
+    """One verdict per check on the database on disk; without `frames` files are known by their digests."""
     try:
-        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT))
+        database = check_database(PROJECT.expert_db(plan.robot or DEFAULT_ROBOT), frames=frames)
     except DatabaseError as error:
         for name in (WHOLE, COVERED, COMMANDS):
             yield dg.AssetCheckResult(

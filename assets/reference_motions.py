@@ -66,6 +66,7 @@ def with_further_variants(manifest: Manifest, made: Manifest, skill: str) -> Man
         judged=tuple(judged),
         settings={**manifest.settings, **made.settings},
         recomputed=manifest.recomputed + made.recomputed,
+        unsound=manifest.unsound + made.unsound,
     )
 
 

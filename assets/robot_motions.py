@@ -168,7 +168,7 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         stage = stage_of(plan, function, values, robot_files=robot.digest)
         manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
-        damaged = [entry.clip for entry in manifest.entries if not PROJECT.store.round_trips(entry.blob)]
+        damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
         manifest = _weighed(manifest, values, commands)
         feedback = approved_part(PROJECT, "weights", plan.robot)
         manifest = noting(manifest, approved_part(PROJECT, "motors", plan.robot), "motors")

@@ -11,6 +11,7 @@ import contextlib
 import functools
 import itertools
 import logging
+import operator
 import runpy
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -68,15 +69,16 @@ class Cluster:
         import distributed
 
         with _probes(shared) as probes:
-            loaded = self.client.submit(self.code["load"], cloudpickle.dumps(function), pure=False, retries=2)
+            alike = (cloudpickle.dumps(function), self.digest, probes)
+            work = self.client.submit(self.code["load"], *alike, pure=False, retries=2)
             todo, done = iter(enumerate(calls)), {}
             running = distributed.as_completed(loop=self.client.loop)
             index_of: dict[Any, int] = {}
 
             def submit(count: int) -> None:
                 for index, call in itertools.islice(todo, count):
-                    asked = (loaded, self.digest, probes, cloudpickle.dumps(call))  # bytes: the scheduler looks inside
-                    future = self.client.submit(self.code["work"], *asked, pure=False)
+                    # Bytes, as the scheduler looks inside; and a function that pickles by name, as each call sends it.
+                    future = self.client.submit(operator.call, work, cloudpickle.dumps(call), pure=False)
                     index_of[future] = index
                     running.add(future)
 

@@ -62,6 +62,8 @@ class Manifest:
     """Digest of the settings of each stage so far -> the settings themselves."""
     recomputed: int = 0
     """Clips that were worked on in this run and not found in the memo. Not part of the content."""
+    unsound: tuple[tuple[str, str], ...] = ()
+    """Clip and fault of its frames, as found when it was made (`pipeline.clips.codec`). Not part of the content."""
 
     def to_text(self) -> str:
         """JSON text, one line a clip; equal content gives equal text, whatever was recomputed."""

@@ -19,6 +19,7 @@ from pipeline.batch.again import clips_again
 from pipeline.batch.manifest import Entry, Judged, Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.store import Store
+from pipeline.clips.codec import faults_of
 from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.errors import ClipError, FileError
 from pipeline.files import digest
@@ -130,16 +131,23 @@ def _gather(
             log.info("%s", progress(stage.name, count, len(todo), last - started))
     entries: list[Entry] = []
     judged: list[Judged] = []
+    unsound: list[tuple[str, str]] = []
     for job in jobs:
         answer = answers[job.key]
         assert answer is not None
         entries += _entries(stage, job, answer)
+        unsound += [(clip, fault) for clip, fault in answer["unsound"]]
         names = tuple(piece["clip"] for piece in answer["pieces"])
         judged.append(Judged(clip=job.clip, pieces=names, reasons=tuple(answer["reasons"]), numbers=answer["numbers"]))
     _refuse_double_names(stage.name, entries)
     settings = {**settings, stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
     return Manifest(
-        stage=stage.name, entries=tuple(entries), judged=tuple(judged), settings=settings, recomputed=len(todo)
+        stage=stage.name,
+        entries=tuple(entries),
+        judged=tuple(judged),
+        settings=settings,
+        recomputed=len(todo),
+        unsound=tuple(unsound),
     )
 
 
@@ -251,6 +259,7 @@ def _answer(work: Callable[[], Outcome], store: Store, name: str, seconds_in: fl
     return {
         "failed": failed,
         "pieces": pieces,
+        "unsound": [(piece.clip.name, fault) for piece in outcome.pieces for fault in faults_of(piece.clip)],
         "reasons": [_plain(reason.to_dict()) for reason in outcome.reasons],
         "numbers": numbers,
     }
@@ -264,7 +273,7 @@ def _seconds(piece: Piece) -> float:
 def _rejection(code: str, text: str, seconds_in: float | None, failed: bool) -> dict[str, Any]:
     reason = {"code": code, "text": text, "effect": "rejected"}
     numbers = {"seconds_in": seconds_in or 0.0, "seconds_out": 0.0}
-    return {"failed": failed, "pieces": [], "reasons": [reason], "numbers": numbers}
+    return {"failed": failed, "pieces": [], "unsound": [], "reasons": [reason], "numbers": numbers}
 
 
 def _plain(numbers: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@ sent by value (`pipeline.batch.cluster`) and imports nothing of the project, whi
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib.util
 import io
@@ -93,19 +94,19 @@ def _installed(library: str) -> str:
         return ""
 
 
-def load(function: bytes) -> Callable[..., Any]:
-    """The function that a worker keeps for all calls: what it caches, such as a compiled robot, is made once."""
-    return cloudpickle.loads(function)
+def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes], tuple[str, Any]]:
+    """`work` with what is alike for all calls, which a worker keeps: what the function caches is made once.
+
+    Args:
+        function: the pickled function
+        code: digest of the run's code
+        probes: files in folders of the run
+    """
+    return functools.partial(work, cloudpickle.loads(function), code, probes)
 
 
 def work(function: Callable[..., Any], code: str, probes: Sequence[str], call: bytes) -> tuple[str, Any]:
-    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)`.
-
-    Args:
-        code: digest of the run's code
-        probes: files in folders of the run
-        call: the pickled arguments
-    """
+    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)`."""
     worker = get_worker()
     if getattr(worker, CODE, None) != code:
         return f"another run gave worker {worker.address} other code; let one run at a time use a cluster.", None

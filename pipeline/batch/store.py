@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch.manifest import Manifest
+from pipeline.batch.pool import ClipPool
 from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
@@ -24,6 +25,9 @@ LOCK = "lock"
 
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
+
+A_CALL = 32
+"""Blobs that a process looks at before it reports."""
 
 MOST_ASKINGS = 100
 """Runs of a stage that are remembered."""
@@ -52,7 +56,7 @@ class Store:
     def holds(self, blob: str) -> bool:
         """Whether a blob is there and its content is its name; one that nobody touched is read once."""
         try:
-            return self.blobs.has(blob) and self._digests.of(self.blobs.path(blob)) == blob
+            return self._digests.of(f"{self.root}/blobs/{blob[:2]}/{blob}") == blob
         except OSError:
             return False
 
@@ -106,18 +110,27 @@ class Store:
     def _askings_path(self) -> Path:
         return self.root / "askings.json"
 
+    def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
+        """Clips of a manifest whose blobs do not round-trip."""
+        entries = manifest.entries
+        calls = [([each.blob for each in entries[first : first + A_CALL]],) for first in range(0, len(entries), A_CALL)]
+        whole = (each for found in pool.map(self._all_round_trip, calls, shared=[self.root]) for each in found)
+        return [entry.clip for entry, is_whole in zip(entries, whole, strict=True) if not is_whole]
+
+    def _all_round_trip(self, blobs: list[str]) -> list[bool]:
+        return [self.round_trips(blob) for blob in blobs]
+
     def recall(self, key: str, stage: str) -> dict[str, Any] | None:
         """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
 
         The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
         """
         path, asked_ns = self._memo_path(key), self._asking(stage)
-        if not path.is_file():
-            return None
         try:
-            answer = json.loads(path.read_text())
+            with open(path, "rb") as stream:  # noqa: PTH123, asked for each clip of each stage
+                answer = json.loads(stream.read())
             blobs = [piece["blob"] for piece in answer["pieces"]]
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
             return None
         if not all(map(self.holds, blobs)):
             return None
@@ -131,7 +144,7 @@ class Store:
         It is not forced to the disk, as that takes longer than many an answer: one that a power cut tears is no
         JSON or not there, and its question is asked again.
         """
-        path = self._memo_path(key)
+        path = Path(self._memo_path(key))
         aside = path.with_name(f".{key}.{os.getpid()}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -144,8 +157,8 @@ class Store:
                 aside.unlink(missing_ok=True)
             raise FileError(path, f"could not be written ({error}).", "Is the disk full?") from error
 
-    def _memo_path(self, key: str) -> Path:
-        return self.root / "memo" / key[:2] / f"{key}.json"
+    def _memo_path(self, key: str) -> str:
+        return f"{self.root}/memo/{key[:2]}/{key}.json"
 
     def manifest_path(self, asset: str) -> Path:
         """Where the manifest of an asset lies; `asset` is its key with slashes."""

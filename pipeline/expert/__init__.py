@@ -5,7 +5,7 @@ from pipeline.expert.history import DatabaseLossError
 from pipeline.expert.licence import LicenceClass, classify_licence, strictest
 from pipeline.expert.read import DatabaseError, check_database, read_database
 from pipeline.expert.swap import DatabaseSettings
-from pipeline.expert.write import ExpertEntry, NoClipsError, write_database
+from pipeline.expert.write import ExpertEntry, NoClipsError, StoredClip, write_database
 
 __all__ = [
     "Column",
@@ -15,6 +15,7 @@ __all__ = [
     "ExpertEntry",
     "LicenceClass",
     "NoClipsError",
+    "StoredClip",
     "check_database",
     "classify_licence",
     "columns",

@@ -30,8 +30,7 @@ def facts(rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -
         "schema": SCHEMA,
         "robot": robot.name,
         "robot_digest": robot.digest,
-        "frame_duration_s": 1.0 / FPS,
-        "frame_columns": len(columns(robot)),
+        **frame_facts(robot),
         "clips": len(rows),
         "frames": sum(entry["frames"] for entry in rows),
         "seconds": round(sum(entry["seconds"] for entry in rows), 6),
@@ -44,6 +43,11 @@ def facts(rows: list[dict[str, Any]], robot: Robot, stages: Mapping[str, Any]) -
         },
         "stages": dict(stages),
     }
+
+
+def frame_facts(robot: Robot) -> dict[str, Any]:
+    """What the manifest says of all frames."""
+    return {"frame_duration_s": 1.0 / FPS, "frame_columns": len(columns(robot))}
 
 
 def sealed(folder: Path, head: Mapping[str, Any]) -> dict[str, Any]:

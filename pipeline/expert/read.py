@@ -69,13 +69,16 @@ def read_database(folder: Path) -> Database:
     return Database(manifest=head, index=table, clips=tuple(clips))
 
 
-def check_database(folder: Path) -> Contents:
-    """What is in `folder`, each clip of it read and let go. Raises what `read_database` raises."""
-    head, table = _read(folder, lambda clip: None)
+def check_database(folder: Path, *, frames: bool = True) -> Contents:
+    """What is in `folder`, each clip of it read and let go. Raises what `read_database` raises.
+
+    Without `frames` no clip is read: each file has the digest that the manifest states, and the index is whole.
+    """
+    head, table = _read(folder, (lambda clip: None) if frames else None)
     return Contents(manifest=head, index=table)
 
 
-def _read(folder: Path, take: Callable[[DatabaseClip], None]) -> tuple[dict[str, Any], pd.DataFrame]:
+def _read(folder: Path, take: Callable[[DatabaseClip], None] | None) -> tuple[dict[str, Any], pd.DataFrame]:
     """Manifest and index of the database in `folder`, its clips given to `take` in the index's order."""
     folder = current(folder)
     faults: list[str] = []
@@ -88,7 +91,11 @@ def _read(folder: Path, take: Callable[[DatabaseClip], None]) -> tuple[dict[str,
         if len(table) != head["clips"]:
             faults.append(f"{index.FILE}: has {len(table)} clips, the manifest says {head['clips']}")
         for name, file in zip(table["clip"], table["file"], strict=True):
-            clip = _read_clip(folder, file, name, head, faults)
+            if take is None:
+                if file not in head["files"]:
+                    faults.append(f"{index.FILE}: names the file {file!r}, which is not in the folder")
+                continue
+            clip = read_clip(folder, file, name, head, faults)
             if clip is not None:
                 take(clip)
     if faults or table is None:
@@ -141,7 +148,13 @@ def _read_index(folder: Path, faults: list[str]) -> pd.DataFrame | None:
     return None if missing else table
 
 
-def _read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: list[str]) -> DatabaseClip | None:
+def read_clip(folder: Path, name: str, clip: str, head: dict[str, Any], faults: list[str]) -> DatabaseClip | None:
+    """The clip in the file `name`, of which every fault is added to `faults`; None where it has no frames.
+
+    Args:
+        clip: the clip's name
+        head: what the manifest says of all frames: `frame_columns`, `frame_duration_s`
+    """
     path = folder / name
     if Path(name).name != name or path.is_symlink() or not path.is_file():
         faults.append(f"{index.FILE}: names the file {name!r}, which is not in the folder")

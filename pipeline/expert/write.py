@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import json
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping
@@ -19,14 +21,23 @@ import numpy as np
 import pandas as pd
 
 from pipeline import rotation
+from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
-from pipeline.expert.read import check_database
-from pipeline.expert.swap import DatabaseSettings, replace_folder
+from pipeline.expert.read import DatabaseError, check_database, read_clip
+from pipeline.expert.swap import DatabaseSettings, current, replace_folder
+from pipeline.expert.written_frames import FRAMES, WrittenFrames, note_written, read_written
 from pipeline.files import digest
 from pipeline.robot import Robot
+
+HERE = ClipPool(backend="sequential")
+
+A_CALL = 16
+"""Clips that a process writes before it reports."""
+AT_A_TIME = 512
+"""Clips whose entries are at hand at a time where several processes write."""
 
 MAX_JOINT_STEP = 0.05
 """Largest change of a joint over the seam [rad] beyond what one frame of motion makes (judgement: 2.5 rad/s)."""
@@ -73,10 +84,26 @@ def file_name(clip: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StoredClip:
+    """A clip that whoever writes it takes from the store."""
+
+    name: str
+    blob: str
+    store: Store
+
+    def load(self) -> RobotClip:
+        """The clip. Raises FileError where the blob is missing or damaged, ClipError where it is no robot's motion."""
+        clip = self.store.get_clip(self.blob, self.name)
+        if not isinstance(clip, RobotClip):
+            raise ClipError(self.name, "kind", "is a human's motion; a database holds a robot's")
+        return clip
+
+
+@dataclass(frozen=True, kw_only=True)
 class ExpertEntry:
     """One clip for the database."""
 
-    clip: RobotClip
+    clip: RobotClip | StoredClip
     weight: float
     """`MotionWeight`: relative probability of being drawn; positive."""
     skill: str
@@ -105,23 +132,26 @@ def write_database(
     *,
     stages: Mapping[str, Any],
     settings: DatabaseSettings | None = None,
+    pool: ClipPool = HERE,
 ) -> dict:
     """Replace the database in `folder` by one of `entries`; its manifest.
 
     The new one is read and checked before it takes the place of the old one. The order of the entries doesn't matter;
-    each is written as it comes and let go. Raises ClipError for an entry that can't be in the database (rate, joints,
-    weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back, and FileError
-    when the disk refuses; the previous database stays then.
+    a few are written at a time, as they come, and let go. Raises ClipError for an entry that can't be in the database
+    (rate, joints, weight, a name given twice), NoClipsError, DatabaseError where what was written does not read back,
+    and FileError when the disk refuses; the previous database stays then.
 
     Args:
         stages: version and settings of each stage, for the manifest
         settings: keep the old database in the history, and raise DatabaseLossError where the new one lost more than
             they allow; without them the old one is removed, whatever it held
+        pool: processes that write clips; for more than one, entries should name stored clips
     """
     made: dict = {}
+    known = Known(folder=current(folder), written=read_written(folder, robot), made={})
 
     def fill(part: Path) -> None:
-        rows = sorted(_write_clips(part, entries, robot), key=lambda row: row["clip"])
+        rows = sorted(_write_clips(part, entries, robot, pool, known), key=lambda row: row["clip"])
         if not rows:
             raise NoClipsError(folder)
         (part / index.FILE).write_bytes(index.encode(rows))
@@ -129,11 +159,14 @@ def write_database(
         shown = pd.DataFrame([{name: row.get(name) for name in dataset_card.COLUMNS} for row in rows])
         (part / dataset_card.FILE).write_text(dataset_card.dataset_card(head, shown), encoding="utf-8")
         text = manifest.sealed(part, head)
+        changed = [row["file"] for row in rows if text["files"].get(row["file"]) != row["sha256"]]
+        if changed:
+            raise DatabaseError(part, [f"{file}: its content is not what was written" for file in changed])
         (part / manifest.FILE).write_text(json.dumps(text, indent=1, sort_keys=True, allow_nan=False) + "\n")
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part)
+        check_database(part, frames=False)  # each clip was read back by whoever wrote it
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -147,57 +180,139 @@ def write_database(
     else:
         replace_folder(folder, fill, check=check, keep=lambda old: history.keep(folder, old))
         history.prune(folder, settings.kept_versions)
+    if known.made:
+        note_written(folder, robot, known.made)
     return made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """Frames that need not be encoded again, and those of the database that is being written."""
+
+    folder: Path
+    """The database in place."""
+    written: Mapping[str, WrittenFrames]
+    """Blob of a clip -> its frames in the database in place."""
+    made: dict[str, WrittenFrames]
+    """Blob of a clip -> its frames in the new database."""
 
 
 def encode_clip(entry: ExpertEntry, robot: Robot) -> bytes:
     """The JSON of one clip: keys in a fixed order, a line a frame."""
-    frames = rounded(expert_frames(entry.clip, robot), len(robot.controlled))
+    clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
+    return _head(entry, loop_mode(clip), robot, _columns_text(robot)) + _frames_text(clip, robot)
+
+
+def _columns_text(robot: Robot) -> str:
+    return json.dumps([vars(column) for column in columns(robot)])
+
+
+def _head(entry: ExpertEntry, mode: str, robot: Robot, columns_text: str) -> bytes:
     head = {
         "FrameDuration": 1.0 / FPS,
         "MotionWeight": entry.weight,
-        "LoopMode": loop_mode(entry.clip),
+        "LoopMode": mode,
         "Clip": entry.clip.name,
         "Robot": robot.name,
         "Skill": entry.skill,
         "Licence": entry.licence,
         "QuaternionOrder": "wxyz",
-        "Columns": [vars(column) for column in columns(robot)],
     }
     lines = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in head.items()]
+    lines.append(f'"Columns": {columns_text}')
+    return ("{\n" + ",\n".join(lines) + ",\n").encode()
+
+
+def _frames_text(clip: RobotClip, robot: Robot) -> bytes:
+    frames = rounded(expert_frames(clip, robot), len(robot.controlled))
     body = ",\n".join(json.dumps(frame, separators=(",", ":"), allow_nan=False) for frame in frames.tolist())
-    return ("{\n" + ",\n".join(lines) + ',\n"Frames": [\n' + body + "\n]}\n").encode()
+    return FRAMES + (body + "\n]}\n").encode()
 
 
-def _write_clips(part: Path, entries: Iterable[ExpertEntry], robot: Robot) -> Iterator[dict[str, Any]]:
-    """A row of the index for each entry, written."""
+def _write_clips(
+    part: Path, entries: Iterable[ExpertEntry], robot: Robot, pool: ClipPool, known: Known
+) -> Iterator[dict[str, Any]]:
+    """A row of the index for each entry, written. Raises DatabaseError where a clip does not read back."""
     names: set[str] = set()
     texts: dict[str, str] = {}
-    for entry in entries:
-        _check(entry, names)
-        names.add(entry.clip.name)
-        row = _write_clip(part, entry, robot)
-        # Of what stages say of a clip only reasons are its own: equal texts are kept once.
-        yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
+    faults: list[str] = []
+    for few in _in_batches(entries, pool):
+        for entry in few:
+            _check(entry, names)
+            names.add(entry.clip.name)
+        asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
+        calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
+        written = (each for found in pool.map(_write_files, calls, shared=[part.parent]) for each in found)
+        for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
+            faults += own_faults
+            if isinstance(entry.clip, StoredClip):
+                known.made[entry.clip.blob] = own
+            row = index.row(
+                entry.numbers,
+                clip=entry.clip.name,
+                file=own.file,
+                sha256=sha256,
+                frames=own.frames,
+                seconds=own.seconds,
+                loop_mode=own.loop_mode,
+                weight=entry.weight,
+                skill=entry.skill,
+                licence=entry.licence,
+                stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+            )
+            # Of what stages say of a clip only reasons are its own: equal texts are kept once.
+            yield {**row, "stages": texts.setdefault(row["stages"], row["stages"])}
+    if faults:
+        raise DatabaseError(part, faults)
 
 
-def _write_clip(part: Path, entry: ExpertEntry, robot: Robot) -> dict[str, Any]:
-    data = encode_clip(entry, robot)
-    name = file_name(entry.clip.name)
+def _in_batches(entries: Iterable[ExpertEntry], pool: ClipPool) -> Iterator[list[ExpertEntry]]:
+    """One entry at a time where this process writes them, else as many as keep all processes at work for a while."""
+    rest = iter(entries)
+    size = 1 if pool.backend == HERE.backend else AT_A_TIME
+    while few := list(itertools.islice(rest, size)):
+        yield few
+
+
+def _blob(entry: ExpertEntry) -> str:
+    """The blob of a stored clip; empty for one that is at hand."""
+    return entry.clip.blob if isinstance(entry.clip, StoredClip) else ""
+
+
+Written = tuple[WrittenFrames, str, list[str]]
+"""Frames of a clip in a file, the file's digest and its faults."""
+
+
+def _write_files(
+    part: Path, entries: list[tuple[ExpertEntry, WrittenFrames | None]], robot: Robot, in_place: Path
+) -> list[Written]:
+    """Entries written: those whose frames the database in place has are copied, others encoded and read back."""
+    columns_text = _columns_text(robot)
+    return [_write_file(part, entry, robot, columns_text, written, in_place) for entry, written in entries]
+
+
+def _write_file(
+    part: Path, entry: ExpertEntry, robot: Robot, columns_text: str, written: WrittenFrames | None, in_place: Path
+) -> Written:
+    name, text = file_name(entry.clip.name), written.text(in_place) if written else None
+    faults: list[str] = []
+    if written and text:
+        data = _head(entry, written.loop_mode, robot, columns_text) + text
+        (part / name).write_bytes(data)
+        return dataclasses.replace(written, file=name), digest.of_bytes(data), faults
+    clip = entry.clip if isinstance(entry.clip, RobotClip) else entry.clip.load()
+    mode, text = loop_mode(clip), _frames_text(clip, robot)
+    data = _head(entry, mode, robot, columns_text) + text
     (part / name).write_bytes(data)
-    return index.row(
-        entry.numbers,
-        clip=entry.clip.name,
+    read_clip(part, name, clip.name, manifest.frame_facts(robot), faults)
+    own = WrittenFrames(
         file=name,
-        sha256=digest.of_bytes(data),
-        frames=entry.clip.frame_count,
-        seconds=entry.clip.duration_s,
-        weight=entry.weight,
-        skill=entry.skill,
-        licence=entry.licence,
-        loop_mode=loop_mode(entry.clip),
-        stages=json.dumps(entry.stages, sort_keys=True, allow_nan=False),
+        text_sha256=digest.of_bytes(text),
+        frames=clip.frame_count,
+        seconds=clip.duration_s,
+        loop_mode=mode,
     )
+    return own, digest.of_bytes(data), faults
 
 
 def _check(entry: ExpertEntry, names: Container[str]) -> None:

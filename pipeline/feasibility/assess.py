@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,6 +42,7 @@ class Assessment:
                 bad |= verdict.bad
         return bad
 
+    @functools.cached_property
     def numbers(self) -> dict[str, float | bool | str]:
         """One number a criterion, the robot's velocity as a command has it (its mean, and as `command_seconds` the
         seconds in each cell of the command space) and its `gait_signature`."""

@@ -93,7 +93,7 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     less slip in good motion and in bad; so this limit is lower.
     """
     slip = slowest_point_speed(motion.sole, settings.level)
-    standing, inferred = stance_feet(motion, settings)
+    standing, inferred = stance_feet(motion, slip)
     speed = motion.ground_speed
     if motion.labelled:
         labelled = _mean_slip("foot_slip_mean", "feet in contact", slip, standing, settings.slip_mean, speed)
@@ -117,15 +117,20 @@ def foot_slip(motion: Motion, settings: FootSettings) -> tuple[Result, ...]:
     return labelled, of_soles, p95
 
 
-def stance_feet(motion: Motion, settings: FootSettings) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
+def stance_feet(
+    motion: Motion, slip: Float[np.ndarray, "t 2"]
+) -> tuple[Bool[np.ndarray, "t 2"], Bool[np.ndarray, "t 2"]]:
     """Feet whose slip is measured: in contact by their labels (inferred where nothing is labelled), and in contact as
     inferred from sole kinematics, whatever is labelled.
 
     The first and last frame of a contact are left out: a difference there includes the swing. Of two feet that are
     inferred as in contact only the slower one counts: a foot that lands or leaves within a centimetre of the ground
     looks like one that slides.
+
+    Args:
+        slip: slip of each foot [m/s]
     """
-    slip, contacts = slowest_point_speed(motion.sole, settings.level), motion.inferred_contacts
+    contacts = motion.inferred_contacts
     slower = np.argmin(slip, axis=1)[:, None] == np.arange(2)
     of_soles = inner_contacts(contacts) & (slower | ~contacts.all(axis=1, keepdims=True))
     return (inner_contacts(motion.contacts) if motion.labelled else of_soles), of_soles

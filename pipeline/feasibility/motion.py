@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Annotated, Protocol, runtime_checkable
 
@@ -94,7 +95,7 @@ class Motion:
         """Whether a simulation recorded the motion's forces and contacts."""
         return self.clip.forces is not None
 
-    @property
+    @functools.cached_property
     def inferred_contacts(self) -> Bool[np.ndarray, "t 2"]:
         """Contact as inferred from sole kinematics, whatever is labelled."""
         return contact_from_sole(self.sole, self.contact) if self.labelled else self.contacts

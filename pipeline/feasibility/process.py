@@ -79,7 +79,7 @@ def process(
     places = [(stretch.start / fps, stretch.stop / fps) for stretch in stretches]
     names = {place: piece.clip.name for place, piece in zip(places, pieces, strict=True)}
     judgements = to_text([_with_piece(each, names) for each in gathered.judgements])
-    found = {**whole.numbers(), "seconds": motion.clip.duration_s, "kept_seconds": kept_s, NUMBER: judgements}
+    found = {**whole.numbers, "seconds": motion.clip.duration_s, "kept_seconds": kept_s, NUMBER: judgements}
     return Outcome(pieces=pieces, reasons=tuple(reasons), numbers=found)
 
 
@@ -128,7 +128,7 @@ def _piece(stretch: _Stretch, index: int, motion: Motion, numbers: Numbers) -> P
     whole = stretch.stop - stretch.start == motion.clip.frame_count
     name = motion.clip.name if whole else f"{motion.clip.name}+{index}"
     clip = dataclasses.replace(stretch.assessment.motion.clip, name=name)  # the very arrays that were evaluated
-    found = stretch.assessment.numbers()
+    found = stretch.assessment.numbers
     fps = motion.clip.fps
     before_s = float(numbers.get("stretch_start_s") or 0.0)
     place: dict[str, float | int] = {

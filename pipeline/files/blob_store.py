@@ -31,19 +31,20 @@ class DigestMemory:
         self._known: dict[str, list] = known if isinstance(known, dict) else {}
         self._used: dict[str, list] = {}
 
-    def of(self, path: Path) -> str:
+    def of(self, path: Path | str) -> str:
         """Digest of a file's content. Raises OSError."""
-        stat = path.stat()
+        name = str(path)
+        stat = os.stat(name)  # noqa: PTH116, asked for each clip of each stage
         state = _state(stat)
-        for known in (self._used.get(str(path)), self._known.get(str(path))):
+        for known in (self._used.get(name), self._known.get(name)):
             if isinstance(known, list) and known[:-1] == state and isinstance(known[-1], str):
                 break
         else:
-            known = [*state, digest.of_file(path)]
-            if _state(path.stat()) != state or time.time_ns() - stat.st_ctime_ns < SETTLED_NS:
-                self._used.pop(str(path), None)
+            known = [*state, digest.of_file(Path(name))]
+            if _state(Path(name).stat()) != state or time.time_ns() - stat.st_ctime_ns < SETTLED_NS:
+                self._used.pop(name, None)
                 return known[-1]
-        self._used[str(path)] = known
+        self._used[name] = known
         return known[-1]
 
     def save(self) -> None:

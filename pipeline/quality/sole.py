@@ -107,11 +107,11 @@ def contact_from_sole(sole: SoleMotion, settings: ContactSettings) -> Bool[np.nd
     Gaps shorter than `settings.shortest_s` are closed first, then short contacts dropped.
     """
     low, speed = sole.height < settings.height, sole.mean_speed
-    contact = np.zeros(low.shape, dtype=bool)
-    state = np.zeros(2, dtype=bool)
-    for frame in range(len(low)):
-        state = low[frame] & (speed[frame] < np.where(state, settings.off_speed, settings.on_speed))
-        contact[frame] = state
+    begins, lasts = low & (speed < settings.on_speed), low & (speed < settings.off_speed)
+    frames = np.arange(len(low))[:, None]
+    begun = np.maximum.accumulate(np.where(begins, frames, -1), axis=0)
+    ended = np.maximum.accumulate(np.where(lasts, -1, frames), axis=0)
+    contact = begun > ended
     shortest = round(settings.shortest_s * sole.fps)
     for side in range(2):
         for wanted in (False, True):

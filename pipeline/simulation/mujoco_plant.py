@@ -10,6 +10,7 @@ contact and solver.
 from __future__ import annotations
 
 import copy
+import functools
 from dataclasses import dataclass
 
 import mujoco
@@ -19,7 +20,8 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
-from pipeline.robot import Robot, mujoco_model
+from pipeline.robot import Robot
+from pipeline.robot.kinematics import compiled
 from pipeline.simulation.plant import NoBallError, PlantState
 from pipeline.simulation.terrain import FlatGround, Ground
 
@@ -193,15 +195,14 @@ class SelfCollision:
 
 def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
     """Overlap of shapes of links that are not parent and child; without the ground."""
-    model = mujoco_model(robot)
+    model = _collision_model(robot.mjcf)
     data = mujoco.MjData(model)
+    qpos = np.concatenate([clip.root_pos_w, clip.root_quat_w, clip.joint_pos], axis=1)
     depth = np.zeros(clip.frame_count)
     pairs: list[tuple[str, str] | None] = [None] * clip.frame_count
     for frame in range(clip.frame_count):
-        data.qpos[:3], data.qpos[3:7] = clip.root_pos_w[frame], clip.root_quat_w[frame]
-        data.qpos[7:] = clip.joint_pos[frame]
+        data.qpos[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
         if data.ncon:
             worst = int(np.argmin(data.contact.dist))
@@ -209,6 +210,12 @@ def self_collision(clip: RobotClip, robot: Robot) -> SelfCollision:
             shapes = data.contact.geom[worst]
             pairs[frame] = (model.geom(shapes[0]).name, model.geom(shapes[1]).name)
     return SelfCollision(depth=depth, pairs=tuple(pairs))
+
+
+@functools.lru_cache(maxsize=4)
+def _collision_model(mjcf: str) -> mujoco.MjModel:
+    """The compiled model of a robot, not to be changed: compiling takes longer than a short clip."""
+    return compiled(mjcf)
 
 
 def added_moments(robot: Robot) -> dict[str, Float[np.ndarray, "3 3"]]:

@@ -4,6 +4,7 @@ import dataclasses
 import logging
 from functools import partial
 
+import numpy as np
 import pytest
 
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store, run_stage
@@ -162,3 +163,24 @@ def test_dropped_clips_leave_with_their_reason_and_seconds(store):
     assert left.judged[1].reasons[-1]["code"] == "not_taken"
     assert left.judged[1].fate == "rejected"
     assert left.seconds("seconds_out") == pytest.approx(found.seconds("seconds_out") - 6 / 50.0)
+
+
+def test_faults_of_frames_are_found_when_a_clip_is_made_and_remembered(store):
+    def lose(clip, numbers):
+        lost = dataclasses.replace(clip, joint_pos=np.where(clip.joint_pos > 3.0, np.nan, clip.joint_pos))
+        return Outcome(pieces=(Piece(clip=lost, numbers={}),))
+
+    lossy = Stage(name="lossy", version="1", function=lose)
+    before = manifest_of(store, ["a"])
+    expected = (("a", "frame 3: joint_pos is not finite"),)
+    assert run_stage(lossy, before, store, POOL, LOG).unsound == expected
+    again = run_stage(lossy, before, store, POOL, LOG)
+    assert again.recomputed == 0 and tuple(map(tuple, again.unsound)) == expected
+    assert run_stage(stage(), before, store, POOL, LOG).unsound == ()
+
+
+def test_blobs_that_do_not_round_trip_are_named_by_their_clips(store):
+    made = run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG)
+    assert store.damaged(made, ClipPool(workers=2)) == []
+    store.blobs.path(made.entries[1].blob).write_bytes(b"damaged")
+    assert store.damaged(made, POOL) == ["b"]

@@ -11,17 +11,22 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from pipeline.batch import ClipPool, Store
+from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError, FileError
 from pipeline.expert import (
     DatabaseError,
     ExpertEntry,
     NoClipsError,
+    StoredClip,
     check_database,
     read_database,
     swap,
+    write,
     write_database,
 )
 from pipeline.expert.write import file_name
+from pipeline.expert.written_frames import FRAMES
 from pipeline.robot import Robot
 from tests.factories.robot_clips import standing, wandering
 
@@ -61,6 +66,69 @@ def test_what_is_written_is_read_and_says_where_it_came_from(robot: Robot, tmp_p
     assert manifest["licence"]["strictest"] == "non-commercial"
     assert manifest["seconds"] == pytest.approx(2.4)
     assert manifest["robot_digest"] == robot.digest
+
+
+def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
+    store = Store(root=tmp_path / "store")
+    entries = _entries(robot, 12)
+    stored = [
+        dataclasses.replace(
+            entry, clip=StoredClip(name=entry.clip.name, blob=store.put_clip(_motion(entry)), store=store)
+        )
+        for entry in entries
+    ]
+    write_database(tmp_path / "one", entries, robot, stages={})
+    write_database(tmp_path / "two", stored, robot, stages={}, pool=ClipPool(workers=2))
+    assert _bytes(tmp_path / "two") == _bytes(tmp_path / "one")
+
+
+def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_path: Path, monkeypatch):
+    store = Store(root=tmp_path / "store")
+    clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in _entries(robot, 3)]
+    frames, names = write.expert_frames, [clip.name for clip in clips]
+
+    def write_weighed(folder: Path, weight: float) -> list[str]:
+        """Clips that were encoded when all had this weight."""
+        encoded: list[str] = []
+        monkeypatch.setattr(
+            write, "expert_frames", lambda clip, robot: encoded.append(clip.name) or frames(clip, robot)
+        )
+        entries = [ExpertEntry(clip=clip, weight=weight, skill="walk", licence="CC0-1.0") for clip in clips]
+        write_database(folder, entries, robot, stages={})
+        return encoded
+
+    assert write_weighed(tmp_path / "t1", 1.0) == names
+    assert write_weighed(tmp_path / "t1", 2.0) == []
+    assert write_weighed(tmp_path / "from_nothing", 2.0) == names
+    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
+    path = tmp_path / "t1" / file_name(names[1])
+    head, _, text = path.read_bytes().partition(FRAMES)
+    path.write_bytes(head + FRAMES + text.replace(b"0.", b"1.", 3))
+    assert write_weighed(tmp_path / "t1", 2.0) == [names[1]], "damaged frames are not copied"
+    (tmp_path / ".t1.frames").write_text('{"of": ["other code", ""], "clips": {}}')
+    assert write_weighed(tmp_path / "t1", 2.0) == names
+    assert _bytes(tmp_path / "t1") == _bytes(tmp_path / "from_nothing")
+
+
+def _motion(entry: ExpertEntry) -> RobotClip:
+    assert isinstance(entry.clip, RobotClip)
+    return entry.clip
+
+
+def test_a_file_that_does_not_read_back_keeps_the_database_out_of_its_place(robot: Robot, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(write, "rounded", lambda frames, controlled: frames * 1.001)
+    with pytest.raises(DatabaseError, match=r"clip0.*a quaternion whose length is off by 1\.0e-03"):
+        write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+    assert not (tmp_path / "t1").exists()
+
+
+def test_files_are_known_by_their_digests_where_no_frames_are_read(robot: Robot, tmp_path: Path):
+    write_database(tmp_path / "t1", _entries(robot), robot, stages={})
+    assert len(check_database(tmp_path / "t1", frames=False).index) == 2
+    path = tmp_path / "t1" / file_name("source/clip0@0-60~mirror")
+    path.write_bytes(path.read_bytes().replace(b"Clamp", b"Wrap_"))
+    with pytest.raises(DatabaseError, match="its content is not the one the manifest states"):
+        check_database(tmp_path / "t1", frames=False)
 
 
 def test_a_clip_file_has_the_keys_of_the_paper(robot: Robot, tmp_path: Path):

@@ -43,13 +43,13 @@ def test_a_robot_that_stands_satisfies_every_criterion(robot: Robot, limits: Fea
 
 def test_numbers_name_every_criterion_and_the_command(robot: Robot, limits: FeasibilitySettings):
     found = _assess(standing(robot), robot, limits)
-    assert set(found.numbers()) == {verdict.code for verdict in found.verdicts} | {
+    assert set(found.numbers) == {verdict.code for verdict in found.verdicts} | {
         "forward_m_s",
         "lateral_m_s",
         "yaw_rate_rad_s",
         *TEXTS,
     }
-    assert all(np.isfinite(value) for code, value in found.numbers().items() if code not in TEXTS)
+    assert all(np.isfinite(value) for code, value in found.numbers.items() if code not in TEXTS)
 
 
 TEXTS = {"command_seconds", "gait_signature"}
@@ -168,7 +168,7 @@ def test_verdicts_do_not_change_under_heading_and_place(robot: Robot, limits: Fe
         root_pos_w=rotation.rotate(turn, clip.root_pos_w) + np.array([4.0, 5.0, 0.0]),
         root_quat_w=rotation.multiply(turn, clip.root_quat_w),
     )
-    here, there = _assess(clip, robot, limits).numbers(), _assess(moved, robot, limits).numbers()
+    here, there = _assess(clip, robot, limits).numbers, _assess(moved, robot, limits).numbers
     assert here["gait_signature"] == there["gait_signature"]
     for code in here.keys() - TEXTS:  # boxes of command_seconds have edges at 0, where rounding decides
         assert there[code] == pytest.approx(here[code], rel=1e-3, abs=1e-6), code
