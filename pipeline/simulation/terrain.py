@@ -100,7 +100,7 @@ class Bump:
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         _plane(spec, 0.0)
-        half = self.WIDTH_M / 2.0
+        half = self.width_m / 2.0
         angle = math.atan2(self.rise_m, half)
         length = math.hypot(half, self.rise_m)
         for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -113,7 +113,7 @@ class Bump:
             )
 
     def height(self, x: float, y: float) -> float:
-        half = self.WIDTH_M / 2.0
+        half = self.width_m / 2.0
         return max(self.rise_m * (1.0 - abs(x - self.at_m - half) / half), 0.0)
 
 
