@@ -86,5 +86,6 @@ def test_another_way_of_making_the_server_is_refused_instead_of_unguarded(monkey
 def test_every_page_of_viser_is_served_that_way_and_on_this_machine_unless_asked(root):
     files = [path for folder in ("pipeline", "assets") for path in (root / folder).rglob("*.py")]
     assert [path.name for path in files if "ViserServer(" in path.read_text()] == ["page_server.py"]
-    for page in (Viewer, PlayPage):
-        assert inspect.signature(page).parameters["host"].default == "127.0.0.1"
+    assert inspect.signature(Viewer).parameters["host"].default == "127.0.0.1"
+    assert "host" not in inspect.signature(PlayPage).parameters
+    assert 'page_server("127.0.0.1", ' in inspect.getsource(PlayPage)
