@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.batch import ClipPool, Entry, Manifest, Stage, Store
 from pipeline.clips.outcome import Outcome, Piece
+from pipeline.expert import realizability
 from pipeline.expert.realizability import REFERENCES, TooFewMotionsError, _chosen, accuracy_against_rollouts
 from tests.factories.robot_clips import standing
 
@@ -48,18 +49,21 @@ def test_only_motions_that_differ_from_the_rollouts_are_told_apart(robot, tmp_pa
     assert sorted(asked) == NAMES, "no rollout of a reference that no clip tracked"
 
 
-def test_only_a_changed_reference_is_rolled_out_again(robot, tmp_path):
+def test_only_a_changed_reference_is_rolled_out_again_and_trains_the_classifier_again(robot, tmp_path, monkeypatch):
     store, asked = Store(root=tmp_path), []
     references = _manifest(store, robot, NAMES)
     clips = _manifest(store, robot, [f"{name}~x1" for name in NAMES])
     first = _accuracy(store, robot, clips, references, 0.0, asked)
     asked.clear()
+    trained = []
+    train = realizability.held_out_accuracy
+    monkeypatch.setattr(realizability, "held_out_accuracy", lambda *given: trained.append(1) or train(*given))
     assert _accuracy(store, robot, clips, references, 0.0, asked) == first
-    assert asked == []
+    assert asked == [] and trained == []
     changed = dataclasses.replace(references.entries[2], blob=store.put_clip(standing(robot, 7.0)))
     entries = (*references.entries[:2], changed, *references.entries[3:])
     _accuracy(store, robot, clips, dataclasses.replace(references, entries=entries), 0.0, asked)
-    assert asked == [changed.clip]
+    assert asked == [changed.clip] and trained == [1]
 
 
 def test_another_reference_takes_the_place_of_at_most_one():
