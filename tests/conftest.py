@@ -14,11 +14,6 @@ hypothesis.settings.register_profile("same_examples", derandomize=True, database
 hypothesis.settings.load_profile("same_examples")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first, so that no process has one of them left when the others are done (`make test`)."""
-    items.sort(key=lambda item: item.get_closest_marker("command") is None)
-
-
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The project's root folder."""
