@@ -2,6 +2,9 @@
 
 The memo's key of an answer states the code that gave it, so a worker must not answer with other code. What is here is
 sent by value (`pipeline.batch.cluster`) and imports nothing of the project, which scheduler and workers may lack.
+
+Calls come as pickles, like all that Dask sends: a worker executes what its scheduler gives it, and the run believes
+what workers answer (docs/security.md). No file of a user is unpickled here.
 """
 
 from __future__ import annotations

@@ -7,9 +7,10 @@
 <out>/policy.npz       the chosen network, without validation the newest, as `pipeline.deployment.load_policy` reads it
 <out>/curves.csv       curves of the last training stage
 <out>/export/          after validation: ONNX, deployment task and card (`pipeline.export`)
-<out>/done.json        written last: iterations, steps, seconds and GPU minutes of all stages
+<out>/done.json        written last: iterations, steps, seconds and seconds of GPUs of all stages
 
-A stage that is done is not repeated; one that was interrupted continues from its newest checkpoint.
+A stage that is done is not repeated; one that was interrupted continues from its newest checkpoint. Once all training
+is done, `config.json` stays as it is: it says where the policy was trained, not where it was validated.
 """
 
 from __future__ import annotations
@@ -60,6 +61,8 @@ def stages_of(request: Request, asked: Sequence[str] | None) -> tuple[str, ...]:
     if request.config.distillation.iterations == 0:
         taken = [name for name in taken if name != DISTILLATION]
     stages = tuple(name for name in STAGES if name in taken)
+    if asked and not trained(asked):
+        raise TrainingError("validation alone makes no run. Name its other stages too, as --stages amp validation.")
     if not trained(stages):
         raise TrainingError(
             "on a CPU only distillation is trained, and distillation.iterations is 0. Use a GPU, raise it, or give "
@@ -88,7 +91,8 @@ def train(bundle: Bundle, request: Request, stages: Sequence[str]) -> None:
     validation = _validation(bundle, request.out / VALIDATION, last) if VALIDATION in stages else None
     config = _config(bundle, request, stages)
     _check_same_run(request.out, config)
-    if first:
+    is_trained = all((request.out / name / DONE).is_file() for name in trained(stages))
+    if first and not (is_trained and (request.out / CONFIG).is_file()):
         write_json(request.out / CONFIG, config)
     for name in trained(stages):
         folder = request.out / name

@@ -23,7 +23,7 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.training.plain_walk import Walk, walked
 from pipeline.training.style_distance import SPEEDS, style_distances
 from pipeline.validation.figures import Measured
-from pipeline.validation.sweep import error_of
+from pipeline.validation.sweep import commanded, error_of
 from pipeline.validation.verdict import Verdict
 
 WALKED = (0.6, 0.8, 1.0)
@@ -32,14 +32,13 @@ POWER_AT = 1.0
 """Speed at which power is measured [m/s]."""
 PUSHES = ("push force standing 50 Ns", "push force walking 50 Ns")
 STYLE_SEEDS = 3
-AXES = ("forward", "lateral", "yaw_rate")
 
 
 def suite_figures(verdict: Verdict) -> dict[str, float]:
     """Speed error, commands followed, survival of pushes, and required cells that pass."""
     rows = [cell.measured for cell in verdict.cells]
     required = [cell for cell in verdict.cells if cell.bars.required]
-    singles = [row for row in rows if row.cell.group == "commands" and any(goal_of(row))]
+    singles = [row for row in rows if row.cell.group == "commands" and commanded(row)[0]]
     survival = {row.cell.name: row.figure("survival") for row in rows if row.cell.name in PUSHES}
     return {
         "required cells": float(sum(cell.passed for cell in required)),
@@ -49,17 +48,10 @@ def suite_figures(verdict: Verdict) -> dict[str, float]:
     }
 
 
-def goal_of(row: Measured) -> tuple[float, ...]:
-    """The one command of a cell's trials."""
-    (goal,) = {trial.command.last.goal for trial in row.cell.trials}
-    return goal
-
-
 def followed(row: Measured) -> float:
     """Share of a single command that is reached, 0 to 1; 0 for a fall."""
-    goal = goal_of(row)
-    axis = int(np.argmax(np.abs(goal)))
-    return _mean([np.clip(numbers.get(AXES[axis], 0.0) / goal[axis], 0.0, 1.0) for numbers in row.trials])
+    goal, reached = commanded(row)
+    return _mean([np.clip(value / goal, 0.0, 1.0) for value in reached])
 
 
 def walk_figures(bundle: Path, policy: Path) -> dict[str, float]:

@@ -8,7 +8,8 @@
 <folder>/figures.json    figures of the chosen policy (`policy_figures.py`)
 <folder>/done.json       written last
 
-Repeating the command continues with the first file that is missing. The sweep and the suite draw different noise.
+Repeating the command continues with the first file that is missing. The sweep starts in the default pose, the suite in
+others (seeds 1 to 5).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from pipeline.learning.training_error import TrainingError
 from pipeline.training import policy_figures
 from pipeline.training.bundle import CURE, Bundle
 from pipeline.training.stage import CHECKPOINTS, CURVES, DONE, POLICY
-from pipeline.validation.bars import ValidationSettings, read_validation
+from pipeline.validation.bars import read_validation
 from pipeline.validation.cross_engine import cross_engine
 from pipeline.validation.cross_engine_walk import CrossEngineSettings
 from pipeline.validation.deployed import Deployed, deployed
@@ -45,6 +46,7 @@ ROOT = Path(pipeline.__file__).resolve().parents[1]
 CANDIDATES = 5
 """The last checkpoints, of which the best in the sweep is chosen."""
 SUITE = "full"
+WITHOUT = "Add it, or leave validation out: --stages distillation amp."
 SWEEP, MUJOCO, DART, FIGURES = "sweep.json", "mujoco.json", "dart.json", "figures.json"
 
 
@@ -55,12 +57,13 @@ class ValidationStage:
         """Raises TrainingError where something that the stage needs is missing, so that it shows before training."""
         self.bundle, self.folder, self._trained = bundle, folder, trained
         if importlib.util.find_spec("dartpy") is None:
-            raise TrainingError("validation walks the policy in DART, and the package dartpy is not installed.")
+            raise TrainingError(f"validation walks in DART, and the package dartpy is not installed. {WITHOUT}")
         if not bundle.robot_folder.is_dir():
             raise TrainingError(f"{bundle.robot_folder}: there is no such folder. {CURE}")
-        self._bars: ValidationSettings = read_validation(
-            ROOT / "data" / "validation.yaml", ROOT / "robots" / bundle.robot.name / "validation.yaml"
-        )
+        bars = ROOT / "robots" / bundle.robot.name / "validation.yaml"
+        if not bars.is_file():
+            raise TrainingError(f"{bars}: there is none, so validation has no thresholds for this robot. {WITHOUT}")
+        self._bars = read_validation(ROOT / "data" / "validation.yaml", bars)
         self._walks = settings.read(ROOT / "data" / "cross_engine.yaml", CrossEngineSettings)
 
     def run(self) -> None:

@@ -133,6 +133,22 @@ def test_a_run_killed_while_it_walks_in_dart_goes_on_there_and_has_the_same_card
     assert cards[0] == cards[1]
 
 
+def test_validated_elsewhere_the_run_still_says_where_it_was_trained(run, bundle, tmp_path):
+    """A run that was trained without validation on another machine, and is validated here."""
+    out = tmp_path / "run"
+    assert main(command(bundle, out, "--stages", "distillation")) == 0
+    config = {**read(out / "config.json"), "device": "NVIDIA H100", "commit": "abc"}
+    (out / "config.json").write_text(json.dumps(config))
+    assert main(command(bundle, out)) == 0
+    made = read(out / "export" / "card.json")["run"]
+    assert (made["device"], made["commit"], made["command"]) == ("NVIDIA H100", "abc", config["command"])
+
+
+def test_validation_alone_is_refused(bundle, tmp_path, capsys):
+    assert main(command(bundle, tmp_path / "out", "--stages", "validation")) == 2
+    assert "validation alone makes no run" in capsys.readouterr().err
+
+
 def test_the_checkpoint_with_the_lowest_score_is_chosen_and_of_equal_ones_the_later():
     found = [
         SweepResult(iteration=1, falls=0, command_error=0.10, survival=0.5),
@@ -148,7 +164,7 @@ def test_what_validation_needs_is_missed_before_training(bundle, tmp_path, monke
     monkeypatch.setattr(Stage, "run", lambda _: pytest.fail("trained"))
     message = {
         "dartpy": "the package dartpy is not installed",
-        "thresholds": "'t1' has no thresholds for a policy",
+        "thresholds": "validation has no thresholds for this robot. Add it, or leave validation out",
         "robot": "adapted_robot/t1: there is no such folder. Write the bundle again",
     }[missing]
     if missing == "dartpy":
