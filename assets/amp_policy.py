@@ -154,6 +154,7 @@ def _metadata(run: Run, facts: dict[str, Any], about: dict[str, Any]) -> dict[st
     return {
         "run": facts["run"],
         "what it is": "a trial: a few iterations without a GPU, no policy" if run.trial else "a full training",
+        **({"checkpoint": "the newest, not validated: a trial"} if run.trial else {}),
         "iterations": facts["done"].get("iterations", 0),
         "seconds": float(facts["done"].get("seconds", 0.0)),
         "command": facts["command"],

@@ -55,7 +55,7 @@ def materialize_database(
         data_version=dg.DataVersion(database_version(folder)),
         tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT)},
     )
-    yield from judge_database(plan, frames=False)  # they were read when they were written
+    yield from judge_database(plan, frames=False)  # they were read when they were first written
     yield realizable
 
 

@@ -44,6 +44,7 @@ def stage_of(
         prepare=prepare,
         settings=settings.plain(values) if values is not None else {},
         depends={"robot_files": robot_files} if robot_files else {},
+        robot=plan.robot or "",
     )
 
 

@@ -43,6 +43,13 @@ class Stage:
     """Plain settings, for key and provenance."""
     depends: dict[str, str] = field(default_factory=dict)
     """What else the answer depends on, by digest (the robot)."""
+    robot: str = ""
+    """Whose motions it makes; empty for what all robots share."""
+
+    @property
+    def asker(self) -> str:
+        """By what `pipeline.batch.collect` counts its runs: those of one robot say nothing about another's."""
+        return f"{self.robot}/{self.name}" if self.robot else self.name
 
     @property
     def settings_digest(self) -> str:
@@ -116,7 +123,7 @@ def _gather(
 ) -> Manifest:
     """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
     again = clips_again()
-    answers = {job.key: None if job.clip in again else store.recall(job.key, stage.name) for job in jobs}
+    answers = {job.key: None if job.clip in again else store.recall(job.key, stage.asker) for job in jobs}
     todo = [job for job in jobs if answers[job.key] is None]
     log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
     if todo and (where := pool.where()):
@@ -125,7 +132,7 @@ def _gather(
     for count, (job, answer) in enumerate(_worked_on(todo, work, pool, store), 1):
         answers[job.key] = answer
         if not answer["failed"]:
-            store.remember(job.key, answer, stage.name)
+            store.remember(job.key, answer, stage.asker)
         if time.monotonic() - last > PROGRESS_EVERY_S:
             last = time.monotonic()
             log.info("%s", progress(stage.name, count, len(todo), last - started))

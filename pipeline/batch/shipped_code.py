@@ -25,8 +25,8 @@ import cloudpickle
 from distributed import WorkerPlugin, get_worker
 
 PACKAGE = "pipeline"
-WITH = ("pipeline/**/*", "data/*.yaml")
-"""What of the project's folder workers read."""
+WITH = ("pipeline/**/*", "data/*.yaml", "robots/*/*")
+"""What of the project's folder workers read: code, settings, and the models of robots without their policies."""
 CODE = "booster_lab_code"
 """Attribute of a Dask worker: digest of the code that it runs."""
 

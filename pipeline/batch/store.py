@@ -124,13 +124,15 @@ class Store:
         """The remembered answer to a question of a stage, if all the blobs it names are there and unchanged.
 
         The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
+
+        Raises OSError of a disk that fails: that is no question that was never asked.
         """
         path, asked_ns = self._memo_path(key), self._asking(stage)
         try:
             with open(path, "rb") as stream:  # noqa: PTH123, asked for each clip of each stage
                 answer = json.loads(stream.read())
             blobs = [piece["blob"] for piece in answer["pieces"]]
-        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        except (FileNotFoundError, ValueError, TypeError, KeyError, RecursionError):
             return None
         if not all(map(self.holds, blobs)):
             return None

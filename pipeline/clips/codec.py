@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -98,10 +99,10 @@ def faults_of(clip: Clip) -> list[str]:
         quats = clip.root_quat_w
     faults = []
     for name, values in arrays.items():
-        bad = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        bad = ~_by_frame(np.isfinite(values)).all(axis=1)
         if bad.any():
             faults.append(f"frame {int(np.argmax(bad))}: {name} is not finite")
-    off = np.abs(np.linalg.norm(quats, axis=-1) - 1.0).reshape(len(quats), -1).max(axis=1, initial=0.0)
+    off = _by_frame(np.abs(np.linalg.norm(quats, axis=-1) - 1.0)).max(axis=1, initial=0.0)
     if (off > UNIT_TOLERANCE).any():
         frame = int(np.argmax(off > UNIT_TOLERANCE))
         faults.append(f"frame {frame}: a quaternion's length is off by {off[frame]:.1e}")
@@ -110,3 +111,8 @@ def faults_of(clip: Clip) -> list[str]:
     if clip.frame_count < 2 or not clip.fps > 0.0:
         faults.append(f"{clip.frame_count} frames at {clip.fps} frames/s are no motion")
     return faults
+
+
+def _by_frame(values: np.ndarray) -> np.ndarray:
+    """An array (t, ...) as (t, n), also of no frames."""
+    return values.reshape(len(values), math.prod(values.shape[1:]))

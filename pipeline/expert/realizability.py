@@ -77,11 +77,12 @@ def accuracy_against_rollouts(
     motions = [entry for entry in clips.entries if _reference(entry) in names]
     named = [[(entry.clip, entry.blob) for entry in entries] for entries in (motions, rolled)]
     question = digest.of_json([NAME, code_version("expert"), robot.digest, seed, named])
-    known = store.recall(question, NAME)
+    asker = f"{robot.name}/{NAME}"
+    known = store.recall(question, asker)
     if known is not None:
         return float(known[ACCURACY])
     accuracy = held_out_accuracy(_by_family(motions, store), _by_family(rolled, store), robot, seed)
-    store.remember(question, {ACCURACY: accuracy, "pieces": []}, NAME)
+    store.remember(question, {ACCURACY: accuracy, "pieces": []}, asker)
     return accuracy
 
 

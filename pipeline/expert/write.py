@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import json
@@ -23,7 +24,7 @@ import pandas as pd
 from pipeline import rotation
 from pipeline.batch import ClipPool, Store
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.errors import ClipError, PipelineError
+from pipeline.errors import ClipError, FileError, PipelineError
 from pipeline.expert import dataset_card, history, index, manifest
 from pipeline.expert.frames import FPS, columns, expert_frames, rounded
 from pipeline.expert.read import DatabaseError, check_database, read_clip
@@ -166,7 +167,7 @@ def write_database(
         made.update(text)
 
     def check(part: Path) -> None:
-        check_database(part, frames=False)  # each clip was read back by whoever wrote it
+        check_database(part, frames=False)  # frames are read back when first written; copies are bytes
         if settings is None:
             return
         loss = history.compare(folder, part, settings.max_lost_share)
@@ -181,7 +182,8 @@ def write_database(
         replace_folder(folder, fill, check=check, keep=lambda old: history.keep(folder, old))
         history.prune(folder, settings.kept_versions)
     if known.made:
-        note_written(folder, robot, known.made)
+        with contextlib.suppress(FileError):  # without it the next run encodes all frames again
+            note_written(folder, robot, known.made)
     return made
 
 

@@ -78,18 +78,24 @@ def source_of_run(
         run: the run's folder: policy.npz, config.json, curves.csv, done.json, validation/figures.json
         policy: npz of a chosen checkpoint; None: the run's policy
         stated: facts that replace those of the run, as `commit`
-        figures: JSON with measured figures; None: those of the run's validation, where it was validated
+        figures: JSON with measured figures; None: those of the run's validation, where it validated this
+            policy
 
     Raises FileError for a file that is missing or no JSON.
     """
-    measured = run / FIGURES if figures is None and (run / FIGURES).is_file() else figures
-    curves = run / CURVES
+    network, curves = policy or run / POLICY, run / CURVES
+    measured = None
+    if figures is not None:
+        measured = read_json(figures, do="Name a JSON file with figures.")
+    elif (run / FIGURES).is_file():
+        found = read_json(run / FIGURES)
+        measured = found if found.get("policy") == digest(load_policy(network)) else None
     return Source(
-        policy=policy or run / POLICY,
+        policy=network,
         run=training_run(run, stated),
         data=training_data(run),
         curves=curves if curves.is_file() else None,
-        figures=read_json(measured) if measured else None,
+        figures=measured,
     )
 
 

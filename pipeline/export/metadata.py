@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.deployment import DeploymentTask, Policy, digest, policy_task
 from pipeline.errors import FileError, PipelineError
+from pipeline.files import csv_json
 from pipeline.robot import Robot
 
 CONFIG, DONE = "config.json", "done.json"
@@ -34,16 +35,11 @@ def training_data(folder: Path) -> dict[str, Any]:
     return {"digest": facts["database_digest"], **{name: facts[name] for name in DATA_FACTS if name in facts}}
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object. Raises FileError."""
-    if not path.is_file():
-        raise FileError(path, "there is no such file.", "Name the folder that training wrote.")
-    try:
-        value = json.loads(path.read_text())
-    except (ValueError, RecursionError) as error:
-        raise FileError(path, f"is no JSON ({error}).") from error
+def read_json(path: Path, do: str = "Name the folder that training wrote.") -> dict[str, Any]:
+    """A JSON object. Raises FileError, which ends with what to `do`."""
+    value = csv_json.read_json(path, do=do)
     if not isinstance(value, dict):
-        raise FileError(path, "is no JSON object.")
+        raise FileError(path, "is no JSON object.", do)
     return value
 
 

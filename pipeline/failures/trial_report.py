@@ -43,7 +43,7 @@ class TrialReport:
     whole: bool = True
     """Whether nothing of the log was lost."""
     fingerprint: str = ""
-    """Of the sensor data, as `fingerprint.fingerprint_of` makes it."""
+    """Of the sensor data, as `signals.fingerprint_of` makes it."""
     notes: tuple[str, ...] = ()
     """What could not be checked, and why."""
 

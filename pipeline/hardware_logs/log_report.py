@@ -80,7 +80,7 @@ class LogReport:
 
     @property
     def integrity(self) -> str:
-        """One of `trial.INTEGRITY`."""
+        """As `Trial.integrity`."""
         if self.unchecked and not self.whole_checked:
             return "unverified"
         return "recovered" if self.losses or not self.ended else "complete"

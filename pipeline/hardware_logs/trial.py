@@ -51,7 +51,8 @@ class Trial:
     """One of `robot_log.COMMAND_SOURCES`."""
     simulated: bool
     integrity: str
-    """One of `INTEGRITY`."""
+    """`complete`: all of the log was read and its checksums hold; `recovered`: parts were lost and the rest holds;
+    `unverified`: it has no checksums."""
     rate_hz: float
     start_ns: int
     """Receipt of the first sample, since 1970; a multiple of the period."""

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.learning.training_error import TrainingError
+from pipeline.physics import GRAVITY
 
-T1_WEIGHT_N, T1_LEG_M = 31.734 * 9.81, 0.5516
+T1_WEIGHT_N, T1_LEG_M = 31.734 * GRAVITY, 0.5516
 """Size of the robot that the figures of the paper and of the recipe are for."""
 
 

@@ -179,6 +179,8 @@ def _planted(
     found = planted(labelled, feet, labelled.contacts, sliding, contact.plant_m_s)
     moved_w = found.clip.body_pos_w[:, :1] - labelled.body_pos_w[:, :1]
     after = both_feet(found.clip, floor.height)
+    labels = label_contacts(after, fps, contact)  # feet that slide are given more speed than feet that stand
+    found = dataclasses.replace(found, clip=dataclasses.replace(found.clip, contacts=labels))
     still = find_skating(after, pos_w + moved_w, fps, contact)
     if too_fast(found.clip, after, contact.slip_limit_m_s) or _inside(still, 0, within.start, within.stop):
         return None

@@ -123,7 +123,8 @@ class ContactSettings:
     skate_limit_m_s: Annotated[float, POSITIVE]
     """A stretch is cut in which the slowest point near the ground hardly ever is slower than this."""
     plant_m_s: Annotated[float, NOT_NEGATIVE]
-    """Feet that slide no faster than this are planted by moving the whole body, by this speed at most."""
+    """Feet that slide no faster than this are planted by moving the whole body, by this speed at most. To the mean over
+    a stretch `slip_per_speed` is added, as it is to `slip_limit_m_s`."""
     longest_flight_s: Annotated[float, NOT_NEGATIVE]
     """Both feet off the ground for longer than this is no gait of a person."""
 

@@ -84,16 +84,16 @@ def _adduction(robot: Robot, side: int) -> float:
     return float(-robot.joint_lower[joint] if inward_is_negative else robot.joint_upper[joint])
 
 
-def ankle_pitch(robot: Robot, side: int) -> int:
-    """Index of the ankle joint that turns about y."""
-    return _joint_about(1, robot, f"{FEET[side]}_foot", f"{FEET[side]}_shank")[0]
+def ankle_pitch(robot: Robot, side: int) -> tuple[int, float]:
+    """Index of the ankle joint that turns about y, and its sign: with +1 a lower angle lifts the toes."""
+    return _joint_about(1, robot, f"{FEET[side]}_foot", f"{FEET[side]}_shank")
 
 
 def _joint_about(axis: int, robot: Robot, below: str, above: str) -> tuple[int, float]:
     """The joint between two links (by their human names) that turns about an axis of the root, and its sign."""
     axes = robot.tree.joint_axes_root()
     link, top = robot.link(robot.human[below]), robot.link(robot.human[above])
-    while link != top:
+    while link not in (top, -1):
         joint = int(robot.tree.joint[link])
         if abs(axes[joint][axis]) > 0.9:
             return joint, float(axes[joint][axis])

@@ -125,23 +125,23 @@ class PelvisSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class WeightSettings:
-    """Weights of the soft tasks; each multiplies a squared error."""
+    """Weights of the soft tasks; each multiplies a squared error. Those between which is interpolated are above 0."""
 
-    stance_position: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    stance_position: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
     stance_orientation: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
-    swing_position: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    swing_position: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
     swing_orientation: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
-    foot_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    foot_height: Annotated[float, PER_AREA, POSITIVE]
     """In stance and swing [cost/m2]; the weights of position are for the horizontal."""
-    foot_height_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    foot_height_held: Annotated[float, PER_AREA, POSITIVE]
     """Where the pelvis is held [cost/m2]."""
-    pelvis_horizontal: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    pelvis_horizontal: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
-    pelvis_held: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    pelvis_held: Annotated[float, PER_AREA, POSITIVE]
     """The horizontal one where the second pass holds the pelvis to its path [cost/m2]."""
     pelvis_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
     """[cost/m2]"""
@@ -149,9 +149,9 @@ class WeightSettings:
     """[cost/rad2]"""
     waist: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
-    legs: Annotated[float, NOT_NEGATIVE]
+    legs: Annotated[float, POSITIVE]
     """Directions of thighs and shanks [cost/rad2]."""
-    legs_held: Annotated[float, NOT_NEGATIVE]
+    legs_held: Annotated[float, POSITIVE]
     """Where the pelvis is held [cost/rad2]."""
     arms: Annotated[float, NOT_NEGATIVE]
     """Directions of upper arms and forearms [cost/rad2]."""

@@ -58,7 +58,9 @@ class Solver:
         self._columns = np.array([self._wrapper.get_joint_offset(name) for name in robot.joint_names])
         self._lower, self._upper = robot.joint_lower + LIMIT_MARGIN, robot.joint_upper - LIMIT_MARGIN
         for side in range(2):
-            self._lower[ankle_pitch(robot, side)] += ANKLE_MARGIN
+            joint, sign = ankle_pitch(robot, side)
+            limit = self._lower if sign > 0.0 else self._upper
+            limit[joint] += sign * ANKLE_MARGIN
         for name, lower, upper in zip(robot.joint_names, self._lower, self._upper, strict=True):
             self._wrapper.set_joint_limits(name, lower, upper)
         self._solver = self._wrapper.make_solver()

@@ -254,7 +254,7 @@ def _horizontal(vectors: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
 
 
 def _smoothed(clip: HumanClip, cutoff_hz: float) -> HumanClip:
-    """The clip low-passed; of the orientations the chest's alone, the only one that targets are made of."""
+    """The clip low-passed; of the orientations the chest's alone. That of the pelvis only bounds the trunk's lean."""
     chest = body_index("chest")
     chest_quat_w = rotation.make_continuous(clip.body_quat_w[:, chest])
     flat_pos_w = clip.body_pos_w.reshape(clip.frame_count, -1)

@@ -65,7 +65,7 @@ def files_of(description: Description) -> dict[str, str]:
 
 def config_text(config: Config) -> str:
     """`robot.toml`. Names and numbers are written as JSON, which TOML reads alike."""
-    lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/load.py.", ""]
+    lines = ["# What the tables beside this file do not state. Keys: pipeline/robot/description.py.", ""]
     for field in dataclasses.fields(Config):
         value = getattr(config, field.name)
         if not isinstance(value, dict):

@@ -7,7 +7,7 @@
 <out>/policy.npz       the chosen network, without validation the newest, as `pipeline.deployment.load_policy` reads it
 <out>/curves.csv       curves of the last training stage
 <out>/export/          after validation: ONNX, deployment task and card (`pipeline.export`)
-<out>/done.json        written last: iterations, steps, seconds and seconds of GPUs of all stages
+<out>/done.json        written last: iterations of the last training stage; steps, seconds, GPU seconds of all of them
 
 A stage that is done is not repeated; one that was interrupted continues from its newest checkpoint. Once all training
 is done, `config.json` stays as it is: it says where the policy was trained, not where it was validated.

@@ -4,7 +4,8 @@
 the bridge. Other figures: speed error, the mean over the suite's 15 single commands on the commanded axis [m/s, rad/s];
 commands followed, the share of the command that is reached, mean over those; survival of pushes of 50 N s; style
 distance (`style_distance.py`); touchdowns a minute; power of the joints [W]; and of the discriminator, over the second
-half of the run, the largest accuracy and the largest difference of D. A policy that falls has no figure there (NaN).
+half of the run, the largest accuracy and the largest difference of D. A fall counts as the whole error and as a command
+not followed; style, touchdowns and power have no figure (NaN) where the policy falls.
 """
 
 from __future__ import annotations

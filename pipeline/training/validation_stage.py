@@ -5,7 +5,7 @@
 <folder>/policy.npz      the chosen policy
 <folder>/mujoco.json     verdict of the full suite
 <folder>/dart.json       verdict of the walks in DART and across the bridge
-<folder>/figures.json    figures of the chosen policy (`policy_figures.py`)
+<folder>/figures.json    figures of the chosen policy (`policy_figures.py`), and its digest
 <folder>/done.json       written last
 
 Repeating the command continues with the first file that is missing. The sweep starts in the default pose, the suite in
@@ -121,7 +121,8 @@ class ValidationStage:
         passed = f"{figures['required cells']:.0f} of {mujoco['required']} required cells in MuJoCo"
         summary = f"{passed}, {dart['passed']} of {dart['required']} in DART"
         print(f"validation: {summary}", flush=True)
-        return {"summary": summary, "figures": policy_figures.as_json(figures)}
+        made_of = mujoco["verdict"]["policy"]
+        return {"policy": made_of, "summary": summary, "figures": policy_figures.as_json(figures)}
 
     def _deployed(self, policy: Path) -> Deployed:
         return deployed(self.bundle.robot_folder, load_policy(policy))

@@ -232,6 +232,7 @@ def test_a_trial_runs_without_a_gpu_and_says_what_it_is(project, robot, monkeypa
     )
     said = told(result, "t1__amp_policy")
     assert said["what it is"] == "a trial: a few iterations without a GPU, no policy"
+    assert said["checkpoint"] == "the newest, not validated: a trial"
     assert (said["iterations"], said["d_policy"], said["episode_s"]) == (2, -0.5, 7.0)
     assert said["expert database"] == "d1"
     assert str(project.root) not in said["command"]

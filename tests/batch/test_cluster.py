@@ -184,15 +184,21 @@ def test_a_worker_with_other_libraries_or_several_threads_is_refused(tmp_path):
 
 
 def test_what_is_shipped_is_the_code_and_its_tables_but_nothing_compiled(tmp_path, root):
-    for name in ("pipeline/a.py", "pipeline/b/names.yaml", "pipeline/__pycache__/a.pyc", "data/x.yaml", "data/x.npz"):
+    robot = ("robots/r/robot.toml", "robots/r/policies/walk.npz")
+    code = ("pipeline/a.py", "pipeline/b/names.yaml", "pipeline/__pycache__/a.pyc")
+    for name in (*code, *robot, "data/x.yaml", "data/x.npz"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     first = digest_of(tmp_path)
     (tmp_path / "pipeline/__pycache__/a.pyc").write_text("other")
     (tmp_path / "data/x.npz").write_text("other")
     assert digest_of(tmp_path) == first
-    (tmp_path / "pipeline/b/names.yaml").write_text("other")
-    assert digest_of(tmp_path) != first
+    (tmp_path / "robots/r/policies/walk.npz").write_text("other")
+    assert digest_of(tmp_path) == first
+    for changed in ("pipeline/b/names.yaml", "robots/r/robot.toml"):
+        before = digest_of(tmp_path)
+        (tmp_path / changed).write_text("other")
+        assert digest_of(tmp_path) != before
     known = worker(tmp_path)
     setattr(known, CODE, digest_of(tmp_path))
     ShippedCode(tmp_path, {}).setup(known)

@@ -1,5 +1,6 @@
 """What `booster-lab store gc` keeps: what results name, and what the last runs asked for."""
 
+import dataclasses
 import fcntl
 import logging
 
@@ -72,6 +73,15 @@ def test_other_stages_and_many_questions_of_one_run_do_not_age_an_answer(tmp_pat
         Store(root=tmp_path).recall("0" * 64, "another stage")
     assert old_of(tmp_path, 2)["answers"] == 0
     assert old_of(tmp_path, 1)["answers"] == 3, "of the first run; both questions of the second are one run's"
+
+
+def test_runs_of_one_robot_do_not_age_the_answers_of_another(tmp_path):
+    store = Store(root=tmp_path)
+    before = manifest_of(store, CLIPS)
+    for robot in ("k1", "t1", "t1"):
+        here = dataclasses.replace(stage(), robot=robot, depends={"robot": robot})
+        run_stage(here, before, Store(root=tmp_path), POOL, LOG)
+    assert old_of(tmp_path, 1)["answers"] == 0
 
 
 def test_torn_answers_answers_of_no_stage_and_halves_of_killed_writers_go(tmp_path):

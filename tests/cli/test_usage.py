@@ -8,6 +8,7 @@ from typing import get_args, get_type_hints
 
 import pytest
 
+from pipeline.batch import store
 from pipeline.cli import arguments, policy_arguments
 from pipeline.cli.main import COMMANDS, main, parse
 from pipeline.dataset_export import FORMATS
@@ -88,6 +89,7 @@ def test_choices_are_those_of_the_stages():
 
     assert choices(arguments.Export, "format") == set(FORMATS)
     assert choices(policy_arguments.Validate, "suite") == set(SUITES)
+    assert arguments.MOST_ASKINGS == store.MOST_ASKINGS
 
 
 def test_every_option_arrives():

@@ -22,4 +22,6 @@ def test_each_fault_names_its_first_frame():
 
 def test_missing_labels_and_single_frames_are_faults():
     assert faults_of(dataclasses.replace(human_clip(), contacts=None)) == ["contacts are not labelled"]
+    for clip in (human_clip(frames=0), robot_clip(frames=0)):
+        assert faults_of(clip) == [f"0 frames at {clip.fps} frames/s are no motion"]
     assert faults_of(human_clip(frames=1)) == ["1 frames at 60.0 frames/s are no motion"]

@@ -1,4 +1,4 @@
-"""Every command of the README, as it is written there, on a fresh clone."""
+"""Every command of the README, as it is written there, on a fresh clone with the answers of a database made before."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def test_a_command_of_the_readme_ends_well(root, checkout, start):
 
 
 def test_the_command_that_trains_ends_with_a_trial_of_a_policy(checkout):
-    """On the fresh clone, so that it makes the database first."""
+    """In a checkout without a database, so that it makes that first."""
     done = checkout.run(*TRAIN.split(), timeout_s=580)
     assert done.returncode == 0, done.stdout + done.stderr
     (config,) = (checkout.root / "data" / "policies" / "t1" / "runs").glob("*/config.json")

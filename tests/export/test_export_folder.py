@@ -228,6 +228,15 @@ def test_the_command_exports_a_run(tmp_path, robot, capsys):
     assert (card.run["name"], card.run["iterations"], card.run["commit"]) == ("run7", 300, "abc")
     assert (card.data["digest"], card.data["clips"]) == ("d1", 4)
     assert "curves.csv" in card.files
+    (run / "validation").mkdir()
+    measured = {"policy": card.digest, "figures": {"required cells": 97.0}}
+    (run / "validation" / "figures.json").write_text(json.dumps(measured))
+    assert main(command) == 0 and read_card(out).figures == measured
+    other = network_file(tmp_path / "other.npz", robot, seed=5)
+    assert main([*command, "--policy", str(other)]) == 0
+    assert read_card(out).figures == {}, "what was measured of another policy is not stated"
+    assert main([*command, "--figures", str(tmp_path / "none.json")]) == 2
+    assert "none.json: the file does not exist. Name a JSON file with figures." in capsys.readouterr().err
     closed = {**about, "licence": CLOSED["licence"]}
     (run / "config.json").write_text(json.dumps({"preset": "paper", "seed": 3, "bundle": closed}))
     assert main(command) == 2

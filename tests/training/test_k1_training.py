@@ -27,7 +27,9 @@ def test_ratios_of_a_bundle_are_one_for_the_t1_and_the_k1s_own(tmp_path: Path, r
     assert (ours.weight_ratio, ours.leg_ratio, ours.fall_height) == (1.0, 1.0, 0.45)
     assert other.weight_ratio == pytest.approx(k1.total_mass / robot.total_mass, rel=1e-4)
     assert other.leg_ratio == pytest.approx(k1.leg_length / robot.leg_length, rel=1e-6)
-    assert other.fall_height == fall_height(k1) < 0.8 * ours.fall_height + 0.02
+    assert other.fall_height == fall_height(k1)
+    heights = k1.default_root_height / robot.default_root_height
+    assert other.fall_height / ours.fall_height == pytest.approx(heights, rel=1e-4)
 
 
 def test_an_environment_of_the_k1_falls_and_is_pushed_in_its_own_size(tmp_path: Path, root: Path):

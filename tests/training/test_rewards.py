@@ -44,7 +44,7 @@ def robot_of(weight: float, leg_length: float) -> Any:
     return Mock(spec=RobotFacts, weight=weight, leg_length=leg_length, **ratios)
 
 
-T1 = robot_of(31.734 * 9.81, 0.5516)
+T1 = robot_of(T1_WEIGHT_N, T1_LEG_M)
 
 
 def env(command=(0.0, 0.0, 0.0), **state: Any) -> Any:
@@ -91,10 +91,10 @@ def test_progress_pays_nothing_for_more_than_the_command_to_a_gait_that_sways():
 def test_standing_still_costs_only_at_the_command_to_stand():
     state = {"contacts": (True, False), "joint_vel": (3.0, 4.0)}
     still = {"lin_vel_b": (0.0, 0.1, 0.0), **state}
-    assert rewards.stand_still(env((0.0, 0.0, 0.0), **still)).item() == pytest.approx(1.25)
-    assert rewards.stand_still(env((0.3, 0.0, 0.0), **still)).item() == 0.0
+    assert rewards.stand_still(env((0.0, 0.0, 0.0), **still), 0.2).item() == pytest.approx(1.25)
+    assert rewards.stand_still(env((0.3, 0.0, 0.0), **still), 0.2).item() == 0.0
     pushed = env((0.0, 0.0, 0.0), lin_vel_b=(0.0, 0.4, 0.0), **state)
-    assert rewards.stand_still(pushed).item() == pytest.approx(0.25), "a step that catches a push is free"
+    assert rewards.stand_still(pushed, 0.2).item() == pytest.approx(0.25), "a step that catches a push is free"
 
 
 def test_power_is_the_sum_and_energy_the_norm():

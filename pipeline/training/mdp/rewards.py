@@ -8,6 +8,8 @@ the control step. The paper's numbers are those of its reward table; what the re
 
 from __future__ import annotations
 
+import math
+
 import torch
 from mjlab.envs.mdp import rewards as mdp
 from mjlab.managers.reward_manager import RewardTermCfg
@@ -28,7 +30,7 @@ ENOUGH = 0.8
 """Share of the command that counts as reached. A gait's velocity fluctuates: a term that is full at the command itself
 pays for more than the command (10 % more were measured)."""
 SLOW_M_S = 0.2
-"""A trunk that moves faster was pushed, and may be caught by a step [m/s]."""
+"""A trunk of the T1 that moves faster was pushed, and may be caught by a step [m/s]."""
 FORCE_SOFT, FORCE_SPAN = 500.0, 400.0
 """Foot force without cost, and the span beyond it in which the cost grows, of the T1 [N] (paper)."""
 FEET_APART = 0.2
@@ -63,11 +65,11 @@ def reached_share(command: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor
     return reached.sum(dim=1) / commanded.sum(dim=1).clamp(min=1)
 
 
-def stand_still(env) -> torch.Tensor:
-    """At the command to stand: feet off the ground while the trunk is slow, and 0.05 of the joints' speed [rad/s]."""
+def stand_still(env, slow: float) -> torch.Tensor:
+    """At the command to stand: feet off the ground while the trunk is slower than `slow` [m/s], and 0.05 of the joints'
+    speed [rad/s]."""
     state = env.robot_state
-    slow = torch.linalg.norm(state.lin_vel_b[:, :2], dim=1) < SLOW_M_S
-    lifted = (~state.contacts).float().sum(dim=1) * slow
+    lifted = (~state.contacts).float().sum(dim=1) * (torch.linalg.norm(state.lin_vel_b[:, :2], dim=1) < slow)
     return ~moves(env.command) * (lifted + 0.05 * torch.linalg.norm(state.joint_vel, dim=1))
 
 
@@ -172,6 +174,7 @@ def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
     """All terms, forces and distances scaled to the robot; those of weight 0 are left out."""
     force = {"soft": FORCE_SOFT * robot.weight_ratio, "span": FORCE_SPAN * robot.weight_ratio}
     apart = {"apart": FEET_APART * robot.leg_ratio}
+    slow = {"slow": SLOW_M_S * math.sqrt(robot.leg_ratio)}
     weights, term = config.rewards, RewardTermCfg
     limits = joints_beyond_limits if weights.joint_limits == "indicator" else mdp.joint_pos_limits
     terms = {
@@ -181,7 +184,7 @@ def reward_cfg(robot: RobotFacts, config: Config) -> dict[str, RewardTermCfg]:
         "track_all": term(func=track_all, weight=weights.track_all, params={"sigma2": SIGMA2}),
         "track_mean": term(func=track_all, weight=weights.track_mean, params={"sigma2": FINE_SIGMA2}),
         "progress": term(func=progress, weight=weights.progress),
-        "stand_still": term(func=stand_still, weight=weights.stand_still),
+        "stand_still": term(func=stand_still, weight=weights.stand_still, params=slow),
         "lin_vel_z": term(func=lin_vel_z_l2, weight=-1.0),
         "ang_vel_xy": term(func=ang_vel_xy_l2, weight=-0.05),
         "energy": term(func=energy, weight=-1e-3),
