@@ -82,8 +82,8 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The findings on a trial. What goes wrong with one must not stop the others, but for a disk that keeps no answer:
-    that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
+    """The findings on a trial. What goes wrong with one must not stop the others, but for a store that cannot be read or
+    written: that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
     try:
         return _looked_at(name, path, numbers)
     except dg.Failure:
@@ -96,7 +96,6 @@ def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
 
 def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
     """The report of a trial, and its twin where its policy is at hand; remembered by all that they depend on."""
-
     robot = str(numbers["robot"])
     if robot not in PROJECT.robots:
         return {"unread": f"there is no folder robots/{robot}"}
@@ -109,7 +108,8 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         *(name, digest.of_file(path), digest.of_file(policy) if policy else ""),
     ]
     key = digest.of_json(question)
-    known = PROJECT.store.recall(key, FAILURES.name)
+    with as_failure():
+        known = PROJECT.store.recall(key, FAILURES.name)
     if known is None:
         limits = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         calibrations = [Calibration.from_dict(each) for each in calibration.settings.values()]

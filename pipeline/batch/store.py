@@ -125,7 +125,7 @@ class Store:
 
         The file's time becomes that of this run's asking, by which `pipeline.batch.collect` knows what is in use.
 
-        Raises OSError of a disk that fails: that is no question that was never asked.
+        Raises FileError of a disk that fails: the question may have been asked.
         """
         path, asked_ns = self._memo_path(key), self._asking(stage)
         try:
@@ -134,6 +134,8 @@ class Store:
             blobs = [piece["blob"] for piece in answer["pieces"]]
         except (FileNotFoundError, ValueError, TypeError, KeyError, RecursionError):
             return None
+        except OSError as error:
+            raise FileError(path, f"could not be read ({error}).", "Check the disk that holds the store.") from error
         if not all(map(self.holds, blobs)):
             return None
         with contextlib.suppress(OSError):  # a store that is only read

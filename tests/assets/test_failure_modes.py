@@ -8,7 +8,7 @@ import pytest
 
 from assets import failure_modes
 from assets.project import Project
-from pipeline.batch import Manifest
+from pipeline.batch import Manifest, Store
 from pipeline.failures.trial_report import NOTED, TrialReport
 from pipeline.hardware_logs import write_trial
 from pipeline.hardware_logs.missed_bars import MissedBar
@@ -69,13 +69,17 @@ def test_a_fault_of_ours_is_told_and_not_remembered(project, robot, tmp_path, mo
     assert "report" in failure_modes._answer("x", path, numbers)
 
 
-def test_a_disk_that_keeps_no_answer_is_told_as_such_and_not_as_a_log_that_was_not_read(project, robot, tmp_path):
+def test_a_store_that_cannot_be_read_or_written_is_no_unreadable_log(project, robot, tmp_path, monkeypatch):
     (trial,) = trials_in(ROOT / "data/hardware_logs/demo/side_left_fall.mcap", robot)
     path = tmp_path / "trial.parquet"
     write_trial(path, trial)
+    numbers = {"robot": "t1", "log": "x"}
     (project.store.root / "memo").write_text("a file where a folder has to be")
+    with pytest.raises(dg.Failure, match=r"memo.*could not be read.*Check the disk"):
+        failure_modes._answer("x", path, numbers)
+    monkeypatch.setattr(Store, "recall", lambda *asked: None)
     with pytest.raises(dg.Failure, match=r"memo.*could not be written.*Is the disk full\?"):
-        failure_modes._answer("x", path, {"robot": "t1", "log": "x"})
+        failure_modes._answer("x", path, numbers)
 
 
 def test_what_cannot_be_looked_at_says_why(project, tmp_path):
