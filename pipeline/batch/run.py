@@ -39,6 +39,8 @@ class Stage:
     prepare: Callable[..., Any] | None = None
     """`prepare(clip)`: what is alike for all windows of a clip. It is worked out once for clips of the same motion,
     which then go to one process, and `function` gets it as `prepared`. Must be importable."""
+    together: Callable[[str], str] | None = None
+    """Of a clip's name: what the names of clips that `prepare` is for have in common; without it, their motion."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Plain settings, for key and provenance."""
     depends: dict[str, str] = field(default_factory=dict)
@@ -54,6 +56,12 @@ class Stage:
     @property
     def settings_digest(self) -> str:
         return digest.of_json({"settings": self.settings, "depends": self.depends})
+
+    def group_of(self, entry: Entry) -> str:
+        """What clips that are worked on one after the other in one process have in common."""
+        if self.together is not None:
+            return self.together(entry.clip)
+        return entry.blob if self.prepare else entry.clip
 
     def key(self, *question: Any) -> str:
         """Memo key of a question (JSON values)."""
@@ -82,7 +90,7 @@ def run_stage(
             clip=entry.clip,
             key=stage.key(entry.clip, entry.blob, entry.numbers),
             about=entry,
-            group=entry.blob if stage.prepare else entry.clip,
+            group=stage.group_of(entry),
             numbers=entry.numbers,
             record=entry.record,
         )
