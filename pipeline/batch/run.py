@@ -117,7 +117,8 @@ def run_files(
         )
         for name, path, content, arguments in sorted(files, key=lambda file: file[0])
     ]
-    return _gather(stage, jobs, partial(_work_on_files, stage.function, store), store, pool, log, {})
+    work = partial(_work_on_files, stage.function, store)
+    return _gather(stage, jobs, work, store, store.pool_of_files(pool), log, {})
 
 
 def _gather(
@@ -180,7 +181,7 @@ def _worked_on(
     for job in jobs:
         groups.setdefault(job.group, []).append(job)
     calls = [([job.about for job in group],) for group in groups.values()]
-    found = pool.map(work, calls, shared=[store.root], on_lost=_Lost)
+    found = pool.map(work, calls, shared=store.shared_folders, on_lost=_Lost)
     for group, answers in zip(groups.values(), found, strict=True):
         if isinstance(answers, _Lost):
             answers = [_rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for job in group]
