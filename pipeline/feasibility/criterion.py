@@ -162,12 +162,13 @@ def results(evidence: Any, settings: Any, of: str, only: Collection[str] = ()) -
         evidence: the motion, or the numbers, as `of` says
         settings: `FeasibilitySettings`; each function gets its section
         of: `MOTION` or `NUMBERS`
-        only: sections whose criteria are wanted; empty for all
+        only: codes of the criteria that are wanted; empty for all
     """
-    sections = [each.name for each in dataclasses.fields(settings) if not only or each.name in only]
+    sections = [each.name for each in dataclasses.fields(settings)]
     for section in sections:
         for function, criteria in tuple(MEASURES.items()):
-            if criteria[0].of == of and criteria[0].section == section:
+            wanted = not only or any(each.code in only for each in criteria)
+            if wanted and criteria[0].of == of and criteria[0].section == section:
                 found = function(evidence, getattr(settings, section))
                 assert [each.code for each in found] == [each.code for each in criteria], function.__name__
                 yield from found

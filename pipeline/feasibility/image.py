@@ -1,12 +1,13 @@
 """The assessment of a mirror image by that of the motion that it shows, where the robot is symmetric.
 
 What the criteria measure is then the same on both sides, to the tolerance within which the robot is its own mirror
-image. Evaluated for each of the two are only the joints, as limits of the left and right joint may differ, and images
-that break a criterion, as its message names a side.
+image. Evaluated for each of the two are only the limits of joints and motors, which may differ between left and right,
+and images that break a criterion, as its message names a side.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,8 @@ from pipeline.robot import Kinematics, Robot
 from pipeline.robot.mirror_image import MARK, POSITION, mirror_clip
 from pipeline.simulation.mujoco_plant import self_collision
 
-OWN_SECTIONS = ("joints",)
-"""Sections of the settings whose criteria are evaluated on the image itself."""
+OWN = ("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s")
+"""Criteria that are evaluated on the image itself."""
 
 TOLERANCE_M = 1e-5
 """A robot is symmetric where links, soles and overlaps of its shapes in mirrored poses differ by less than this [m].
@@ -66,22 +67,33 @@ def pair(name: str) -> str:
     return name.replace(MARK, "")
 
 
+def is_rollout(clip: RobotClip, numbers: Numbers) -> bool:
+    """Whether a clip is what a simulated robot did, or tracked a reference."""
+    return bool(clip.forces is not None or numbers.get(CLIP) or numbers.get(CONTENT))
+
+
 def is_image(clip: RobotClip, numbers: Numbers, robot: Robot) -> bool:
     """Whether a clip is a mirror image that need not be evaluated by itself.
 
     Rollouts are: a policy is not symmetric, and their reference is not mirrored with them.
     """
-    rolled_out = clip.forces is not None or numbers.get(CLIP) or numbers.get(CONTENT)
-    return bool(numbers.get("mirrored")) and not rolled_out and is_symmetric(robot)
+    return bool(numbers.get("mirrored")) and not is_rollout(clip, numbers) and is_symmetric(robot)
+
+
+def assess_clip(clip: RobotClip, robot: Robot, settings: FeasibilitySettings, last: LastAssessed) -> Assessment:
+    """The assessment of a clip that is no rollout; that of the last one where the frames are the same."""
+    clip = at_database_rate(clip)
+    known = last.of(clip)
+    if known is None:
+        known = last.whole = assess(motion_of(clip, robot, settings), settings)
+    return dataclasses.replace(known, motion=dataclasses.replace(known.motion, clip=clip))
 
 
 def assess_image(image: RobotClip, robot: Robot, settings: FeasibilitySettings, last: LastAssessed) -> Assessment:
     """The assessment of a mirror image, which does not depend on whether the motion that it shows was assessed last."""
-    image = at_database_rate(image)
-    clip = mirror_clip(image, robot, image.name)
-    shown = last.of(clip) or assess(motion_of(clip, robot, settings), settings)
-    motion = shown.motion.mirrored(image)
-    own = {each.code: each for each in results(motion, settings, MOTION, OWN_SECTIONS)}
+    shown = assess_clip(mirror_clip(image, robot, image.name), robot, settings, last)
+    motion = shown.motion.mirrored(at_database_rate(image))
+    own = {each.code: each for each in results(motion, settings, MOTION, OWN)}
     verdicts, skipped = parted([own.get(each.code, each) for each in (*shown.verdicts, *shown.skipped)])
     found = Assessment(motion=motion, verdicts=verdicts, skipped=skipped)
     return found if found.holds else assess(motion, settings)

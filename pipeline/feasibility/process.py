@@ -15,7 +15,7 @@ from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess, parted
 from pipeline.feasibility.clip_criteria import length
 from pipeline.feasibility.criterion import NUMBERS, Result, results
-from pipeline.feasibility.image import LastAssessed, assess_image, is_image
+from pipeline.feasibility.image import LastAssessed, assess_clip, assess_image, is_image, is_rollout
 from pipeline.feasibility.judgement import NUMBER, Judgement, judge, to_text
 from pipeline.feasibility.motion import CutSettings, Motion, at_database_rate, motion_of
 from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of, why_none
@@ -68,10 +68,11 @@ def process(
     last = prepared or LastAssessed()
     if is_image(clip, numbers, robot):
         whole = assess_image(clip, robot, settings, last)
-    else:
+    elif is_rollout(clip, numbers):
         reference = reference_of(at_database_rate(clip), numbers, robot, references)
         whole = assess(motion_of(clip, robot, settings, reference, why_none(numbers)), settings)
-        last.whole = whole
+    else:
+        whole = assess_clip(clip, robot, settings, last)
     motion = whole.motion
     of_clip = tuple(results(numbers, settings, NUMBERS))
     gathered = _Gathered(reasons=[], judgements=[], of_clip=of_clip)

@@ -121,6 +121,10 @@ def test_an_image_of_a_motion_that_was_evaluated_before_it_is_the_same(robot: Ro
         alone = process(mirrored, {"mirrored": True}, settings=LIMITS, robot=robot)
         assert shared.numbers == alone.numbers and shared.reasons == alone.reasons
         assert [piece.numbers for piece in shared.pieces] == [piece.numbers for piece in alone.pieces]
+        own = process(clip, {}, settings=LIMITS, robot=robot)
+        after = process(clip, {}, settings=LIMITS, robot=robot, prepared=last)
+        assert after.numbers == own.numbers
+        assert [piece.clip.name for piece in after.pieces] == [piece.clip.name for piece in own.pieces]
 
 
 def test_an_image_that_passes_is_not_evaluated(robot: Robot, monkeypatch: pytest.MonkeyPatch):
