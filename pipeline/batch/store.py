@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
-import re
 import time
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +14,8 @@ from typing import Any
 
 from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
+from pipeline.batch.rows import Row
+from pipeline.batch.shard import Rows, Shard
 from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
@@ -26,25 +28,30 @@ LOCK = "lock"
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
 
+ANSWERS = "answers"
+"""Key of an answer about all clips of a shard: the keys of the answers about each of them."""
+
 A_CALL = 32
 """Blobs that a process looks at before it reports."""
 
 MOST_ASKINGS = 100
 """Runs of a stage that are remembered."""
 
-_BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
-"""How the line of an entry begins (`Manifest.lines`, whose keys are sorted)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """`blobs/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder."""
+    """`blobs/` and `shards/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder."""
 
     root: Path
 
     @property
     def blobs(self) -> BlobStore:
         return BlobStore(root=self.root / "blobs")
+
+    @property
+    def shards(self) -> BlobStore:
+        """Where the rows of manifests are."""
+        return BlobStore(root=self.root / "shards")
 
     @cached_property
     def _digests(self) -> DigestMemory:
@@ -53,17 +60,31 @@ class Store:
     def __getstate__(self) -> dict[str, Any]:
         return {"root": self.root}  # worker processes need not know which blobs were looked at
 
-    def holds(self, blob: str) -> bool:
-        """Whether a blob is there and its content is its name; one that nobody touched is read once."""
+    def holds(self, blob: str, kind: str = "blobs") -> bool:
+        """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
         try:
-            return self._digests.of(f"{self.root}/blobs/{blob[:2]}/{blob}") == blob
+            return self._digests.of(f"{self.root}/{kind}/{blob[:2]}/{blob}") == blob
         except OSError:
             return False
 
+    def holds_blobs_of_shard(self, shard: Shard) -> bool:
+        """Whether a shard's file and every blob that it names are there and unchanged."""
+        if not self.holds(shard.digest, "shards"):
+            return False
+        return all(map(self.holds, shard.columns(["blob"]).get("blob", ())))
+
+    def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
+        """Store the rows of a shard; the shard without its bytes."""
+        if isinstance(shard.place, bytes):
+            self.shards.put(shard.place)
+        return dataclasses.replace(shard, place=self.shards)
+
     def holds_blobs_of(self, asset: str) -> bool:
-        """Whether every blob that the current manifest of an asset names is there and unchanged. Raises OSError."""
-        with self.manifest_path(asset).open() as stream:
-            return all(self.holds(match[1]) for line in stream if (match := _BLOB.match(line)))
+        """Whether all that the current manifest of an asset names is there and unchanged. Raises FileError."""
+        manifest = self.load(asset)
+        if not isinstance(manifest.entries, Rows):  # of an earlier version
+            return all(self.holds(entry.blob) for entry in manifest.entries)
+        return all(map(self.holds_blobs_of_shard, (*manifest.entry_shards, *manifest.judged_shards)))
 
     def note_blobs(self) -> None:
         """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
@@ -112,10 +133,11 @@ class Store:
 
     def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
         """Clips of a manifest whose blobs do not round-trip."""
-        entries = manifest.entries
-        calls = [([each.blob for each in entries[first : first + A_CALL]],) for first in range(0, len(entries), A_CALL)]
+        columns = [shard.columns(["clip", "blob"]) for shard in manifest.entry_shards]
+        clips, blobs = ([value for each in columns for value in each[name]] for name in ("clip", "blob"))
+        calls = [(blobs[first : first + A_CALL],) for first in range(0, len(blobs), A_CALL)]
         whole = (each for found in pool.map(self._all_round_trip, calls, shared=[self.root]) for each in found)
-        return [entry.clip for entry, is_whole in zip(entries, whole, strict=True) if not is_whole]
+        return [clip for clip, is_whole in zip(clips, whole, strict=True) if not is_whole]
 
     def _all_round_trip(self, blobs: list[str]) -> list[bool]:
         return [self.round_trips(blob) for blob in blobs]
@@ -169,8 +191,10 @@ class Store:
         return self.root / "manifests" / f"{asset}.json"
 
     def save(self, asset: str, manifest: Manifest) -> None:
-        """Make `manifest` the asset's current one. The blobs it names are there already."""
-        atomic.write_parts(self.manifest_path(asset), (line.encode() for line in manifest.lines()))
+        """Make `manifest` the asset's current one, its shards stored first. The blobs it names are there already."""
+        for shard in (*manifest.entry_shards, *manifest.judged_shards):
+            self.put_shard(shard)
+        atomic.write_text(self.manifest_path(asset), manifest.to_text())
 
     def load(self, asset: str) -> Manifest:
         """The asset's current manifest. Raises FileError with the command to run."""
@@ -180,6 +204,6 @@ class Store:
                 path, f"'{asset}' was never materialized here.", f"Run: dagster asset materialize --select {asset}"
             )
         try:
-            return Manifest.from_text(path.read_text())
+            return Manifest.from_text(path.read_text(), self.shards)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise FileError(path, f"not a readable manifest ({error}).", "Materialize the asset again.") from error
