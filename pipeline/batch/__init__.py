@@ -4,6 +4,7 @@ from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
 from pipeline.batch.rows import Entry, Judged
 from pipeline.batch.run import Stage, run_files, run_stage
+from pipeline.batch.shard import Rows, changed
 from pipeline.batch.store import Store
 
-__all__ = ["ClipPool", "Entry", "Judged", "Manifest", "Stage", "Store", "run_files", "run_stage"]
+__all__ = ["ClipPool", "Entry", "Judged", "Manifest", "Rows", "Stage", "Store", "changed", "run_files", "run_stage"]

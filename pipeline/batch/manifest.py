@@ -115,6 +115,10 @@ class Manifest:
         ]
         return dataclasses.replace(self, entries=Rows(kept), judged=Rows(judged))
 
+    def at_hand(self) -> Manifest:
+        """The same with all of its rows in memory, for who looks them up again and again."""
+        return dataclasses.replace(self, entries=tuple(self.entries), judged=tuple(self.judged))
+
     def with_numbers(self, numbers: Mapping[str, dict[str, Any]]) -> Manifest:
         """The same with further numbers for some of its clips, by name."""
         return dataclasses.replace(self, entries=Rows([shard.with_numbers(numbers) for shard in self.entry_shards]))

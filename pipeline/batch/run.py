@@ -91,13 +91,15 @@ class _Part:
     """The questions, in the order of their names."""
 
 
-@dataclass
+@dataclass(frozen=True, kw_only=True)
 class _Result:
     """What is known of the answers about one shard."""
 
-    entries: tuple[Shard[Entry], ...] = ()
-    judged: tuple[Shard[Judged], ...] = ()
-    unsound: tuple[tuple[str, str], ...] = ()
+    entries: tuple[Shard[Entry], ...]
+    clips: tuple[str, ...]
+    """Names of the entries."""
+    judged: tuple[Shard[Judged], ...]
+    unsound: tuple[tuple[str, str], ...]
     recomputed: int = 0
 
 
@@ -199,12 +201,11 @@ def _gather(
             answers = {job.key: worked.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
             results[place] = _result(stage, parts[place].key, jobs, answers, len(todo[place]), store)
     found = [result for result in results if result is not None]
-    entries = Rows([shard for result in found for shard in result.entries])
-    _refuse_double_names(stage.name, entries)
+    _refuse_double_names(stage.name, (clip for result in found for clip in result.clips))
     own = {stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
     return Manifest(
         stage=stage.name,
-        entries=entries,
+        entries=Rows([shard for result in found for shard in result.entries]),
         judged=Rows([shard for result in found for shard in result.judged]),
         settings={**settings, **own},
         recomputed=sum(result.recomputed for result in found),
@@ -224,12 +225,18 @@ def _recalled(key: str, stage: Stage, store: Store) -> _Result | None:
     answer = store.recall(key, stage.asker)
     if answer is None:
         return None
-    result = _Result(
-        entries=tuple(Shard(Entry, name, count, store.shards) for name, count in answer["entries"]),
-        judged=tuple(Shard(Judged, name, count, store.shards) for name, count in answer["judged"]),
-        unsound=tuple((clip, fault) for clip, fault in answer["unsound"]),
-    )
-    return result if all(map(store.holds_blobs_of_shard, (*result.entries, *result.judged))) else None
+    entries = tuple(Shard(Entry, name, count, store.shards) for name, count in answer["entries"])
+    judged = tuple(Shard(Judged, name, count, store.shards) for name, count in answer["judged"])
+    clips: list[str] = []
+    for shard in entries:
+        own = store.clips_of(shard)
+        if own is None:
+            return None
+        clips += own
+    if not all(store.holds(shard.digest, "shards") for shard in judged):
+        return None
+    unsound = tuple((clip, fault) for clip, fault in answer["unsound"])
+    return _Result(entries=entries, clips=tuple(clips), judged=judged, unsound=unsound)
 
 
 def _batches(todo: Mapping[int, set[str]]) -> Iterator[list[int]]:
@@ -268,6 +275,7 @@ def _result(
         failed = failed or answer["failed"]
     result = _Result(
         entries=tuple(store.put_shard(shard) for shard in shards_of(Entry, entries, whole_up_to=WHOLE)),
+        clips=tuple(entry.clip for entry in entries),
         judged=tuple(store.put_shard(shard) for shard in shards_of(Judged, judged, whole_up_to=WHOLE)),
         unsound=tuple(unsound),
         recomputed=recomputed,
@@ -327,13 +335,12 @@ def _entries(stage: Stage, job: _Job, answer: dict[str, Any]) -> list[Entry]:
     ]
 
 
-def _refuse_double_names(stage: str, entries: Rows[Entry]) -> None:
+def _refuse_double_names(stage: str, clips: Iterable[str]) -> None:
     seen: set[str] = set()
-    for shard in entries.shards:
-        for clip in shard.columns(["clip"])["clip"]:
-            if clip in seen:
-                raise ClipError(clip, "double_name", f"two clips of this name left {stage}; rename one of the files.")
-            seen.add(clip)
+    for clip in clips:
+        if clip in seen:
+            raise ClipError(clip, "double_name", f"two clips of this name left {stage}; rename one of the files.")
+        seen.add(clip)
 
 
 def _work_on_clips(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, overload
@@ -119,8 +120,9 @@ def cut(clips: Sequence[str]) -> Iterator[slice]:
 
 
 def source_of(clip: str) -> str:
-    """Name of the source that a clip comes from: what its name begins with."""
-    return clip.partition("/")[0]
+    """Name of the source that a clip comes from: what its name has before the first `/`."""
+    source, slash, _ = clip.partition("/")
+    return source if slash else ""
 
 
 def _cuts(clip: str) -> bool:
@@ -168,6 +170,17 @@ class Rows(Sequence[Row]):
         return f"Rows({len(self)} in {len(self.shards)} shards)"
 
 
+def changed(kind: type[Row], rows: Sequence[Row], change: Callable[[Row], Row | None]) -> Rows[Row]:
+    """The rows with a change of each, without those that it makes None; shards in which nothing changes are kept."""
+    found: list[Shard[Row]] = []
+    for shard in shards_of(kind, rows):
+        before = shard.rows()
+        after = [row for row in map(change, before) if row is not None]
+        same = len(after) == len(before) and all(map(operator.is_, after, before))
+        found += [shard] if same else [shard_of(kind, after)] if after else []
+    return Rows(found)
+
+
 def shards_of(kind: type[Row], rows: Sequence[Row], whole_up_to: int = 0) -> tuple[Shard[Row], ...]:
     """The shards of rows, made where they are not in shards already; one shard of at most `whole_up_to` rows."""
     if isinstance(rows, Rows):
@@ -182,7 +195,8 @@ def _shard(kind: type[Row], fields: Mapping[str, tuple[pa.Field, Any]], count: i
     table = pa.table([fields[name][1] for name in names], schema=schema)
     sink = pa.BufferOutputStream()
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
-    pq.write_table(table, sink, compression="zstd", use_dictionary=texts, write_statistics=False)
+    options: dict[str, Any] = {"use_dictionary": texts, "write_statistics": False}
+    pq.write_table(table, sink, compression="zstd", **options)
     data = sink.getvalue().to_pybytes()
     return Shard(kind, digest.of_bytes(data), count, data)
 

@@ -150,7 +150,7 @@ def test_two_clips_of_one_name_are_refused(store):
 
 def test_a_manifest_comes_back_from_its_text(store):
     found = run_stage(stage(), manifest_of(store, ["a", "bad"]), store, POOL, LOG)
-    again = Manifest.from_text(found.to_text())
+    again = Manifest.from_text(found.to_text(), store.shards)
     assert again.to_text() == found.to_text()
     assert again.judged[1].fate == "rejected"
 
