@@ -87,6 +87,8 @@ class _Part:
     key: str
     """Memo key of all answers together."""
     count: int
+    clips: Callable[[], Sequence[str]]
+    """Names of what is asked about."""
     jobs: Callable[[], list[_Job]]
     """The questions, in the order of their names."""
 
@@ -126,7 +128,13 @@ def run_stage(
     else:
         shards = previous.entry_shards
     parts = [
-        _Part(key=stage.key(SHARD, shard.digest), count=shard.count, jobs=partial(jobs, shard)) for shard in shards
+        _Part(
+            key=stage.key(SHARD, shard.digest),
+            count=shard.count,
+            clips=partial(_clips_of, shard),
+            jobs=partial(jobs, shard),
+        )
+        for shard in shards
     ]
     work = partial(_work_on_clips, stage.function, stage.prepare, store)
     return _gather(stage, parts, work, store, pool, log, previous.settings)
@@ -149,9 +157,15 @@ def run_files(
         )
         for name, path, content, arguments in sorted(files, key=lambda file: file[0])
     ]
+    names = [job.clip for job in jobs]
     parts = [
-        _Part(key=stage.key(SHARD, [job.key for job in jobs[own]]), count=len(jobs[own]), jobs=partial(list, jobs[own]))
-        for own in cut([job.clip for job in jobs])
+        _Part(
+            key=stage.key(SHARD, [job.key for job in jobs[own]]),
+            count=len(jobs[own]),
+            clips=partial(list, names[own]),
+            jobs=partial(list, jobs[own]),
+        )
+        for own in cut(names)
     ]
     return _gather(stage, parts, partial(_work_on_files, stage.function, store), store, pool, log, {})
 
@@ -167,7 +181,9 @@ def _gather(
 ) -> Manifest:
     """The manifest of all parts, those worked on by `work` whose answers the memo does not have."""
     again = clips_again()
-    results = [None if again else _recalled(part.key, stage, store) for part in parts]
+    results = [
+        None if any(clip in again for clip in part.clips()) else _recalled(part.key, stage, store) for part in parts
+    ]
     todo: dict[int, set[str]] = {}
     for place, part in enumerate(parts):
         if results[place] is None:
@@ -237,6 +253,10 @@ def _recalled(key: str, stage: Stage, store: Store) -> _Result | None:
         return None
     unsound = tuple((clip, fault) for clip, fault in answer["unsound"])
     return _Result(entries=entries, clips=tuple(clips), judged=judged, unsound=unsound)
+
+
+def _clips_of(shard: Shard[Entry]) -> list[str]:
+    return shard.columns(["clip"])["clip"]
 
 
 def _batches(todo: Mapping[int, set[str]]) -> Iterator[list[int]]:
