@@ -30,9 +30,9 @@ class Manifest:
     """Result of a stage over all clips. Its digest is the data version."""
 
     stage: str
-    entries: Sequence[Entry] = ()
+    entries: Rows[Entry] | tuple[Entry, ...] = ()
     """Clips that are kept."""
-    judged: Sequence[Judged] = ()
+    judged: Rows[Judged] | tuple[Judged, ...] = ()
     """Findings on each input clip."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Digest of the settings of each stage so far -> the settings themselves."""
@@ -44,12 +44,12 @@ class Manifest:
     @cached_property
     def entry_shards(self) -> tuple[Shard[Entry], ...]:
         """The clips that are kept, in shards."""
-        return shards_of(Entry, self.entries)
+        return self.entries.shards if isinstance(self.entries, Rows) else shards_of(Entry, self.entries)
 
     @cached_property
     def judged_shards(self) -> tuple[Shard[Judged], ...]:
         """The findings, in shards."""
-        return shards_of(Judged, self.judged)
+        return self.judged.shards if isinstance(self.judged, Rows) else shards_of(Judged, self.judged)
 
     def to_text(self) -> str:
         """JSON text that names the shards; equal content gives equal text, whatever was recomputed."""

@@ -130,8 +130,8 @@ def _cuts(clip: str) -> bool:
     return int.from_bytes(name[:4], "big") % CUT_EVERY == 0
 
 
-class Rows(Sequence[Row]):
-    """The rows of shards as one sequence, of which a shard at a time is in memory."""
+class Rows(Generic[Row]):
+    """The rows of shards one after the other, of which a shard at a time is in memory."""
 
     def __init__(self, shards: Sequence[Shard[Row]]):
         self.shards = tuple(shards)
@@ -170,10 +170,10 @@ class Rows(Sequence[Row]):
         return f"Rows({len(self)} in {len(self.shards)} shards)"
 
 
-def changed(kind: type[Row], rows: Sequence[Row], change: Callable[[Row], Row | None]) -> Rows[Row]:
+def changed(kind: type[Row], rows: Rows[Row] | Sequence[Row], change: Callable[[Row], Row | None]) -> Rows[Row]:
     """The rows with a change of each, without those that it makes None; shards in which nothing changes are kept."""
     found: list[Shard[Row]] = []
-    for shard in shards_of(kind, rows):
+    for shard in rows.shards if isinstance(rows, Rows) else shards_of(kind, rows):
         before = shard.rows()
         after = [row for row in map(change, before) if row is not None]
         same = len(after) == len(before) and all(map(operator.is_, after, before))
@@ -182,9 +182,7 @@ def changed(kind: type[Row], rows: Sequence[Row], change: Callable[[Row], Row | 
 
 
 def shards_of(kind: type[Row], rows: Sequence[Row], whole_up_to: int = 0) -> tuple[Shard[Row], ...]:
-    """The shards of rows, made where they are not in shards already; one shard of at most `whole_up_to` rows."""
-    if isinstance(rows, Rows):
-        return rows.shards
+    """The shards of rows; a single one of up to `whole_up_to` rows."""
     groups = [slice(None)] if 0 < len(rows) <= whole_up_to else cut([row.clip for row in rows])
     return tuple(shard_of(kind, rows[group]) for group in groups)
 

@@ -112,7 +112,7 @@ def test_what_a_clip_is_dropped_for_changes_its_shard_alone():
     assert (row.clip, row.fate, row.numbers["seconds_out"]) == ("source0/clip00100", "rejected", 0.0)
 
 
-def test_rows_in_shards_are_a_sequence_like_the_rows():
+def test_rows_in_shards_are_read_like_a_tuple_of_the_rows():
     made = manifest()
     rows = Rows(made.entry_shards)
     assert len(rows) == 400 and rows == made.entries and rows[-1] == made.entries[-1]
