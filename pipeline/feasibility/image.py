@@ -29,7 +29,7 @@ OWN = (
     *("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s"),
     *("foot_slip_mean", "foot_told_slip_mean", "foot_slip_p95"),
 )
-"""Criteria that are evaluated on the image itself: of limits, which may differ between left and right, and of slip, whose
+"""Criteria that are evaluated on the image itself: limits, which may differ between left and right, and slip, whose
 last digits depend on the order of the corners."""
 
 TOLERANCE_M = 1e-5
