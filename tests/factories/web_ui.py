@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -85,13 +84,11 @@ def web_ui(checkout: Checkout) -> Iterator[WebUi]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     log = checkout.root / "dev.log"
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     with log.open("w") as stream:
         process = subprocess.Popen(
             ["dagster", "dev", "-h", "127.0.0.1", "-p", str(port)],
             cwd=checkout.root,
-            env={**clean, "PATH": path, "PYTHONPATH": str(checkout.root)},
+            env=checkout.environment(),
             stdout=stream,
             stderr=subprocess.STDOUT,
             start_new_session=True,
