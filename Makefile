@@ -44,7 +44,7 @@ expert_db: setup
 	@booster-lab database summary
 
 test: setup $(LEROBOT)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # else files of few tests come last
 
 check: setup
 	$(BIN)/ruff check .

@@ -75,9 +75,7 @@ class Checkout:
         """
         for motion, count in frames.items():
             path = self.root / f"data/motions/{motion}.bvh"
-            head, _, motions = path.read_text().partition("Frames:")
-            _, rate, *rows = motions.splitlines()
-            path.write_text("\n".join([f"{head}Frames: {count}", rate, *rows[:count], ""]))
+            path.write_text(first_frames(path.read_text(), count))
         self.replace("data/augment.yaml", "time_scales: [0.9, 1.1]", "time_scales: []")
         self.replace("data/tracking.yaml", "disturbed: 4 ", "disturbed: 1 ")
         self.replace("data/tracking.yaml", "disturbed_s: 12.0", "disturbed_s: 0.0")
@@ -187,6 +185,13 @@ class Checkout:
         import pandas as pd
 
         return set(pd.read_parquet(self.root / "data/expert_db/t1/index.parquet")["source_file"])
+
+
+def first_frames(text: str, count: int) -> str:
+    """The first frames of a BVH file."""
+    head, _, motions = text.partition("Frames:")
+    _, rate, *rows = motions.splitlines()
+    return "\n".join([f"{head}Frames: {count}", rate, *rows[:count], ""])
 
 
 def _materializations(instance: dg.DagsterInstance, name: str) -> list[dict]:
