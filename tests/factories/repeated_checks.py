@@ -20,6 +20,8 @@ from jaxtyping import _decorator
 
 MOST_KINDS = 500
 """Kinds of calls that are remembered of a function; further ones are checked each time."""
+LONGEST_NAME = 100
+"""Longer texts are not kept: they are no names."""
 
 _jaxtyped = _decorator.jaxtyped
 
@@ -91,7 +93,7 @@ def _kind(value: Any) -> Any:
     if kind is np.ndarray:
         return value.dtype, value.shape
     if kind is str:
-        return value  # it may have to be one of several
+        return value if len(value) <= LONGEST_NAME else kind  # it may have to be one of several names
     if kind is tuple:
         return tuple([_kind(each) for each in value])
     if issubclass(kind, Collection) and kind is not bytes:
