@@ -22,7 +22,7 @@ from pipeline.feedback.approve import approve_proposal
 from pipeline.feedback.cell_weights import cell_parts
 from pipeline.files import digest, settings
 from pipeline.hardware_logs.log_folder import QUIET_S
-from tests.factories.checkout import Checkout
+from tests.factories.checkout import PATIENCE_S, Checkout
 from tests.factories.daemon_records import ProcessorTime, runs_of, ticks_of
 from tests.factories.feedback_project import propose_into
 from tests.factories.trial_reports import report, saturated
@@ -32,8 +32,6 @@ pytestmark = pytest.mark.command
 
 CELL = "0.0 m/s, 0.4 m/s, 0.0 rad/s"
 LOG = "side_left_fall"
-PATIENCE_S = 600.0
-"""Of a test on a busy machine. What must hold on any is in ticks of the sensor and in processor time."""
 ROLLED_OUT = ("motion_variants", "reference_motions", "augmented_motions")
 """Stages in which each variant is worked on before KP5 judges its rollouts."""
 EVERY_S = 5.0
@@ -228,6 +226,7 @@ def _metadata(checkout: Checkout, name: str) -> dict[str, Any] | None:
 
 
 def _wait_for(found: Callable[[], Any]) -> Any:
+    """What must hold on any machine, however busy, is in ticks of the sensor and in processor time."""
     stop = time.monotonic() + PATIENCE_S
     while time.monotonic() < stop:
         value = found()

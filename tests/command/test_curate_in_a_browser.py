@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from tests.factories.checkout import Checkout, first_frames
+from tests.factories.checkout import PATIENCE_S, Checkout, first_frames
 from tests.factories.curation_browser import PICTURES_VARIABLE, Browser, browser, curation_server
 
 pytestmark = pytest.mark.command
@@ -16,7 +16,7 @@ PICTURED = (*FEW, "back", "run_easy", "side_left", "turn_left")
 """Motions where screenshots for the docs are wanted."""
 MARKUP = "<img src=x onerror=alert(1)>"
 """Name of a motion file: it must reach the page as text."""
-RUN_MS = 280_000
+RUN_MS = 1_000 * PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +26,8 @@ def checkout(root, tmp_path_factory) -> Checkout:
     made = Checkout.make(root, tmp_path_factory.mktemp("curate"), motions).with_answers_of(root)
     text = (made.root / "data/motions/stand.bvh").read_text()
     (made.root / f"data/motions/{MARKUP}.bvh").write_text(first_frames(text, 120))
-    made.materialize(timeout_s=580)
-    done = made.run("dagster", "asset", "materialize", "--select", "curation_feedback", timeout_s=580)
+    made.materialize()
+    done = made.run("dagster", "asset", "materialize", "--select", "curation_feedback")
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return made
 

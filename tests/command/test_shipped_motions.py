@@ -20,7 +20,7 @@ def shipped(root, tmp_path_factory) -> Checkout:
     """
     names = tuple(path.stem for path in (root / "data/motions").glob("*.bvh"))
     checkout = Checkout.make(root, tmp_path_factory.mktemp("shipped"), names).with_answers_of(root)
-    checkout.materialize(timeout_s=1200.0)
+    checkout.materialize()
     return checkout
 
 

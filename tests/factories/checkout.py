@@ -31,6 +31,8 @@ ASSETS = (
     "expert_db",
 )
 
+PATIENCE_S = 1800.0
+"""Of a command on a busy machine."""
 DATABASE_CHECKS = ("whole_database", "every_skill_has_seconds", "command_coverage")
 
 
@@ -89,7 +91,7 @@ class Checkout:
         path.write_text(text.replace(old, new))
         return text
 
-    def run(self, *command: str, timeout_s: float = 300.0, **environment: str) -> subprocess.CompletedProcess[str]:
+    def run(self, *command: str, **environment: str) -> subprocess.CompletedProcess[str]:
         """A command typed in the root with the project's environment active."""
         return subprocess.run(
             command,
@@ -98,7 +100,7 @@ class Checkout:
             capture_output=True,
             text=True,
             check=False,
-            timeout=timeout_s,
+            timeout=PATIENCE_S,
         )
 
     def environment(self) -> dict[str, str]:
@@ -123,10 +125,10 @@ class Checkout:
             start_new_session=True,
         )
 
-    def materialize(self, timeout_s: float = 300.0, **environment: str) -> str:
+    def materialize(self, **environment: str) -> str:
         """The literal command of the README; what it printed. It must succeed."""
         command = ("dagster", "asset", "materialize", "--select", "expert_db")
-        done = self.run(*command, timeout_s=timeout_s, **environment)
+        done = self.run(*command, **environment)
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
         return done.stdout + done.stderr
 

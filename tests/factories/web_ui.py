@@ -13,10 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.factories.checkout import Checkout
-
-START_S = 90.0
-RUN_S = 180.0
+from tests.factories.checkout import PATIENCE_S, Checkout
 
 
 @dataclass(frozen=True)
@@ -68,13 +65,13 @@ class WebUi:
         return self._end_of(launched["run"]["runId"])
 
     def _end_of(self, run: str) -> str:
-        stop = time.monotonic() + RUN_S
+        stop = time.monotonic() + PATIENCE_S
         while time.monotonic() < stop:
             status = self.ask("query($r: ID!) {runOrError(runId: $r) {... on Run {status}}}", r=run)["runOrError"]
             if status["status"] in ("SUCCESS", "FAILURE", "CANCELED"):
                 return status["status"]
             time.sleep(0.5)
-        raise TimeoutError(f"run {run} did not end in {RUN_S} s")
+        raise TimeoutError(f"run {run} did not end in {PATIENCE_S} s")
 
 
 @contextmanager
@@ -105,7 +102,7 @@ def web_ui(checkout: Checkout) -> Iterator[WebUi]:
 
 
 def _wait_for(url: str, process: subprocess.Popen, log: Path) -> None:
-    stop = time.monotonic() + START_S
+    stop = time.monotonic() + PATIENCE_S
     while time.monotonic() < stop and process.poll() is None:
         try:
             with urllib.request.urlopen(url, timeout=5):
