@@ -7,7 +7,7 @@ import dataclasses
 import json
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,13 @@ from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
 from pipeline.files.blob_store import BlobStore, DigestMemory
+from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
 """File in the store that who works on it holds locked."""
+
+BLOBS_VARIABLE = "BOOSTER_LAB_BLOBS"
+"""URL of a folder that machines without a common one share blobs in, as fsspec names it."""
 
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
@@ -44,13 +48,36 @@ MOST_ASKINGS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """`blobs/` and `shards/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder."""
+    """`blobs/` and `shards/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder.
+
+    With a URL, blobs are there too: processes that are given the store read and write them there alone, and this one
+    keeps a copy of each that it looks at.
+    """
 
     root: Path
+    blobs_url: str = field(default_factory=lambda: os.environ.get(BLOBS_VARIABLE, "").rstrip("/"))
+    given: bool = field(default=False, repr=False, compare=False)
+    """Whether another process made it, so that its folder may be that of another machine."""
 
     @property
-    def blobs(self) -> BlobStore:
-        return BlobStore(root=self.root / "blobs")
+    def blobs(self) -> BlobStore | RemoteBlobs:
+        """Where clips are read and written."""
+        return RemoteBlobs(url=self.blobs_url) if self.blobs_url and self.given else self.own_blobs
+
+    @cached_property
+    def own_blobs(self) -> BlobStore:
+        """Blobs in this store's folder, with those at its URL behind them."""
+        remote = RemoteBlobs(url=self.blobs_url) if self.blobs_url else None
+        return BlobStore(root=self.root / "blobs", remote=remote)
+
+    @property
+    def shared_folders(self) -> tuple[Path, ...]:
+        """Folders that a cluster's workers must see."""
+        return () if self.blobs_url else (self.root,)
+
+    def pool_of_files(self, pool: ClipPool) -> ClipPool:
+        """The pool for work on files of this machine, which workers see only where they see the store."""
+        return pool.on_this_machine() if self.blobs_url else pool
 
     @property
     def shards(self) -> BlobStore:
@@ -62,14 +89,15 @@ class Store:
         return DigestMemory(self.root / "blob_digests.json")
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"root": self.root}  # worker processes need not know which blobs were looked at
+        # Worker processes need not know which blobs were looked at.
+        return {"root": self.root, "blobs_url": self.blobs_url, "given": True}
 
     def holds(self, blob: str, kind: str = "blobs") -> bool:
         """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
         try:
             return self._digests.of(f"{self.root}/{kind}/{blob[:2]}/{blob}") == blob
         except OSError:
-            return False
+            return kind == "blobs" and self.own_blobs.copied(blob)
 
     def clips_of(self, shard: Shard[Entry]) -> list[str] | None:
         """The clips of a shard; None where its file or a blob that it names is missing or was changed."""
@@ -109,7 +137,7 @@ class Store:
         try:
             data = self.blobs.get(blob)
             return codec.encode(codec.decode(data, blob)) == data
-        except (FileError, codec.CodecError):
+        except (FileError, BlobGoneError, codec.CodecError):
             return False
 
     @cached_property
@@ -148,7 +176,7 @@ class Store:
             if self.recall(key, ROUND_TRIPS) is not None:
                 continue
             calls = [(blobs[first : first + A_CALL],) for first in range(0, len(blobs), A_CALL)]
-            whole = [each for few in pool.map(self._all_round_trip, calls, shared=[self.root]) for each in few]
+            whole = [each for few in pool.map(self._all_round_trip, calls, shared=self.shared_folders) for each in few]
             found += [clip for clip, is_whole in zip(clips, whole, strict=True) if not is_whole]
             if all(whole):
                 self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
