@@ -7,12 +7,10 @@ from typing import Any
 
 import dagster as dg
 
-from assets.actuators import declared
 from assets.approved import approved_key, approved_part
 from assets.plan import Plan, robot_plans
-from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import as_failure
+from assets.report import as_failure, declared, result_of
 from assets.resources import store_left_to_others
 from assets.tracking_policy import tracker_file
 from assets.training_process import (
@@ -59,7 +57,7 @@ def _trained(plan: Plan, config: TrainingConfig, log: Any) -> dg.MaterializeResu
     facts = run_facts(run, robot) | {"stage": plan.name, "policy": "policy.npz"}
     manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={run.folder.name: facts})
     metadata = {**curves_of(run.folder), **validation_of(run.folder), **_metadata(run, facts, about)}
-    return result_of(plan, manifest, metadata, [])
+    return result_of(plan, manifest, metadata)
 
 
 WIDENED = {"friction": "randomization.friction", "gain_range": "randomization.gains", "push_speed": "pushes.kick_m_s"}

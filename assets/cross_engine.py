@@ -5,11 +5,10 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.files import settings
@@ -53,16 +52,7 @@ def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         gains = judged.deployed.gains()
         verdict = {"stage": plan.name, "policy": judged.digest, "gains": gains, **found.to_dict()}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=HOLDS,
-            passed=found.passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(found.reasons) or "every required cell holds",
-                **note,
-            },
-        )
+        check = check_result(plan, HOLDS, found.passed, "; ".join(found.reasons) or "every required cell holds", note)
         rows = pd.DataFrame(found.rows())
         metadata = {
             "passed": found.passed,

@@ -1,6 +1,5 @@
 """Failures of each trial, and its repetition in simulation where its policy is available; each trial once."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +7,9 @@ import dagster as dg
 import pandas as pd
 
 from assets.hardware import trials_of
-from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, group_of, robot_plans
+from assets.plan import FIELD, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
-from assets.report import as_failure, plain_errors, table_of
+from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
 from pipeline.actuators import ActuatorSettings, Calibration, adapt
 from pipeline.batch import Manifest
 from pipeline.deployment import digest as policy_digest
@@ -30,17 +29,6 @@ FAILURES = FIELD[0]
 LOOKED = "every_trial_looked_at"
 KEPT = ("report", "twin", "unread")
 """What the manifest holds of each trial."""
-
-
-def declared(plan: Plan, kind: str, **others: Any) -> dict[str, Any]:
-    """What the assets about trials declare alike."""
-    return {
-        "key": plan.key,
-        "group_name": group_of(plan.name),
-        "kinds": {kind},
-        "code_version": plan.code_version(),
-        **others,
-    }
 
 
 def _calibrations() -> dict[str, Plan]:
@@ -70,20 +58,16 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
         recomputed=sum(each.get("new", False) for each in found.values()),
     )
     context.log.info(f"{len(found)} trials, {manifest.recomputed} evaluated again")
-    check = dg.AssetCheckResult(
-        asset_key=FAILURES.key,
-        check_name=LOOKED,
-        passed=not unread,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": "; ".join(unread) or f"{len(found)} trials"},
-    )
+    check = check_result(FAILURES, LOOKED, not unread, "; ".join(unread) or f"{len(found)} trials")
     faults = sum(each.get("fault", False) for each in found.values())
-    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults)
+    return result_of(FAILURES, manifest, _failure_metadata(manifest), [check], faults=faults)
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The findings on a trial. What goes wrong with one must not stop the others, but for a store that cannot be read or
-    written: that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
+    """The findings on a trial. A fault of one trial does not stop the others.
+
+    Raises dagster.Failure for a store that cannot be read or written, which is no fault of the log.
+    """
     try:
         return _looked_at(name, path, numbers)
     except dg.Failure:
@@ -184,22 +168,3 @@ def reports_of(manifest: Manifest) -> list[Any]:
     """The reports in the result of `failure_modes`."""
 
     return [TrialReport.from_dict(each["report"]) for _, each in sorted(manifest.settings.items()) if "report" in each]
-
-
-def result_of(
-    plan: Plan,
-    manifest: Manifest,
-    metadata: dict[str, Any],
-    checks: list[dg.AssetCheckResult],
-    faults: int = 0,
-    more_tags: Mapping[str, str] | None = None,
-) -> dg.MaterializeResult:
-    """The result that Dagster notes."""
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=metadata,
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: str(faults), **(more_tags or {})},
-    )

@@ -13,10 +13,10 @@ import pandas as pd
 
 from assets.approval import ensure_token
 from assets.approved import PAGE_TAG, PROPOSAL, approvals_of, shown_state
-from assets.failure_modes import declared, reports_of, result_of
+from assets.failure_modes import reports_of
 from assets.plan import FIELD
 from assets.project import PROJECT
-from assets.report import curator_link, plain_errors, table_of
+from assets.report import check_result, curator_link, declared, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.feasibility import CommandSettings
 from pipeline.feedback.approved import Approvals, entries_of, write_entries
@@ -175,16 +175,10 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     approvals = approvals_of(PROJECT)
     declined = PROJECT.feedback.declined_changes()
     page = FeedbackPage.of(proposal, approvals, declined)
-    check = dg.AssetCheckResult(
-        asset_key=PROPOSAL,
-        check_name=NOTHING_PENDING,
-        passed=page.nothing_waits,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": page.sentence()},
-    )
+    check = check_result(FEEDBACK, NOTHING_PENDING, page.nothing_waits, page.sentence())
     context.log.info(f"proposal '{found or 'none'}': {len(proposal.changes)} changes; {page.sentence()}")
     shown = {PAGE_TAG: shown_state(approvals, declined)}
-    return result_of(FEEDBACK, manifest, page.metadata(found), [check], more_tags=shown)
+    return result_of(FEEDBACK, manifest, page.metadata(found), [check], tags=shown)
 
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
@@ -220,7 +214,7 @@ def sim_to_real_report(failure_modes: Manifest):
         "dagster/row_count": len(rows),
         "trials against their simulation": table_of(table, list(table)),
     }
-    return result_of(REPORT, manifest, metadata, [])
+    return result_of(REPORT, manifest, metadata)
 
 
 def _twin_row(name: str, twin: dict[str, Any]) -> dict[str, Any]:

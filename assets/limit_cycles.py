@@ -6,12 +6,11 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of, served
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy, served
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
 from pipeline.hardware_logs.trial import read_trial
@@ -61,21 +60,14 @@ def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey 
             "speeds": [each.to_dict() for each in found],
         }
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: verdict})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=AGREE,
-            passed=passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED),
-                **({"note": note} if note else {}),
-            },
-        )
+        shown_note = {"note": note} if note else {}
+        what = "; ".join(reasons) or ("within the bars" if passed else NONE_REQUIRED)
+        check = check_result(plan, AGREE, passed, what, shown_note)
         rows = pd.DataFrame([row for each in found for row in each.rows()])
         compared = pd.DataFrame([_row(each.speed_m_s, one) for each in found for one in each.comparisons])
         metadata = {
             "passed": passed,
-            **({"note": note} if note else {}),
+            **shown_note,
             "not required": "; ".join(shown) or "none",
             "not compared": "; ".join(verdict["not run"]) or "none",
             "pictures": picture(limit_cycle_plots(found)),

@@ -10,10 +10,9 @@ from typing import Any
 import dagster as dg
 import numpy as np
 
-from assets.actuators import declared
-from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan
+from assets.plan import Plan
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plain_errors
+from assets.report import check_result, declared, plain_errors, result_of
 from assets.training_process import curves_of
 from pipeline.batch import Manifest
 from pipeline.deployment import digest as policy_digest
@@ -151,37 +150,15 @@ def _export_metadata(export: Any, origin: str) -> dict[str, Any]:
 
 
 def _export_checks(plan: Plan, card: Any) -> list[dg.AssetCheckResult]:
-    worst = max(card.parity["onnx"], card.parity["torch_script"])
     from pipeline.export.parity import TOLERANCE
 
-    exact = dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=EXACT,
-        passed=card.parity["times_allowed"] <= 1.0,
-        metadata={"found": f"{worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"},
-    )
-    ships = dg.AssetCheckResult(
-        asset_key=plan.key,
-        check_name=MAY_SHIP,
-        passed=card.shippable,
-        severity=dg.AssetCheckSeverity.WARN,
-        metadata={"found": f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"},
-    )
-    return [exact, ships]
-
-
-def result_of(
-    plan: Plan, manifest: Manifest, metadata: dict[str, Any], checks: list[dg.AssetCheckResult]
-) -> dg.MaterializeResult:
-    """The result that Dagster notes: content as data version, what it depended on as a tag; tables come last."""
-    return dg.MaterializeResult(
-        asset_key=plan.key,
-        value=manifest,
-        metadata=dict(sorted(metadata.items(), key=lambda item: isinstance(item[1], dg.TableMetadataValue))),
-        check_results=checks,
-        data_version=dg.DataVersion(manifest.digest),
-        tags={FINGERPRINT_TAG: plan.fingerprint(PROJECT), FAULTS_TAG: "0"},
-    )
+    worst = max(card.parity["onnx"], card.parity["torch_script"])
+    exact = f"{worst:.1e} over {card.parity['observations']} observations, allowed {TOLERANCE:.0e}"
+    ships = f"{'marked' if card.shippable else 'not marked'} as one that may ship. {card.why}"
+    return [
+        check_result(plan, EXACT, card.parity["times_allowed"] <= 1.0, exact, warn=False),
+        check_result(plan, MAY_SHIP, card.shippable, ships),
+    ]
 
 
 class EvaluatedPolicyConfig(dg.Config):

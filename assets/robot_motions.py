@@ -17,7 +17,7 @@ from assets.database_checks import database_check_specs
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
+from assets.report import as_failure, check_result, joint_table, picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracking_policy import no_tracker, tracking_policy
@@ -29,6 +29,7 @@ from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
 from pipeline.robot.size import scaled
+from pipeline.robot_check.agreement import models_agree
 from pipeline.selection import Curation, without_excluded
 from pipeline.tracking.neighbours import AT_FAULT
 from pipeline.tracking.variations import accepted_variations, distances
@@ -88,10 +89,7 @@ def _robot_model(plan: Plan) -> Any:
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
         agree = models_agree(robot)
         result = materialized(plan, manifest, {"joints": table_of(joint_table(robot), list(joint_table(robot)))})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key, check_name="models_agree", passed=agree.holds, metadata={"found": agree.found}
-        )
-        return result._replace(check_results=[check])
+        return result._replace(check_results=[check_result(plan, "models_agree", agree.holds, agree.found, warn=False)])
 
     return robot_model
 
@@ -185,12 +183,8 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
             metadata["effective seconds by command"] = table_of(cells, EFFECTIVE_SECONDS)
         metadata["seconds lost"] = picture(lost_seconds(manifest.judged_table(), "KP5: clips that lost most"))
         metadata["clips that lost most"] = picture(worst_clips(manifest, candidates, PROJECT.store, robot))
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=stored.name,
-            passed=not damaged,
-            metadata={"found": ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"},
-        )
+        what = ", ".join(damaged) or f"{len(manifest.entries)} clips are stored as evaluated"
+        check = check_result(plan, stored.name, not damaged, what, warn=False)
         result = materialized(plan, manifest, metadata)
         return result._replace(check_results=[*result.check_results, check])
 

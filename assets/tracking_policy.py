@@ -8,9 +8,8 @@ from typing import Any
 import dagster as dg
 
 from assets.plan import Plan
-from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plain_errors
+from assets.report import plain_errors, result_of
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
 from assets.training_process import (
@@ -107,7 +106,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         if served is None:
             why = no_tracker(robot)
             context.log.warning(why)
-            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why}, [])
+            return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why})
         folder, origin = served
         card = read_card(folder)
         known = set(card.clips)
@@ -135,7 +134,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
                 f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
                 f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job train_tracker."
             )
-        return result_of(plan, manifest, metadata, [])
+        return result_of(plan, manifest, metadata)
 
     return tracking_policy
 

@@ -6,11 +6,10 @@ from typing import Any, Literal
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import result_of, served_policy
+from assets.policy import served_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
-from assets.report import picture, plain_errors, table_of
+from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
 from pipeline.batch import Manifest
 from pipeline.deployment import digest, load_policy
@@ -68,16 +67,8 @@ def mujoco_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:
         context.log.info(f"{config.suite}: {'passed' if verdict.passed else 'failed'}, {len(logs)} failures written")
         record = {**verdict.to_dict(), "gains": one.gains(), "stage": plan.name, "not run": _not_run(config.suite)}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={VERDICT: record})
-        check = dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=PASSED,
-            passed=verdict.passed,
-            severity=dg.AssetCheckSeverity.WARN,
-            metadata={
-                "found": "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed",
-                **_note(verdict),
-            },
-        )
+        reasons = "; ".join(map(str, verdict.reasons[:20])) or "all required cells passed"
+        check = check_result(plan, PASSED, verdict.passed, reasons, _note(verdict))
         return result_of(plan, manifest, _metadata(one, verdict, logs), [check])
 
     return mujoco_validation

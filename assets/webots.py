@@ -5,11 +5,10 @@ from typing import Any
 import dagster as dg
 import pandas as pd
 
-from assets.actuators import declared
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, result_of
+from assets.policy import EvaluatedPolicyConfig, evaluated_policy
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
-from assets.report import plain_errors, table_of
+from assets.report import check_result, declared, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
 from pipeline.files import settings
 from pipeline.robot.load import read_description
@@ -99,21 +98,11 @@ def _written(robot: str, one: Any, values: Any) -> Any:
 
 
 def _checks(plan: Plan, faults: tuple[str, ...], webots: Any) -> list[dg.AssetCheckResult]:
-    found = {"found": "; ".join(webots.reasons) or webots.status}
+    found = "; ".join(webots.reasons) or webots.status
+    compared = "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"
     return [
-        dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=IS_THE_ROBOT,
-            passed=not faults,
-            metadata={"found": "; ".join(faults) or "motors, limits, masses, inertias, poses, sensors, contacts"},
-        ),
-        dg.AssetCheckResult(
-            asset_key=plan.key,
-            check_name=WALKS,
-            passed=webots.status == "passed",
-            severity=dg.AssetCheckSeverity.ERROR if webots.failed_to_run else dg.AssetCheckSeverity.WARN,
-            metadata=found,
-        ),
+        check_result(plan, IS_THE_ROBOT, not faults, compared, warn=False),
+        check_result(plan, WALKS, webots.status == "passed", found, warn=not webots.failed_to_run),
     ]
 
 

@@ -183,26 +183,6 @@ def training_curves(runs: Mapping[str, pd.DataFrame]) -> bytes:
     return png(figure)
 
 
-def discriminator_curves(arms: Mapping[str, pd.DataFrame], label: str) -> bytes:
-    """PNG of the discriminator's mean score on new policy windows over training; one line per run.
-
-    Args:
-        arms: name of an arm and seed -> its `curves.csv`
-        label: what the arms differ in
-    """
-    figure = Figure(figsize=(7.0, 4.0), dpi=80, layout="constrained")
-    place = figure.subplots()
-    names = list(dict.fromkeys(name.split(",")[0] for name in arms))
-    for name, table in arms.items():
-        _line(place, table, "d_rollout", COLOURS[names.index(name.split(",")[0]) % len(COLOURS)], "-", name)
-    place.set(xlabel="training [s]", ylabel="D on the policy's windows")
-    place.set_title(label, fontsize=9)
-    place.grid(alpha=0.3)
-    if place.lines:
-        place.legend(fontsize=7)
-    return png(figure)
-
-
 def _line(place, table: pd.DataFrame, column: str, colour: str, style: str, label: str) -> None:
     if column in table and bool(np.isfinite(table[column]).any()):
         place.plot(table["seconds"], table[column], style, color=colour, linewidth=1.1, label=label)
