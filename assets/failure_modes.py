@@ -12,9 +12,8 @@ from assets.project import PROJECT
 from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
 from pipeline.actuators import ActuatorSettings, Calibration, adapt
 from pipeline.batch import Manifest
-from pipeline.deployment import digest as policy_digest
-from pipeline.deployment import load_policy
-from pipeline.errors import FileError, PipelineError
+from pipeline.deployment import find_policy, load_policy
+from pipeline.errors import PipelineError
 from pipeline.failures.failure import NOT_OF_POLICY
 from pipeline.failures.find import find_failures
 from pipeline.failures.settings import FailureSettings
@@ -85,7 +84,7 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
         return {"unread": f"there is no folder robots/{robot}"}
     values = settings.read(PROJECT.settings("failures.yaml"), FailureSettings)
     calibration = PROJECT.store.load(_calibrations()[robot].key.to_user_string())
-    policy = policy_path(robot, numbers.get("policy_digest") or "")
+    policy = find_policy(PROJECT.policy_files(robot), numbers.get("policy_digest") or "")
     nominal = load_robot(PROJECT.robot_folder(robot))
     question = [
         *("looked at", FAILURES.code_version(), settings.plain(values), calibration.digest, nominal.digest),
@@ -114,19 +113,6 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
         twin = twin_of(trial, robot, actuators, load_policy(policy), values, min(ends, default=trial.seconds))
     report = with_cycle_failures(report, twin, values)
     return {"report": report.to_dict(), "twin": twin.to_dict() if twin else None}
-
-
-def policy_path(robot: str, wanted: str) -> Path | None:
-    """The policy of a digest among those at hand: the digest of the file, or of the network and gains in it."""
-
-    for path in PROJECT.policy_files(robot) if wanted else ():
-        try:
-            known = (digest.of_file(path), policy_digest(load_policy(path)))
-        except FileError:
-            continue  # an npz of something else
-        if wanted in known:
-            return path
-    return None
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from assets.plan import FAULTS_TAG, FINGERPRINT_TAG, Plan, group_of
 from assets.project import PROJECT
 from pipeline.batch import Manifest
 from pipeline.errors import PipelineError
-from pipeline.files.shown_text import escaped
+from pipeline.files.shown_text import markdown_table
 from pipeline.learning.training_error import TrainingError
 from pipeline.robot import Robot
 
@@ -103,8 +103,8 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
     for effect in ("rejected", "repaired", "noted"):
         counts = manifest.reason_counts(effect)
         if counts:
-            lines = [f"| {escaped(code)} | {count} |" for code, count in sorted(counts.items())]
-            metadata[f"reasons {effect}"] = dg.MetadataValue.md("\n".join(["| reason | times |", "|---|---|", *lines]))
+            text = markdown_table(("reason", "times"), sorted(counts.items()))
+            metadata[f"reasons {effect}"] = dg.MetadataValue.md(text)
     return metadata
 
 

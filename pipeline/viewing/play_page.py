@@ -50,11 +50,6 @@ class PlayPage(TickedPage):
         self._add_controls(name)
         self._show()
 
-    @property
-    def url(self) -> str:
-        host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
-
     def step(self, passed_s: float) -> None:
         """One tick: read the controls, simulate `passed_s` of real time, move the robot."""
         self.walk.goal = np.array([slider.value for slider in self.sliders])

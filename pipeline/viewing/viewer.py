@@ -177,11 +177,6 @@ class Viewer(TickedPage):
         self._slider_set_to = 0.0
         self._choose(names[0])
 
-    @property
-    def url(self) -> str:
-        host = self.server.get_host()
-        return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
-
     def toggle(self) -> None:
         """Pause or play."""
         self.playback.playing = not self.playback.playing
