@@ -66,7 +66,6 @@ def actuator_calibration(plan: Plan) -> Any:
     @plain_errors
     def actuator_calibration(context: dg.AssetExecutionContext):
         """Each motor's knee with a 95 % interval, no-load speed, stall torque and armature, or why it is refused."""
-
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
         folder = PROJECT.actuators(plan.robot or DEFAULT_ROBOT)
         found = calibrate_folder(folder, values, plan.code_version(), PROJECT.store)
@@ -140,7 +139,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
     @plain_errors
     def adapted_robot(actuator_calibration: Manifest, robot_model: Manifest):
         """The robot with the motors it was measured to have: MJCF, URDF, table of actuators, what it changes."""
-
         name = plan.robot or DEFAULT_ROBOT
         nominal, folder = load_robot(PROJECT.robot_folder(name)), PROJECT.adapted_robot(name)
         values = settings.read(PROJECT.settings("actuators.yaml"), ActuatorSettings)
@@ -156,8 +154,7 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
         facts = {"stage": plan.name, "robot": name, "digest": robot.digest, "files": files}
         facts |= {"feedback": [change.to_dict() for change in feedback]} if feedback else {}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
-        agree = models_agree(robot)
-        check = check_result(plan, AGREE, agree.holds, agree.found, warn=False)
+        check = check_result(plan, AGREE, *models_agree(robot), warn=False)
         metadata, standing = _standing(plan, robot, actuators)
         metadata |= {
             **_difference(actuators),
@@ -171,7 +168,6 @@ def adapted_robot(plan: Plan, calibration: Plan, model: Plan) -> Any:
 
 def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], dg.AssetCheckResult]:
     """The robot held in its standing pose, with its armatures and without."""
-
     pose = read_standing_pose(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT), robot)
     if pose is None:
         check = check_result(plan, STANDS, True, "no standing pose to try", warn=False)

@@ -6,15 +6,16 @@ second run with what was missing or stale. Versions of what comes from outside t
 
 import logging
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import stale_reasons
+from assets.freshness import last_tags, stale_reasons
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import SHARED, plans
+from assets.plan import SHARED, Plan, plans
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, find_motions, motions_version, remember_sources
 from pipeline.errors import PipelineError
@@ -26,42 +27,27 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
     Motions that can't be listed keep the version that was noted last: what needs them asks for them itself
     (`assets.bootstrap`) and fails with the reason, what does not (logs, approvals) is not kept from its work.
     """
-    versions = _motions(instance, project)
-    for robot in project.robots:
-        key, version = measurements_key(robot), measurements_version(project, robot)
-        versions[key] = version
-        _note(instance, key, version, {"files": len(list(project.actuators(robot).glob("*.csv")))})
-    versions[HARDWARE_LOGS], facts = logs_version(project)
-    _note(instance, HARDWARE_LOGS, versions[HARDWARE_LOGS], facts)
-    for key, (version, facts) in approved_versions(project).items():
-        versions[key] = version
-        _note(instance, key, version, facts)
-    return versions
-
-
-def _motions(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey, str]:
-    """The version of the motions, where there is one."""
+    found: dict[dg.AssetKey, tuple[str, dict[str, Any]]] = {HARDWARE_LOGS: logs_version(project)}
+    versions: dict[dg.AssetKey, str] = {}
     try:
-        version, facts = motions_version(project)
+        found[RAW_MOTIONS] = motions_version(project)
     except PipelineError:
         noted = _noted(instance, RAW_MOTIONS)
-        return {} if noted is None else {RAW_MOTIONS: noted}
-    _note(instance, RAW_MOTIONS, version, facts)
-    return {RAW_MOTIONS: version}
+        versions |= {RAW_MOTIONS: noted} if noted else {}
+    for robot in project.robots:
+        files = {"files": len(list(project.actuators(robot).glob("*.csv")))}
+        found[measurements_key(robot)] = measurements_version(project, robot), files
+    for key, (version, facts) in {**found, **approved_versions(project)}.items():
+        versions[key] = version
+        if _noted(instance, key) != version:  # Dagster compares an external asset's versions with materializations
+            event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
+            instance.report_runless_asset_event(event)
+    return versions
 
 
 def _noted(instance: dg.DagsterInstance, key: dg.AssetKey) -> str | None:
     """The version of an asset that the history notes."""
-    last = instance.get_latest_materialization_event(key)
-    noted = last.asset_materialization.tags if last and last.asset_materialization else None
-    return (noted or {}).get(DATA_VERSION_TAG)
-
-
-def _note(instance: dg.DagsterInstance, key: dg.AssetKey, version: str, facts: dict[str, Any]) -> None:
-    """As a materialization that happened outside: Dagster holds an external asset's versions against these."""
-    if _noted(instance, key) != version:
-        event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
-        instance.report_runless_asset_event(event)
+    return (last_tags(instance, key) or {}).get(DATA_VERSION_TAG)
 
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
@@ -93,9 +79,8 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     Raises dg.Failure when that run fails, SourceLostError where motions are needed and a source of an earlier run is
     gone.
     """
-    graph_parents = _parents()
     selected = assets_of(run)
-    wanted = _upstream(selected, _made_for_children(graph_parents, project), set(plans(project))) - selected
+    wanted = upstream(selected, _parents(), plans(project)) - selected
     motions = find_motions(project) if SHARED[0].key in wanted | selected else None
     if motions and log:
         for sentence in motions.warnings():
@@ -162,25 +147,21 @@ def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 
-def _made_for_children(
-    parents: dict[dg.AssetKey, set[dg.AssetKey]], project: Project
-) -> dict[dg.AssetKey, set[dg.AssetKey]]:
-    """Parents without those that a child takes as they are: a training never starts because its policy is wanted."""
-    known = plans(project)
-    return {
-        key: {parent for parent in above if key not in known or not known[key].takes_as_it_is(parent)}
-        for key, above in parents.items()
-    }
-
-
-def _upstream(
-    keys: set[dg.AssetKey], parents: dict[dg.AssetKey, set[dg.AssetKey]], made: set[dg.AssetKey]
+def upstream(
+    keys: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]], plans: Mapping[dg.AssetKey, Plan]
 ) -> set[dg.AssetKey]:
-    """Assets upstream of some assets. External assets are not made here, nor are their parents."""
+    """Assets that are made before some assets are, and those.
+
+    Soft inputs are not made on demand, so that no training starts because its policy is wanted; nor is what external
+    assets come from.
+    """
     found, todo = set(keys), list(keys)
     while todo:
         key = todo.pop()
-        new = parents.get(key, set()) - found if key in made or key in keys else set()
+        plan = plans.get(key)
+        if plan is None and key not in keys:
+            continue
+        new = {each for each in parents.get(key, ()) if plan is None or not plan.takes_as_it_is(each)} - found
         found |= new
         todo += new
     return found

@@ -40,7 +40,6 @@ def realizability_check(
     plan: Plan, feasible: Manifest, pool: Any, log: logging.Logger
 ) -> tuple[dg.AssetCheckResult, float | None]:
     """The check's result, and the accuracy; None where the database has too few motions to hold some out."""
-
     try:
         accuracy = measured(plan.robot or DEFAULT_ROBOT, feasible, pool, log)
     except (TooFewMotionsError, FileError) as error:
@@ -51,7 +50,6 @@ def realizability_check(
 
 def measured(robot_name: str, clips: Manifest, pool: Any, log: logging.Logger, seed: int = 0) -> float:
     """Held-out accuracy between clips and rollouts of their references under another seed, by the stored tracker."""
-
     plans, folder = robot_plans(robot_name), PROJECT.adapted_robot(robot_name)
     robot = load_robot(folder)
     references = PROJECT.store.load(plans["reference_motions"].key.to_user_string())
@@ -173,7 +171,6 @@ def _every_skill(plan: Plan, index: pd.DataFrame, stages: Mapping[str, Any]) -> 
 
 
 def _every_command(plan: Plan, index: pd.DataFrame) -> dg.AssetCheckResult:
-
     values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
     found = coverage(index, values.balance, settings.read(PROJECT.settings("commands.yaml"), CommandSettings))
     axes, plane = found.cells.query("axis != 'forward_yaw'"), found.cells.query("axis == 'forward_yaw'")

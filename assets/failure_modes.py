@@ -104,7 +104,6 @@ def _looked_at(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]
 
 
 def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, policy: Path | None, values: Any) -> dict:
-
     trial = read_trial(path)
     report = find_failures(trial, robot, actuators, values, file=str(numbers.get("log", trial.name)))
     ends = [each.time_s for each in report.failures if each.kind in ("fall", *NOT_OF_POLICY)]
@@ -116,7 +115,6 @@ def _look(path: Path, numbers: dict[str, Any], robot: Any, actuators: Any, polic
 
 
 def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
-
     rows, kinds = [], {}
     reports = reports_of(manifest)
     for report in reports:
@@ -152,5 +150,4 @@ def _failure_metadata(manifest: Manifest) -> dict[str, Any]:
 
 def reports_of(manifest: Manifest) -> list[Any]:
     """The reports in the result of `failure_modes`."""
-
     return [TrialReport.from_dict(each["report"]) for _, each in sorted(manifest.settings.items()) if "report" in each]

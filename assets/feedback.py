@@ -156,7 +156,6 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
     They take effect when they are approved: by the job approve_feedback with this page's proposal, or by copying
     data/feedback/proposed.yaml to approved.yaml; the job take_back_feedback takes sections back.
     """
-
     rules = settings.read(PROJECT.settings("feedback_rules.yaml"), FeedbackRules)
     commands = settings.read(PROJECT.settings("commands.yaml"), CommandSettings)
     bounds = settings.read(PROJECT.settings("curation.yaml"), Curation).windows.bounds
@@ -183,7 +182,6 @@ def curation_feedback(context: dg.AssetExecutionContext, failure_modes: Manifest
 
 def _let_take_effect(changes: Sequence[Any], proposal: str) -> None:
     """What is proposed is what is approved, no more and no less; what only shows the loop waits for a person."""
-
     approved = approvals_of(PROJECT).changes
     kept = [each for each in changes if not is_demonstration(each) or each in approved]
     write_entries(PROJECT.approved_feedback, entries_of(kept, proposal, "the rules, which ask for no approval"))

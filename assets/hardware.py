@@ -92,7 +92,6 @@ def _names_before(project: Project, plan: Plan) -> dict[str, str]:
 
 def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, bool]:
     """The answer on a log, and whether a fault of the machine kept us from reading it."""
-
     aside: Path | None = None
     try:
         root = project.store.root / "ingest"
@@ -187,7 +186,6 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 
     A copy of a log changes nothing. Files that cannot be read are skipped: no other asset waits for logs.
     """
-
     logs, waiting = complete_logs(project.hardware_logs, project.log_digests)
     version = digest.of_json(sorted({log.question for log in logs}))
     return version, {"files": len(logs), "still being written": len(waiting)}
@@ -203,7 +201,6 @@ def logs_version(project: Project) -> tuple[str, dict[str, Any]]:
 @plain_errors
 def hardware_trials(context: dg.AssetExecutionContext):
     """Trials of the robot: damage reported, time regular, joints in the robot's order, values checked."""
-
     values = settings.read(PROJECT.settings("hardware_logs.yaml"), LogSettings)
     found = ingest_folder(PROJECT, TRIALS, values, context.log)
     manifest = found.manifest

@@ -45,7 +45,6 @@ def release_report(plan: Plan, known: Mapping[str, Plan]) -> Any:
     @plain_errors
     def release_report(context: dg.AssetExecutionContext):
         """Policy card, data lineage, all verdicts with reasons, pictures, what was not run, a block for a signature."""
-
         robot = plan.robot or DEFAULT_ROBOT
         dossier = gather(context.instance, PROJECT, robot, known, stale_now(context.instance, PROJECT))
         path = PROJECT.release_report(robot)

@@ -84,7 +84,12 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
     Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
     fates = [row.fate for row in manifest.judged]
-    table = manifest.judged_table()
+    judged = manifest.judged_table()
+    order = [("rejected", "partly", "accepted").index(fate) for fate in fates]
+    worst_first = judged.assign(order=order).sort_values(by=["order", "clip"])
+    entries = manifest.entry_table()
+    if highest_first in entries.columns:
+        entries = entries.sort_values(by=[highest_first, "clip"], ascending=[False, True], na_position="last")
     metadata: dict[str, Any] = {
         "clips in": len(fates),
         "clips out": len(manifest.entries),
@@ -95,10 +100,8 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
-        "verdict on each clip": table_of(_worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
-        "what went on": table_of(
-            _highest_first(manifest.entry_table(), highest_first), ["clip", "skill", "seconds", *columns]
-        ),
+        "verdict on each clip": table_of(worst_first, ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
+        "what went on": table_of(entries, ["clip", "skill", "seconds", *columns]),
     }
     for effect in ("rejected", "repaired", "noted"):
         counts = manifest.reason_counts(effect)
@@ -106,17 +109,6 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
             text = markdown_table(("reason", "times"), sorted(counts.items()))
             metadata[f"reasons {effect}"] = dg.MetadataValue.md(text)
     return metadata
-
-
-def _worst_first(table: pd.DataFrame) -> pd.DataFrame:
-    order = [("rejected", "partly", "accepted").index(fate) for fate in table["fate"]]
-    return table.assign(order=order).sort_values(by=["order", "clip"]).drop(columns="order")
-
-
-def _highest_first(table: pd.DataFrame, column: str) -> pd.DataFrame:
-    if column not in table.columns:
-        return table
-    return table.sort_values(by=[column, "clip"], ascending=[False, True], na_position="last")
 
 
 def table_of(frame: pd.DataFrame, columns: Sequence[str]) -> dg.TableMetadataValue:

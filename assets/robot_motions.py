@@ -17,7 +17,16 @@ from assets.database_checks import database_check_specs
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.reference_motions import motion_variants, reference_motions
-from assets.report import as_failure, check_result, joint_table, picture, plain_errors, stage_metadata, table_of
+from assets.report import (
+    as_failure,
+    check_result,
+    joint_table,
+    picture,
+    plain_errors,
+    result_of,
+    stage_metadata,
+    table_of,
+)
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracking_policy import no_tracker, tracking_policy
@@ -83,13 +92,12 @@ def _robot_model(plan: Plan) -> Any:
     @plain_errors
     def robot_model(context: dg.AssetExecutionContext):
         """The robot as MJCF, URDF and tables: joints, limits, gains, armatures, collision shapes."""
-
         robot = load_robot(PROJECT.robot_folder(plan.robot or DEFAULT_ROBOT))
         facts = {"stage": plan.name, "robot": robot.name, "digest": robot.digest}
         manifest = Manifest(stage=plan.name, entries=(), judged=(), settings={robot.digest: facts})
-        agree = models_agree(robot)
-        result = materialized(plan, manifest, {"joints": table_of(joint_table(robot), list(joint_table(robot)))})
-        return result._replace(check_results=[check_result(plan, "models_agree", agree.holds, agree.found, warn=False)])
+        check = check_result(plan, "models_agree", *models_agree(robot), warn=False)
+        joints = joint_table(robot)
+        return result_of(plan, manifest, {"joints": table_of(joints, list(joints))}, [check])
 
     return robot_model
 
@@ -148,7 +156,6 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         adapted_robot: Manifest,
     ):
         """KP5: what the robot can do: a number, a limit and a verdict a criterion; then the weight that balances it."""
-
         from pipeline.viewing.contact_sheet import worst_clips
         from pipeline.viewing.plots import command_seconds, lost_seconds
 
@@ -201,7 +208,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
     A reference that its rollout showed to be at fault (`pipeline.tracking.neighbours`) is no candidate either.
     """
-
     if kind == "rollouts":
         return rollouts
     at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
@@ -218,7 +224,6 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
 
 def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
     """Which share of the disturbed rollouts is accepted, of which source clips, and how far they are from these."""
-
     found = accepted_variations(rollouts, feasible)
     if found.empty:
         return {}
@@ -233,7 +238,6 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
-
     made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
         index=False
     )

@@ -44,22 +44,11 @@ def excuse_failures(signals: Signals, found: tuple[Excuse, ...]) -> list[Failure
     """The intervals themselves, reported as `held` and `stopped`."""
     kinds = {HELD: "held", STOPPED: "stopped"}
     return [
-        Failure(
-            kind=kinds[each.why],
-            time_s=each.start_s,
-            until_s=each.stop_s,
-            command=_command(signals, each.start_s),
-            confidence=0.95,
-            excuse=each.why,
-            evidence=each.evidence,
+        signals.failure(
+            kinds[each.why], each.start_s, each.stop_s, confidence=0.95, excuse=each.why, evidence=each.evidence
         )
         for each in found
     ]
-
-
-def _command(signals: Signals, time_s: float) -> tuple[float, float, float]:
-    forward, lateral, yaw = signals.command[signals.at(time_s)].tolist()
-    return forward, lateral, yaw
 
 
 def _held(signals: Signals, settings: ExcuseSettings) -> list[Excuse]:

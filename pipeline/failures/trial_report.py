@@ -120,7 +120,6 @@ def _same(failure: Failure, kind: str, bar: MissedBar, last_s: float) -> bool:
 
 
 def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Failure:
-    forward, lateral, yaw = signals.command[signals.at(bar.from_s)].tolist()
     evidence: dict[str, float | bool | str] = {
         "figure": bar.figure,
         "got": bar.got,
@@ -132,13 +131,7 @@ def _failure(signals: Signals, kind: str, bar: MissedBar, last_s: float) -> Fail
     if bar.axis:
         evidence |= {"commanded": bar.commanded, "achieved": bar.achieved}
     over = abs(bar.got - bar.asked) / bar.asked if bar.asked > 0.0 else 1.0
-    return Failure(
-        kind=kind,
-        time_s=bar.from_s,
-        until_s=last_s,
-        command=(forward, lateral, yaw),
-        confidence=min(LEAST + 0.5 * over, MOST),
-        joint=bar.joint,
-        direction=bar.axis,
-        evidence=evidence,
+    confidence = min(LEAST + 0.5 * over, MOST)
+    return signals.failure(
+        kind, bar.from_s, last_s, confidence=confidence, joint=bar.joint, direction=bar.axis, evidence=evidence
     )

@@ -94,7 +94,7 @@ def worst_tracked(
     """
     entries = {entry.clip: entry for entry in references.entries}
     families: dict[str, Judged] = {}
-    for row in sorted(rollouts.judged, key=_badness):
+    for row in sorted(rollouts.judged, key=lambda row: (bool(row.numbers.get("survived")), -_cm(row), row.clip)):
         if row.clip in entries and "worst_body_error_m" in row.numbers:
             families.setdefault(row.clip.split("~")[0], row)
     rows = list(families.values())[:most]
@@ -130,10 +130,6 @@ def _robot_clip(store: Store, entry: Entry) -> RobotClip:
     clip = entry_clip(store, entry)
     assert isinstance(clip, RobotClip)
     return clip
-
-
-def _badness(row: Judged) -> tuple[bool, float, str]:
-    return bool(row.numbers.get("survived")), -_cm(row), row.clip
 
 
 def _cm(row: Judged) -> float:

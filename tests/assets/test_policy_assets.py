@@ -9,8 +9,8 @@ import dagster as dg
 import numpy as np
 import pytest
 
-from assets import amp_policy, policy, resources, training_process
-from assets.bootstrap import _made_for_children, _parents, _upstream
+from assets import amp_policy, policy, report, resources, training_process
+from assets.bootstrap import _parents, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
@@ -34,7 +34,7 @@ def project(tmp_path, root, monkeypatch):
     project = Project(tmp_path)
     shutil.copytree(root / "robots" / "t1", tmp_path / "robots" / "t1", ignore=shutil.ignore_patterns("policies"))
     write_training_stand_in(tmp_path)
-    for module in (policy, amp_policy, resources):
+    for module in (policy, amp_policy, report, resources):
         monkeypatch.setattr(module, "PROJECT", project)
     monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
@@ -207,13 +207,12 @@ def test_a_training_is_new_content_and_its_lack_makes_nothing_stale(project, rob
 
 def test_nothing_starts_a_training():
     """Neither the database, nor a policy that is wanted, nor a report; nor a clock."""
-    known = set(plans(PROJECT))
-    children = _made_for_children(_parents(), PROJECT)
+    known, parents = plans(PROJECT), _parents()
     for name in ("expert_db", "exported_policy", "limit_cycles", "mujoco_validation", "release_report"):
-        above = _upstream({dg.AssetKey([name])}, children, known)
+        above = upstream({dg.AssetKey([name])}, parents, known)
         assert TRAINED.key not in above
-    assert _upstream({dg.AssetKey(["release_report"])}, children, known) == {dg.AssetKey(["release_report"])}
-    assert DATABASE.key in _upstream({TRAINED.key}, children, known)
+    assert upstream({dg.AssetKey(["release_report"])}, parents, known) == {dg.AssetKey(["release_report"])}
+    assert DATABASE.key in upstream({TRAINED.key}, parents, known)
     assert defs.resolve_job_def("train").asset_layer.selected_asset_keys == {TRAINED.key}
     by_clock = {each.job_name for each in defs.schedules or ()}
     by_clock |= {target.job_name for each in defs.sensors or () for target in each.targets}

@@ -11,7 +11,7 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import resources, tracking_policy
+from assets import resources, tracking_policy, training_process
 from assets.plan import robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
@@ -42,7 +42,7 @@ def project(tmp_path: Path, root: Path, robot: Robot, monkeypatch) -> Project:
     project.store.save("adapted_robot", Manifest(stage="adapted_robot", entries=(), judged=()))
     for module in (tracking_policy, resources):
         monkeypatch.setattr(module, "PROJECT", project)
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 0)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 0)
     return project
 
 
@@ -83,7 +83,7 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
         command = dataclasses.replace(run, device="cpu").command
         assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
 
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
     found = materialized(train=True, num_envs=2, iterations=1)
     (command,) = ran
@@ -101,7 +101,7 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
 
 
 def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Project, monkeypatch):
-    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 2)
+    monkeypatch.setattr(training_process, "gpus_here", lambda: 2)
     config = tracking_policy.TrackerConfig(train=True, gpus=2)
     run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
     assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
