@@ -1,7 +1,5 @@
 """`booster-lab inspect IN`: what a motion file is and what is wrong with it; KP5's verdict on a clip."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from dataclasses import dataclass

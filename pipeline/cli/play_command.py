@@ -1,7 +1,5 @@
 """`booster-lab play POLICY`: a policy walks in MuJoCo in the browser, commanded by sliders and keys, or in a film."""
 
-from __future__ import annotations
-
 from pipeline.cli.policy_arguments import Play
 from pipeline.cli.policy_commands import deployed_policy, robot_folder
 from pipeline.cli.project import find_project

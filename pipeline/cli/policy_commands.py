@@ -3,8 +3,6 @@
 The exit code is the verdict.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

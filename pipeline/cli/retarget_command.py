@@ -6,8 +6,6 @@ root_x,root_y,root_z,quat_x,quat_y,quat_z,quat_w,<joint>,...
 0.00000000,...
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass

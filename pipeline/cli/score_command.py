@@ -1,7 +1,5 @@
 """`booster-lab score CSV --human CLIP`: how well a robot's motion shows a person's, whoever made it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

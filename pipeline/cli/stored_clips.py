@@ -1,7 +1,5 @@
 """Clips that the graph has made, found by name in the store's manifests, and KP5's criteria of them."""
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import itertools

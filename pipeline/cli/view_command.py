@@ -3,8 +3,6 @@
 A clip is one of a motion file, of the store's manifests or of the database.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.cli.arguments import View

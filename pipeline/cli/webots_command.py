@@ -1,7 +1,5 @@
 """`booster-lab webots-project`: the Webots project of a robot, and its walk in Webots or a stand-in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.cli.policy_arguments import WebotsProject

@@ -1,7 +1,5 @@
 """The routes, served to this machine alone: GET changes nothing, changes are POST requests that `guard` checks."""
 
-from __future__ import annotations
-
 import json
 import re
 import secrets

@@ -3,8 +3,6 @@
 `proposals`: proposed changes with their evidence, and the answers to them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd

@@ -6,8 +6,6 @@ A clip that a stage rejected ends there; a clip that KP5 evaluated ends there, a
 not select is a row of its own.
 """
 
-from __future__ import annotations
-
 import gc
 import re
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The table as columns for the browser: texts as an index into a list, figures as numbers with four digits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What a database has that another one lacks, what it lost, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ its longest side. Positions are whole steps of `STEP_M` from the figure's first 
     positions of a figure: frames x lines x (start xyz, end xyz); MISSING where a part is missing
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Sources of the motions of each row of the table: which blobs show the person and the robot of a clip."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any

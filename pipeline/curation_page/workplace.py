@@ -1,7 +1,5 @@
 """What the server knows of a project: its table, read again when a manifest changed, thumbnails, decisions, runs."""
 
-from __future__ import annotations
-
 import json
 import threading
 from dataclasses import dataclass

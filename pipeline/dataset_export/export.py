@@ -4,8 +4,6 @@ mjlab, BeyondMimic and GMR: archives without pickle. Rerun: `.rrd` with the pose
 velocities. LeRobot: `lerobot.py`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import io
 from collections.abc import Callable, Iterable, Iterator, Sequence

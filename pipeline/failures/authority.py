@@ -5,8 +5,6 @@ velocity, and does not when it gives next to nothing of it. Between two answers 
 flicker of its enable, for longer and with the joint far from its target a loss of authority.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Falls, from the attitude and from the robot's own fall state, the signals before them; stumbles and slipping feet."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline import time_series

@@ -1,7 +1,5 @@
 """When a robot was in a person's hands or stopped by its operator: what it did then is no failure of its policy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

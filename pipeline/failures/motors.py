@@ -1,7 +1,5 @@
 """Failures of motors: less torque than commanded, more speed than allowed, heat, lost packets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

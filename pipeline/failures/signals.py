@@ -7,8 +7,6 @@ The digest is one of each half second of absolute time: samples are on a grid th
 that is torn, split, stored otherwise or without its beginning has the same digests wherever its bytes are whole.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Commanded against achieved velocity, over stretches of steady command; and a delay that would explain it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline import time_series

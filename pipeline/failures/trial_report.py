@@ -4,8 +4,6 @@
 than what counts as a failure of a robot, and the simulation has quantities that a log has no sensor for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -62,7 +60,7 @@ class TrialReport:
         }
 
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> TrialReport:
+    def from_dict(value: dict[str, Any]) -> "TrialReport":
         """The report that `to_dict` was called on."""
         return TrialReport(
             **{

@@ -5,8 +5,6 @@ that was reviewed and has a digest of its own changes: one that was edited by ha
 section leaves the others as they are.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 The twin is the robot as it is calibrated, so what differs is what the calibration does not know.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

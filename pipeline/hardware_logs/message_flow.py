@@ -1,7 +1,5 @@
 """What a log's messages go through on their way to files: clock, decoding, plausibility, grid, command."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np

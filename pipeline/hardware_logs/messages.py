@@ -3,8 +3,6 @@
 Fields are those of the published interface (booster_interface). A message has no stamp: time is the recorder's receipt.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Sensors are checked too: values that never change, attitude in degrees, accelera
 sensors refuse no log; each is a sentence of the log's notes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -140,8 +138,8 @@ class SensorWatch:
     messages: int = 0
     _length: float = 0.0
     _upward: float = 0.0
-    _runs: _Runs | None = None
-    _turns: _Turns = field(default_factory=lambda: _Turns())
+    _runs: "_Runs | None" = None
+    _turns: "_Turns" = field(default_factory=lambda: _Turns())
 
     def add(self, time_ns: Int64[np.ndarray, " m"], columns: Columns) -> None:
         """Note messages in the order of their receipt."""

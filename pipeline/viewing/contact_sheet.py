@@ -6,8 +6,6 @@ the clip's label says that the foot is on the ground. `worst_clips` shows the cl
 the reasons; `walk_gif` a robot clip as a short animation from the same point of view.
 """
 
-from __future__ import annotations
-
 import io
 import textwrap
 from collections.abc import Sequence

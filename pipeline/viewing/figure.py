@@ -4,8 +4,6 @@ HumanClip -> human_figure -> Figure -> contact sheet (PNG)
 RobotClip -> robot_figure -> Figure -> scene of the browser viewer
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -3,8 +3,6 @@
 `record_walk` films a policy's walk in MuJoCo.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import textwrap

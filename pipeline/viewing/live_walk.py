@@ -1,7 +1,5 @@
 """A policy that walks in MuJoCo while one watches: the command, pushes, terrain and friction change on the way."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline import rotation

@@ -3,8 +3,6 @@
 A log has joints and the trunk's attitude; its path is from leg odometry, so it is right while a sole is on the ground.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import tempfile
 from collections.abc import Sequence

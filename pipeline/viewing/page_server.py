@@ -4,8 +4,6 @@ A browser lets any page open a web socket to 127.0.0.1, and viser looks at neith
 a web site that is open on the machine could read what the viewer shows and move the controls of `booster-lab play`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import http
 import threading

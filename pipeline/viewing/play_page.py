@@ -1,7 +1,5 @@
 """The page of a policy that walks: sliders and keys command it, a button pushes it, terrain and friction are chosen."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Any, Literal

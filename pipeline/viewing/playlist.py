@@ -3,8 +3,6 @@
 A `MotionSource` is plain data: worker processes load it, and its digest identifies what is drawn from it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Figures as flat shaded triangles: parallel projection, farther ones first (painter's algorithm)."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -55,7 +53,7 @@ class Triangles:
     def count(self) -> int:
         return len(self.corners)
 
-    def moved(self, shift: Float[np.ndarray, " 2"]) -> Triangles:
+    def moved(self, shift: Float[np.ndarray, " 2"]) -> "Triangles":
         """The triangles moved by `shift` [m]."""
         return Triangles(corners=self.corners + shift, colors=self.colors)
 

@@ -1,7 +1,5 @@
 """Plots of training and tracking: curves of runs, errors of rollouts, the worst-tracked references."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plots of a validation: command following, push survival, torque, foot contacts, engines, limit cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

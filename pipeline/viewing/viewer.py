@@ -3,8 +3,6 @@
 `Viewer.step` does all the work of one tick, so that a test can drive it without a browser.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
