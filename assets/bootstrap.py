@@ -13,11 +13,12 @@ import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import last_tags, stale_reasons
+from assets.freshness import last_tags, stale_reasons, topological
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, Plan, plans
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, find_motions, motions_version, remember_sources
+from assets.tracker_choice import trackers_for
 from pipeline.errors import PipelineError
 
 
@@ -76,11 +77,14 @@ def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKe
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
     """Materialize what is stale upstream of the run's assets and not in the run itself.
 
+    A policy that is trained on a GPU has its tracker trained first where it needs one.
+
     Raises dg.Failure when that run fails, SourceLostError where motions are needed and a source of an earlier run is
     gone.
     """
     selected = assets_of(run)
-    wanted = upstream(selected, _parents(), plans(project)) - selected
+    parents = made_for(_parents(), plans(project))
+    wanted = upstream(selected, parents) - selected
     motions = find_motions(project) if SHARED[0].key in wanted | selected else None
     if motions and log:
         for sentence in motions.warnings():
@@ -89,6 +93,8 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     if motions and SHARED[0].key not in every_stale:
         remember_sources(project, motions)
     stale = {key: why for key, why in every_stale.items() if key in wanted}
+    trackers = trackers_for(selected, run.run_config, stale, project)
+    stale |= _after_trackers(set(trackers) - set(stale), parents, wanted)
     if not stale:
         return
     if log:
@@ -100,7 +106,10 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     result = job.execute_in_process(
         instance=instance,
         asset_selection=list(stale),
-        run_config={name: value for name, value in run.run_config.items() if name == "resources"},
+        run_config={
+            **{name: value for name, value in run.run_config.items() if name == "resources"},
+            "ops": {key.to_python_identifier(): {"config": config} for key, config in trackers.items() if key in stale},
+        },
         tags={BOOTSTRAP_TAG: run.run_id},
         raise_on_error=False,
     )
@@ -110,6 +119,18 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
             f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
         )
+
+
+def _after_trackers(
+    trackers: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]], wanted: set[dg.AssetKey]
+) -> dict[dg.AssetKey, str]:
+    """Trackers that are up to date but were trained on other clips, and what of the wanted assets is made with them."""
+    found = dict.fromkeys(sorted(trackers), "the policy needs a tracker that was trained on these references")
+    for key in topological({key: parents.get(key, set()) & wanted for key in wanted}):
+        new = sorted(parents.get(key, set()) & set(found))
+        if key not in found and new:
+            found[key] = f"'{new[0].to_user_string()}' is trained first"
+    return found
 
 
 def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:
@@ -147,21 +168,23 @@ def _parents() -> dict[dg.AssetKey, set[dg.AssetKey]]:
     return {key: set(graph.get(key).parent_keys) for key in graph.get_all_asset_keys()}
 
 
-def upstream(
-    keys: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]], plans: Mapping[dg.AssetKey, Plan]
-) -> set[dg.AssetKey]:
-    """Assets that are made before some assets are, and those.
+def made_for(
+    parents: Mapping[dg.AssetKey, set[dg.AssetKey]], plans: Mapping[dg.AssetKey, Plan]
+) -> dict[dg.AssetKey, set[dg.AssetKey]]:
+    """Assets that are made for each asset: its parents without soft inputs, so that no training starts because its
+    policy is wanted. Nothing is made for an external asset."""
+    return {
+        key: {each for each in parents[key] if not plan.takes_as_it_is(each)}
+        for key, plan in plans.items()
+        if key in parents
+    }
 
-    Soft inputs are not made on demand, so that no training starts because its policy is wanted; nor is what external
-    assets come from.
-    """
+
+def upstream(keys: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]]) -> set[dg.AssetKey]:
+    """Some assets and all that is upstream of them."""
     found, todo = set(keys), list(keys)
     while todo:
-        key = todo.pop()
-        plan = plans.get(key)
-        if plan is None and key not in keys:
-            continue
-        new = {each for each in parents.get(key, ()) if plan is None or not plan.takes_as_it_is(each)} - found
+        new = parents.get(todo.pop(), set()) - found
         found |= new
         todo += new
     return found

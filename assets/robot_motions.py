@@ -29,7 +29,8 @@ from assets.report import (
 )
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
-from assets.tracking_policy import no_tracker, tracking_policy
+from assets.tracker_choice import no_tracker
+from assets.tracking_policy import tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
 from pipeline.feasibility.command_space import by_command

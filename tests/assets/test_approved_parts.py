@@ -17,7 +17,7 @@ from assets.approved import (
     approved_versions,
     noting,
 )
-from assets.bootstrap import upstream
+from assets.bootstrap import made_for, upstream
 from assets.plan import Plan, robot_plans
 from assets.project import Project
 from assets.reference_motions import with_further_variants
@@ -135,5 +135,5 @@ def test_what_a_database_needs_ends_at_what_comes_from_outside():
         key["proposal"]: {key["logs"]},
     }
     plans = {key[name]: Plan(name, "group", ()) for name in ("database", "stage", "proposal")}
-    found = upstream({key["database"]}, parents, plans)
+    found = upstream({key["database"]}, made_for(parents, plans))
     assert key["approved"] in found and key["proposal"] not in found

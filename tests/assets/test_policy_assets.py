@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from assets import amp_policy, policy, report, resources, training_process
-from assets.bootstrap import _parents, upstream
+from assets.bootstrap import _parents, made_for, upstream
 from assets.definitions import defs
 from assets.freshness import stale_reasons
 from assets.plan import digest_of_robot, plans, robot_plans
@@ -207,12 +207,12 @@ def test_a_training_is_new_content_and_its_lack_makes_nothing_stale(project, rob
 
 def test_nothing_starts_a_training():
     """Neither the database, nor a policy that is wanted, nor a report; nor a clock."""
-    known, parents = plans(PROJECT), _parents()
+    parents = made_for(_parents(), plans(PROJECT))
     for name in ("expert_db", "exported_policy", "limit_cycles", "mujoco_validation", "release_report"):
-        above = upstream({dg.AssetKey([name])}, parents, known)
+        above = upstream({dg.AssetKey([name])}, parents)
         assert TRAINED.key not in above
-    assert upstream({dg.AssetKey(["release_report"])}, parents, known) == {dg.AssetKey(["release_report"])}
-    assert DATABASE.key in upstream({TRAINED.key}, parents, known)
+    assert upstream({dg.AssetKey(["release_report"])}, parents) == {dg.AssetKey(["release_report"])}
+    assert DATABASE.key in upstream({TRAINED.key}, parents)
     assert defs.resolve_job_def("train").asset_layer.selected_asset_keys == {TRAINED.key}
     by_clock = {each.job_name for each in defs.schedules or ()}
     by_clock |= {target.job_name for each in defs.sensors or () for target in each.targets}
