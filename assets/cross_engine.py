@@ -6,7 +6,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
@@ -17,8 +17,6 @@ from pipeline.files.shown_text import markdown_list
 from pipeline.validation.bars import read_validation
 
 HOLDS = "holds_in_both_engines"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 
 
 def cross_engine_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:

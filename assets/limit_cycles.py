@@ -8,7 +8,7 @@ import pandas as pd
 
 from assets.hardware import trials_of as files_of
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, served
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, served
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
@@ -19,8 +19,6 @@ from pipeline.validation.bars import read_validation
 from pipeline.validation.limit_cycles import LimitCycleSettings
 
 AGREE = "engines_agree"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 
 
 def limit_cycles(plan: Plan, exported: Plan, adapted: Plan, trials: dg.AssetKey | None) -> Any:

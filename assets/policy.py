@@ -27,6 +27,10 @@ TRAINED, SHIPPED = "trained here", "ships with the project"
 """Where an exported policy comes from; the two are never confused."""
 
 
+VERDICT = "verdict"
+"""Key of a validation's result in its manifest."""
+
+
 class NoPolicyError(PipelineError):
     """There is no policy to serve."""
 

@@ -7,7 +7,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy, remove_earlier_logs
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
 from assets.resources import ClipPoolResource
@@ -22,8 +22,6 @@ from pipeline.validation.verdict import judge, table
 from pipeline.validation.walk import Worlds, walk
 
 PASSED = "required_cells_passed"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 SHOWN = {"vx +1.0": 1, "vx +2.0": 1, "yaw +1.0": 1}
 """Walks that pictures show, by cell."""
 

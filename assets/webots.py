@@ -6,7 +6,7 @@ import dagster as dg
 import pandas as pd
 
 from assets.plan import Plan
-from assets.policy import EvaluatedPolicyConfig, evaluated_policy
+from assets.policy import VERDICT, EvaluatedPolicyConfig, evaluated_policy
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, declared, plain_errors, result_of, table_of
 from pipeline.batch import Manifest
@@ -20,8 +20,6 @@ from pipeline.webots.validate import WEBOTS, project_faults, validate
 
 IS_THE_ROBOT = "project_is_the_robot"
 WALKS = "walks_in_webots"
-VERDICT = "verdict"
-"""Key of the result in the manifest."""
 
 
 def webots_validation(plan: Plan, exported: Plan, adapted: Plan) -> Any:

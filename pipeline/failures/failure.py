@@ -67,8 +67,8 @@ class Failure:
         return f"{what} at {self.time_s:.2f} s, command {command} ({found}; confidence {self.confidence:.2f}{excuse})"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {**asdict(self), "command": list(self.command)}
+        """For JSON."""
+        return asdict(self)
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "Failure":

@@ -51,25 +51,15 @@ class TrialReport:
         return None if self.start_ns is None else (self.start_ns, self.start_ns + round(self.seconds * 1e9))
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {
-            **asdict(self),
-            "commands": [list(each) for each in self.commands],
-            "failures": [each.to_dict() for each in self.failures],
-            "notes": list(self.notes),
-        }
+        """For JSON."""
+        return asdict(self)
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "TrialReport":
         """The report that `to_dict` was called on."""
-        return TrialReport(
-            **{
-                **value,
-                "commands": tuple(tuple(each) for each in value["commands"]),
-                "failures": tuple(Failure.from_dict(each) for each in value["failures"]),
-                "notes": tuple(value["notes"]),
-            }
-        )
+        commands = tuple(tuple(each) for each in value["commands"])
+        failures = tuple(Failure.from_dict(each) for each in value["failures"])
+        return TrialReport(**{**value, "commands": commands, "failures": failures, "notes": tuple(value["notes"])})
 
 
 KIND_OF = {

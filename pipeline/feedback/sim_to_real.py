@@ -52,15 +52,8 @@ class Twin:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {
-            **asdict(self),
-            "command": list(self.command),
-            "achieved": list(self.achieved),
-            "simulated": list(self.simulated),
-            "cycles": [asdict(each) for each in self.cycles],
-            "notes": list(self.notes),
-        }
+        """For JSON."""
+        return asdict(self)
 
 
 def twin_of(
