@@ -72,7 +72,9 @@ def shown_trial(trial: Trial, files: LogFiles) -> Shown:
     report = find_failures(trial, robot, actuators, values)
     path = find_policy(files.policies(trial.robot), trial.policy_digest or "")
     policy = load_policy(path) if path else None
-    twin = None if policy is None else _simulation(trial, robot, actuators, policy)
+    twin = None
+    if policy is not None and np.isfinite(np.asarray(trial.command, dtype=float)).any():
+        twin = simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
     marks = tuple(
         Mark(
             time_s=each.time_s,
@@ -122,13 +124,6 @@ def _actuators(files: LogFiles, robot: Robot) -> Sequence[JointActuator]:
     if (adapted / TABLE).is_file():
         return read_actuators(adapted)
     return adapt(robot, (), settings.read(files.data / "actuators.yaml", ActuatorSettings))
-
-
-def _simulation(trial: Trial, robot: Robot, actuators: Sequence[JointActuator], policy: Policy) -> RobotClip | None:
-    """The robot in MuJoCo under the trial's command, to its end or to its fall."""
-    if not np.isfinite(np.asarray(trial.command, dtype=float)).any():
-        return None
-    return simulated(trial, robot, actuators, policy, trial.seconds).clip(SIMULATION)
 
 
 def _command_line(trial: Trial, time_s: float) -> str:
