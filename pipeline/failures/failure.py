@@ -1,7 +1,5 @@
 """One thing that went wrong in a log: what, when, under which command, by which evidence, how surely."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -69,11 +67,11 @@ class Failure:
         return f"{what} at {self.time_s:.2f} s, command {command} ({found}; confidence {self.confidence:.2f}{excuse})"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {**asdict(self), "command": list(self.command)}
+        """For JSON."""
+        return asdict(self)
 
     @staticmethod
-    def from_dict(value: dict[str, Any]) -> Failure:
+    def from_dict(value: dict[str, Any]) -> "Failure":
         """The failure that `to_dict` was called on."""
         return Failure(**{**value, "command": tuple(value["command"])})
 

@@ -1,7 +1,5 @@
 """A bounded change and the logs it rests on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -104,8 +102,8 @@ class Change:
         return f"{logs} log{'s' if logs > 1 else ''}{'' if alone else f' that count as {counts}'}"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
-        return {**asdict(self), "witnesses": [asdict(each) for each in self.witnesses]}
+        """For JSON."""
+        return asdict(self)
 
 
 def proposal_digest(changes: Sequence[Change]) -> str:

@@ -6,8 +6,6 @@ those are is asked after trust, so that a copy that cannot count takes nothing f
 of one policy count once: a validation of more cells, or another one, moves no number further.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
