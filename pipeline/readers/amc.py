@@ -167,9 +167,8 @@ def read_amc(path: Path, stated_asf: str | None = None) -> RawMotion:
         poses=TreePoses(
             parents=parents,
             offsets=offsets,
-            frame_count=len(rows),
+            rows=(rows,),
             local=local,
-            release=lambda stop: page_memory.forget(rows, stop),
         ),
         fps=None,
         assumed_fps=CMU_RATE_HZ if set(CMU_BONES) <= set(order) else None,

@@ -25,6 +25,7 @@ from pipeline.files import page_memory
 from pipeline.files.npz import raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
+from pipeline.readers.poses import Poses, World
 from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
@@ -51,7 +52,7 @@ MEASURED_FRAMES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointPoses:
+class PointPoses(Poses):
     """World poses of the canonical bodies from points, worked out for the frames that are requested."""
 
     names: tuple[str, ...]
@@ -63,13 +64,9 @@ class PointPoses:
         return len(self.values)
 
     def forget(self, stop: int) -> None:
-        """Free the memory of the frames before `stop`, which are not requested again."""
         page_memory.forget(self.values, stop)
 
-    def world(
-        self, joints: Sequence[int], start: int, stop: int
-    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 4"]]:
-        """Positions and orientations of some bodies in frames [start, stop)."""
+    def world(self, joints: Sequence[int], start: int, stop: int) -> World:
         stop = min(stop, self.frame_count)
         pos, quat = np.empty((stop - start, len(joints), 3)), np.empty((stop - start, len(joints), 4))
         for first in range(start, stop, FRAMES_AT_ONCE):

@@ -15,7 +15,7 @@ from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
 from pipeline.readers.joint_order import check_unit
-from pipeline.readers.poses import RowPoses
+from pipeline.readers.poses import RowPoses, parent_indices
 from pipeline.readers.raw_motion import RawMotion
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
 
@@ -64,8 +64,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     for start in range(0, len(pos), ROWS_AT_ONCE):
         rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
         check_unit(path, rows, "a body's quaternion", start)
-    names = tuple(PARENTS)
-    parents = tuple(-1 if parent is None else names.index(parent) for parent in PARENTS.values())
+    names, parents = tuple(PARENTS), parent_indices(PARENTS)
     return RawMotion(
         format="isaac_amp",
         joint_names=names,

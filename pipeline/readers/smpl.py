@@ -15,10 +15,9 @@ from jaxtyping import Float
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile, finite_rows
 from pipeline.readers.npz_file import open_npz
-from pipeline.readers.poses import TreePoses
+from pipeline.readers.poses import TreePoses, parent_indices
 from pipeline.readers.raw_motion import RawMotion
 
 PARENTS: dict[str, str | None] = {
@@ -47,7 +46,7 @@ PARENTS: dict[str, str | None] = {
 }
 """The 22 joints that all SMPL models share, in their order, and their parents."""
 
-JOINTS = tuple(PARENTS)
+JOINTS, PARENT = tuple(PARENTS), parent_indices(PARENTS)
 
 MEAN_STATURE = 1.70
 """[m], near the mean of adults of both sexes (NCD-RisC 2016: men 1.71, women 1.59 worldwide, taller in mocap)."""
@@ -115,13 +114,12 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
         notes = (Reason(code="mean_skeleton", text=text, effect="noted"),)
     else:
         offsets = read_body_model(body_model, betas)
-    parents = tuple(-1 if parent is None else JOINTS.index(parent) for parent in PARENTS.values())
     return RawMotion(
         format="smpl",
         joint_names=JOINTS,
-        parents=parents,
-        rest_offset=np.where(np.array(parents)[:, None] < 0, 0.0, offsets),
-        poses=_poses(trans, turns, parents, offsets),
+        parents=PARENT,
+        rest_offset=np.where(np.array(PARENT)[:, None] < 0, 0.0, offsets),
+        poses=_poses(trans, turns, offsets),
         fps=arrays.number(rate) if rate is not None else None,
         assumed_fps=assumed_fps,
         files=(arrays.path,) if body_model is None else (arrays.path, body_model),
@@ -130,21 +128,15 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
     )
 
 
-def _poses(
-    trans: np.ndarray, turns: tuple[np.ndarray, ...], parents: tuple[int, ...], offsets: Float[np.ndarray, "22 3"]
-) -> TreePoses:
-    """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, worked out as needed."""
+def _poses(trans: np.ndarray, turns: tuple[np.ndarray, ...], offsets: Float[np.ndarray, "22 3"]) -> TreePoses:
+    """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, computed as needed."""
 
     def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
         rows = np.concatenate([finite_rows(each, start, stop).reshape(stop - start, -1) for each in turns], axis=1)
         vectors = rows[:, : 3 * len(JOINTS)].reshape(len(rows), len(JOINTS), 3)
         return finite_rows(trans, start, stop) + offsets[0], rotation.from_rotvec(vectors)
 
-    def release(stop: int) -> None:
-        for each in (trans, *turns):
-            page_memory.forget(each, stop)
-
-    return TreePoses(parents=parents, offsets=offsets, frame_count=len(trans), local=local, release=release)
+    return TreePoses(parents=PARENT, offsets=offsets, rows=(trans, *turns), local=local)
 
 
 def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray, ...]:
@@ -192,14 +184,13 @@ def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndar
             count = min(len(betas), directions.shape[2])
             vertices = vertices + directions[:, :, :count] @ betas[:count]
         joints = header.numbers("J_regressor", None, len(vertices)) @ vertices
-    elif header.has("J_template") or header.has("J"):
-        joints = header.numbers("J_template" if header.has("J_template") else "J", None, 3)
+    elif (name := header.first("J_template", "J")) is not None:
+        joints = header.numbers(name, None, 3)
     else:
         raise FileError(path, "a body model needs J_template, or J_regressor with v_template.", "Only .npz is read.")
     if len(joints) < len(JOINTS):
         raise FileError(path, f"the body model has {len(joints)} joints, wanted at least {len(JOINTS)}.")
     joints = joints[: len(JOINTS)]
-    parents = [0 if parent is None else JOINTS.index(parent) for parent in PARENTS.values()]
-    offsets = joints - joints[parents]
+    offsets = joints - joints[list(PARENT)]
     offsets[0] = joints[0]
     return offsets

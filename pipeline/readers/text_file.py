@@ -1,4 +1,4 @@
-"""Text of a motion file: size and encoding are checked once, for all formats; whole, by lines, or as rows of numbers."""
+"""Text of a motion file: size and encoding are checked once for all formats; whole, by lines, or as rows of numbers."""
 
 from __future__ import annotations
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pipeline.clips.human_clip import HumanClip
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import FileError, PipelineError, SettingsError
-from pipeline.files import digest, settings
+from pipeline.files import digest
 from pipeline.readers.read_motion import read_motion
-from pipeline.readers.source import Source
+from pipeline.readers.source import Source, read_sidecar, sidecar_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +32,13 @@ def named_reference(path: Path, source: Source) -> str | None:
     """The stated reference of a recording; None for most. Raises SettingsError for a file beside it that states
     something else than a path."""
     stated = source.statement_of(path).tracks
-    return stated if stated is not None else _beside(path)
+    if stated is not None:
+        return stated
+    try:
+        sidecar = read_sidecar(path)
+    except SettingsError:
+        return None  # noted with the licence
+    return sidecar_text(path, sidecar, "tracks", "the path of a motion")
 
 
 def inside(path: Path, named: str, source: Source) -> Path | None:
@@ -69,7 +74,11 @@ def load_reference(path: Path, source: Source, named: str) -> Reference:
     reference = inside(path, named, source)
     if reference is None:
         raise _error(path, named, "it lies outside of the source's folder")
-    if not _is_file(reference):
+    try:
+        there = reference.is_file()
+    except OSError:  # a name too long
+        there = False
+    if not there:
         raise _error(path, named, "it is not there")
     try:
         clip = read_motion(reference, reference.stem, source.statement_of(reference)).clip
@@ -77,29 +86,9 @@ def load_reference(path: Path, source: Source, named: str) -> Reference:
         raise FileError(path, f"the motion that it tracked can't be read: {error}") from error
     if not isinstance(clip, RobotClip):
         raise _error(path, named, "it is a person's motion; a robot tracks what was retargeted to it")
-    return Reference(clip=clip, path=reference, content=_content(reference, source))
-
-
-def _beside(path: Path) -> str | None:
-    """The reference that the YAML file beside a recording states. Raises SettingsError."""
-    sidecar = path.with_suffix(".yaml")
-    if not sidecar.is_file():
-        return None
-    try:
-        value: Any = settings.read_yaml(sidecar)
-    except SettingsError:
-        return None  # noted with the licence
-    named = value.get("tracks") if isinstance(value, dict) else None
-    if named is not None and not (isinstance(named, str) and named.strip()):
-        raise SettingsError(sidecar, f"'tracks' is {named!r}, wanted the path of a motion.", "Put it in quotes.")
-    return named
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a name too long
-        return False
+    return Reference(
+        clip=clip, path=reference, content=digest.of_json([digest.of_file(reference), source.about(reference)])
+    )
 
 
 def _misfit(found: RobotClip, clip: RobotClip | HumanClip) -> str:
@@ -115,7 +104,3 @@ def _misfit(found: RobotClip, clip: RobotClip | HumanClip) -> str:
 
 def _error(path: Path, named: str, problem: str) -> FileError:
     return FileError(path, f"the motion that it tracked, {named[:300]!r}, does not serve: {problem}.")
-
-
-def _content(reference: Path, source: Source) -> str:
-    return digest.of_json([digest.of_file(reference), source.about(reference)])
