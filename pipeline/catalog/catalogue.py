@@ -40,7 +40,8 @@ def catalogue_file(path: Path, name: str, source: Source, within: str, *, settin
         "credit": source.credit,
     }
     if reference is not None:
-        origin |= {"tracks": _within(reference.path, source), "tracks_content": reference.content}
+        tracks = reference.path.resolve().relative_to(source.folder.resolve()).as_posix()
+        origin |= {"tracks": tracks, "tracks_content": reference.content}
     pieces = tuple(dataclasses.replace(piece, numbers={**origin, **piece.numbers}) for piece in outcome.pieces)
     return dataclasses.replace(outcome, pieces=pieces, numbers={**origin, **outcome.numbers})
 
@@ -55,16 +56,25 @@ def catalogue(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bo
     clip = corrected.clip
     measured = measure(clip, settings, corrected.person)
     reasons = (*read.notes, *corrected.reasons, *_too_little_recorded(clip, measured, settings))
-    numbers = {**_identity(read, clip), **measured, **_clocks(corrected.time_base)}
+    numbers: dict[str, Number] = {
+        "kind": "robot" if isinstance(clip, RobotClip) else "human",
+        "format": read.format,
+        "skeleton": read.skeleton,
+        "unit": read.unit,
+        "metres_per_unit": read.metres_per_unit,
+        "up_axis": read.up_axis,
+        "declared_fps": read.declared_fps,
+        "fps": clip.fps,
+        "seconds": clip.duration_s,
+        **measured,
+    }
+    if corrected.time_base is not None:
+        for name, clock in (("gravity", corrected.time_base.gravity), ("gait", corrected.time_base.gait)):
+            numbers[f"fps_by_{name}"] = None if clock is None else round(clock.fps, 1)
     numbers["notes"] = ",".join(sorted({reason.code for reason in reasons}))
     rejected = any(reason.effect == "rejected" for reason in reasons)
     pieces = () if rejected else (Piece(clip=clip, numbers=numbers),)
     return Outcome(pieces=pieces, reasons=reasons, numbers=numbers)
-
-
-def _within(path: Path, source: Source) -> str:
-    """A file's path in its source's folder."""
-    return path.resolve().relative_to(source.folder.resolve()).as_posix()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +98,9 @@ def correct(read: ReadMotion, *, settings: CatalogSettings, rate_is_stated: bool
     clip, reasons = read.clip, []
     times, first = times_stored(clip, settings.repeated_share)
     if times > 1:
-        reasons.append(_repeated(clip, times))
+        often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
+        text = f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz; one of each is kept"
+        reasons.append(Reason(code="doubled_frames", text=text, effect="repaired", value=float(times), limit=1.0))
         clip = each_once(clip, times, first)
     time_base = person = None
     if isinstance(clip, HumanClip):
@@ -122,41 +134,6 @@ def _too_little_recorded(
         seen = f"where a speed can be measured {share:.0%} of the frames were recorded, at least {least:.0%} are needed"
     text = f"{seen}; root or hips are missing in the others"
     return (Reason(code="too_little_recorded", text=text, effect="rejected", value=share, limit=least),)
-
-
-def _identity(read: ReadMotion, clip: HumanClip | RobotClip) -> dict[str, Number]:
-    return {
-        "kind": "robot" if isinstance(clip, RobotClip) else "human",
-        "format": read.format,
-        "skeleton": read.skeleton,
-        "unit": read.unit,
-        "metres_per_unit": read.metres_per_unit,
-        "up_axis": read.up_axis,
-        "declared_fps": read.declared_fps,
-        "fps": clip.fps,
-        "seconds": clip.duration_s,
-    }
-
-
-def _clocks(time_base: TimeBase | None) -> dict[str, Number]:
-    """The rate by physics [Hz]; nothing for a robot."""
-    if time_base is None:
-        return {}
-    return {
-        "fps_by_gravity": None if time_base.gravity is None else round(time_base.gravity.fps, 1),
-        "fps_by_gait": None if time_base.gait is None else round(time_base.gait.fps, 1),
-    }
-
-
-def _repeated(clip: HumanClip | RobotClip, times: int) -> Reason:
-    often = {2: "twice", 3: "three times"}.get(times, f"{times} times")
-    return Reason(
-        code="doubled_frames",
-        text=f"every frame is stored {often}: {clip.fps:g} Hz hold {clip.fps / times:g} Hz; one of each is kept",
-        effect="repaired",
-        value=float(times),
-        limit=1.0,
-    )
 
 
 def _contradicted(clip: HumanClip | RobotClip, time_base: TimeBase, rate_is_stated: bool) -> Reason:

@@ -47,9 +47,7 @@ def times_stored(clip: HumanClip | RobotClip, share: float) -> tuple[int, int]:
 
 def each_once(clip: HumanClip | RobotClip, times: int, first: int) -> HumanClip | RobotClip:
     """Every `times`-th frame from `first` on, at the rate that keeps the clip's duration."""
-    names = [field.name for field in dataclasses.fields(clip)]
-    arrays = {name: getattr(clip, name) for name in names if isinstance(getattr(clip, name), np.ndarray)}
-    taken = {name: values[first::times].copy() for name, values in arrays.items()}
+    taken = {name: each[first::times].copy() for name, each in vars(clip).items() if isinstance(each, np.ndarray)}
     return dataclasses.replace(clip, fps=clip.fps / times, **taken)
 
 
@@ -72,7 +70,7 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
     speed, yaw_rate = motion.speed[motion.valid], motion.yaw_rate[motion.valid]
     numbers: dict[str, Number] = {
         "frames": clip.frame_count,
-        "missing_frames": int(_missing(clip).sum()),
+        "missing_frames": missing_frames(clip),
         "recorded_share": _round(motion.recorded[motion.valid].mean()) if len(speed) else 0.0,
         "speed_mean": _round(speed.mean()) if len(speed) else None,
         "speed_max": _round(speed.max()) if len(speed) else None,
@@ -81,32 +79,26 @@ def measure(clip: HumanClip | RobotClip, settings: CatalogSettings, person: Pers
     }
     if not isinstance(clip, HumanClip):
         return numbers
-    return {**numbers, **_of_person(person or bridged(clip, settings))}
+    person = person or bridged(clip, settings)
+    rate, leg = person.step_rate, person.leg_length
+    return {
+        **numbers,
+        "leg_length": _round(leg) if np.isfinite(leg) else None,
+        "cadence_per_min": None if rate is None else _round(60.0 * rate * clip.fps),
+        "flight_share": _round(person.flights.frames.sum() / clip.frame_count),
+        "stance_foot_speed": _stance_foot_speed(person.clip),
+    }
+
+
+def missing_frames(clip: HumanClip | RobotClip) -> int:
+    """Frames in which any number is missing."""
+    arrays = [each for each in vars(clip).values() if isinstance(each, np.ndarray) and each.dtype.kind == "f"]
+    return int(np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0).sum())
 
 
 def bridged(clip: HumanClip, settings: CatalogSettings) -> Person:
     """A person's clip with its short gaps bridged, as gait and flights are read from it."""
     return Person(clip=bridge_positions(clip, settings.bridge_s))
-
-
-def _missing(clip: HumanClip | RobotClip) -> np.ndarray:
-    """Frames (t,) in which any number is missing."""
-    if isinstance(clip, HumanClip):
-        arrays = (clip.body_pos_w, clip.body_quat_w)
-    else:
-        arrays = (clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
-    return np.any([~np.isfinite(each.reshape(clip.frame_count, -1)).all(axis=1) for each in arrays], axis=0)
-
-
-def _of_person(person: Person) -> dict[str, Number]:
-    clip = person.clip
-    rate, leg = person.step_rate, person.leg_length
-    return {
-        "leg_length": _round(leg) if np.isfinite(leg) else None,
-        "cadence_per_min": None if rate is None else _round(60.0 * rate * clip.fps),
-        "flight_share": _round(person.flights.frames.sum() / clip.frame_count),
-        "stance_foot_speed": _stance_foot_speed(clip),
-    }
 
 
 def _stance_foot_speed(clip: HumanClip) -> float | None:
@@ -118,5 +110,5 @@ def _stance_foot_speed(clip: HumanClip) -> float | None:
 
 
 def _round(value: float | np.floating) -> float:
-    """Four decimals, as many as a table can bear."""
+    """Four decimals, for a table."""
     return round(float(value), 4)

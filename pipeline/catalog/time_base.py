@@ -12,8 +12,8 @@ from fnmatch import fnmatchcase
 from typing import Annotated
 
 import numpy as np
-from jaxtyping import Float
 
+from pipeline import time_series
 from pipeline.catalog.gait import Flights, Person, Steps, steps_ahead
 from pipeline.files.ranges import COUNT, NOT_NEGATIVE, PART, RATE_HZ, SHARE, Keys, Pattern, Range
 from pipeline.physics import GRAVITY
@@ -91,41 +91,40 @@ class Clock:
 
 @dataclass(frozen=True, kw_only=True)
 class TimeBase:
-    """Judgement of a clip's rate."""
+    """Evaluation of a clip's rate."""
 
-    gravity: Clock | None
+    gravity: Clock | None = None
     """None: too few flights, or flights that disagree."""
-    gait: Clock | None
+    gait: Clock | None = None
     """None: too few straight steps ahead."""
-    ratio: float | None
+    ratio: float | None = None
     """Rate that the decisive evidence tells over the clip's rate; None without evidence."""
-    limit: float | None
+    limit: float | None = None
     """Ratio from which that evidence contradicts the clip's rate."""
-    contradicted: bool
+    contradicted: bool = False
     """The evidence contradicts the clip's rate."""
-    certain: bool
+    certain: bool = False
     """It does so by more than people differ."""
-    fps: float | None
+    fps: float | None = None
     """The one standard rate that explains a contradiction [Hz]; None where there is none or more than one."""
-    candidates: tuple[float, ...]
+    candidates: tuple[float, ...] = ()
     """All standard rates that explain a contradiction [Hz]."""
 
 
 def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase:
-    """Hold a clip's rate against gravity and gait. `skeleton`: name of its map, which tells who recorded it."""
+    """Compare a clip's rate with gravity and gait. `skeleton`: name of its map, which depends on who recorded it."""
     fps = person.clip.fps
     gravity = _by_gravity(person.flights, fps, settings)
     gait = _by_gait(steps_ahead(person), person.leg_length, fps, settings)
     decisive = gravity or gait
     if decisive is None:
-        return TimeBase(
-            gravity=None, gait=None, ratio=None, limit=None, contradicted=False, certain=False, fps=None, candidates=()
-        )
+        return TimeBase()
     size, limit = _apart(decisive.fps, fps), decisive.limit
     contradicted = size >= limit
     agree = gravity is None or gait is None or _apart(gravity.fps, gait.fps) < settings.certain_gait_ratio
     certain = contradicted and (size >= settings.certain_gait_ratio if gravity is None else agree)
-    usual = _usual_rates(skeleton, settings)
+    patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
+    usual = frozenset(rate for pattern in patterns for rate in settings.usual_rates_hz[pattern])
     instead = _instead(decisive, fps, usual, settings)
     if instead is not None:
         contradicted, certain, limit = True, True, min(limit, settings.usual_ratio)
@@ -137,7 +136,7 @@ def judge(person: Person, skeleton: str, settings: TimeBaseSettings) -> TimeBase
         limit=limit,
         contradicted=contradicted,
         certain=certain,
-        fps=instead or _only(candidates, usual),
+        fps=instead or _only_one(candidates, usual),
         candidates=candidates,
     )
 
@@ -150,22 +149,13 @@ def _by_gravity(flights: Flights, fps: float, settings: TimeBaseSettings) -> Clo
     """Median fall over the flights; a flight's curvature is the surer the longer it is, so it weighs more."""
     if len(flights.fall) < settings.fewest_flights:
         return None
-    fall = _weighted_median(flights.fall, flights.frames**2)
-    if fall <= 0.0 or _weighted_median(np.abs(flights.fall - fall), flights.frames**2) > settings.flight_spread * fall:
+    fall = time_series.weighted_median(flights.fall, flights.frames**2)
+    spread = time_series.weighted_median(np.abs(flights.fall - fall), flights.frames**2)
+    if fall <= 0.0 or spread > settings.flight_spread * fall:
         return None
+    rate = float(np.sqrt(GRAVITY / fall))
     text = f"in {len(flights.fall)} flight phases the body falls with {fall * fps**2:.2f} m/s² instead of {GRAVITY}"
-    return Clock(
-        fps=float(np.sqrt(GRAVITY / fall)),
-        text=text,
-        tolerance=settings.gravity_tolerance,
-        limit=settings.gravity_ratio,
-    )
-
-
-def _weighted_median(values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"]) -> float:
-    order = np.argsort(values, kind="stable")
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2.0)])
+    return Clock(fps=rate, text=text, tolerance=settings.gravity_tolerance, limit=settings.gravity_ratio)
 
 
 def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -> Clock | None:
@@ -180,12 +170,8 @@ def _by_gait(steps: Steps, leg: float, fps: float, settings: TimeBaseSettings) -
         f"{cadence:.0f} steps a minute of {np.median(length):.2f} m are taken, where people take "
         f"about {np.median(wanted):.0f}"
     )
-    return Clock(
-        fps=float(np.median(wanted * frames / 60.0)),
-        text=text,
-        tolerance=settings.gait_tolerance,
-        limit=settings.gait_ratio,
-    )
+    rate = float(np.median(wanted * frames / 60.0))
+    return Clock(fps=rate, text=text, tolerance=settings.gait_tolerance, limit=settings.gait_ratio)
 
 
 def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
@@ -198,11 +184,6 @@ def _candidates(clock: Clock, settings: TimeBaseSettings) -> tuple[float, ...]:
     return tuple(chosen)
 
 
-def _usual_rates(skeleton: str, settings: TimeBaseSettings) -> frozenset[float]:
-    patterns = [pattern for pattern in settings.usual_rates_hz if fnmatchcase(skeleton, pattern)]
-    return frozenset(rate for pattern in patterns for rate in settings.usual_rates_hz[pattern])
-
-
 def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBaseSettings) -> float | None:
     """The usual rate that explains what the clock tells, where it does so better than the file's, which is far off."""
     if not usual:
@@ -212,7 +193,7 @@ def _instead(clock: Clock, fps: float, usual: frozenset[float], settings: TimeBa
     return best if explains and _apart(best, fps) >= settings.usual_ratio else None
 
 
-def _only(candidates: tuple[float, ...], usual: frozenset[float]) -> float | None:
+def _only_one(candidates: tuple[float, ...], usual: frozenset[float]) -> float | None:
     """The only candidate, or the only one that is usual for the skeleton."""
     left = candidates if len(candidates) == 1 else tuple(rate for rate in candidates if rate in usual)
     return left[0] if len(left) == 1 else None

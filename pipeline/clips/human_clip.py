@@ -9,31 +9,6 @@ from jaxtyping import Bool, Float
 
 from pipeline.clips.frames import Frames
 
-BODIES: tuple[str, ...] = (
-    "pelvis",
-    "spine",
-    "chest",
-    "neck",
-    "head",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "left_toe",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "right_toe",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-)
-"""Canonical bodies in order. A body's position is that of the joint at its upper end (`left_knee` is
-the knee joint and the shank below it, `left_shoulder` the shoulder joint and the upper arm,
-`left_toe` the ball of the foot); `chest` is the upper spine, the body that carries neck and arms."""
-
 PARENTS: dict[str, str] = {
     "spine": "pelvis",
     "chest": "spine",
@@ -54,6 +29,14 @@ PARENTS: dict[str, str] = {
     "right_elbow": "right_shoulder",
     "right_wrist": "right_elbow",
 }
+
+BODIES: tuple[str, ...] = ("pelvis", *PARENTS)
+"""Canonical bodies in order. A body's position is that of the joint at its upper end (`left_knee` is
+the knee joint and the shank below it, `left_shoulder` the shoulder joint and the upper arm,
+`left_toe` the ball of the foot); `chest` is the upper spine, the body that carries neck and arms."""
+
+PARENT: tuple[int, ...] = (-1, *(BODIES.index(parent) for parent in PARENTS.values()))
+"""Index of each body's parent, -1 for the pelvis; a parent comes before its children."""
 
 FEET: tuple[str, str] = ("left", "right")
 

@@ -129,7 +129,9 @@ def _measured(
             continue
         part = slice(start, stop)
         valid[part] = True
-        velocity_w[part] = _mean(time_series.derivative(root_w[part, :2], fps), velocity_s, fps)
+        velocity_w[part] = time_series.moving_mean(
+            time_series.derivative(root_w[part, :2], fps), _odd(velocity_s * fps)
+        )
         yaw[part] = _mean_of_trend(turned[part], facing_s, fps)
         yaw_rate[part] = time_series.derivative(yaw[part], fps)
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -148,8 +150,13 @@ def _root_and_facing(clip: HumanClip | RobotClip) -> tuple[np.ndarray, np.ndarra
     if isinstance(clip, RobotClip):
         yaw = rotation.yaw_of(clip.root_quat_w)
         return clip.root_pos_w, np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    return clip.pos("pelvis"), facing_of(clip)
+
+
+def facing_of(clip: HumanClip) -> np.ndarray:
+    """Horizontal normal of the line between a person's hips (t, 2), unit."""
     left = clip.pos("left_hip") - clip.pos("right_hip")
-    return clip.pos("pelvis"), rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
+    return rotation.normalize(np.stack([left[:, 1], -left[:, 0]], axis=1))
 
 
 def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[int, int]]:
@@ -163,11 +170,6 @@ def _stretches(root_w: np.ndarray, known: np.ndarray, fps: float) -> list[tuple[
     return pieces
 
 
-def _mean(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
-    """Moving mean over the odd number of frames nearest to `width_s`."""
-    return time_series.moving_mean(values, _odd(width_s * fps))
-
-
 def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray:
     """Moving mean with the ends extended by point reflection, for values with a trend."""
     half = min(_odd(width_s * fps) // 2, len(values) - 1)
@@ -178,6 +180,7 @@ def _mean_of_trend(values: np.ndarray, width_s: float, fps: float) -> np.ndarray
 
 
 def _odd(frames: float) -> int:
+    """The nearest odd number."""
     return 2 * round((frames - 1.0) / 2.0) + 1
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, PARENTS
+from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
@@ -89,13 +89,12 @@ def read_c3d(path: Path) -> RawMotion:
         _read_points(path, reader, tuple(columns.values()), values)
         declared = _text(reader, "POINT", "UNITS")
     poses = PointPoses(names=tuple(columns), values=values)
-    parents = tuple(BODIES.index(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
-    offsets = _rest_offsets(path, poses, parents)
+    offsets = _rest_offsets(path, poses)
     unit, notes = _unit(declared, offsets)
     return RawMotion(
         format="c3d",
         joint_names=BODIES,
-        parents=parents,
+        parents=PARENT,
         rest_offset=offsets,
         poses=poses,
         fps=rate,
@@ -196,11 +195,11 @@ def _read_points(path: Path, reader: c3d.Reader, columns: tuple[int, ...], value
         raise FileError(path, problem, "It was cut off; export it again.")
 
 
-def _rest_offsets(path: Path, poses: PointPoses, parents: tuple[int, ...]) -> Float[np.ndarray, "19 3"]:
+def _rest_offsets(path: Path, poses: PointPoses) -> Float[np.ndarray, "19 3"]:
     """Place of each body in its parent's frame, the median over frames. Raises FileError where no frame has it."""
     pos, quat = poses.world(range(len(BODIES)), 0, min(poses.frame_count, MEASURED_FRAMES))
     offsets = np.zeros((len(BODIES), 3))
-    for body, parent in enumerate(parents):
+    for body, parent in enumerate(PARENT):
         if parent < 0:
             continue
         local = rotation.rotate_inverse(quat[:, parent], pos[:, body] - pos[:, parent])

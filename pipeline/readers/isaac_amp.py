@@ -71,7 +71,7 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
         parents=parents,
         rest_offset=_bones(path, names, parents, *poses.world(range(len(names)), 0, MEASURED_FRAMES)),
         poses=poses,
-        fps=header.number("fps") if header.has("fps") else None,
+        fps=header.optional_number("fps"),
         rate_by_velocity=_rate_of_bodies(header, len(stored)),
         files=(path,),
         unit="m",

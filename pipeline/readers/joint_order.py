@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.outcome import Reason
 from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.robot import Kinematics, Robot
 
@@ -25,12 +24,6 @@ MAX_LINK_ERROR = 0.05
 
 FRAMES = 20
 """Frames that are compared, evenly over the motion."""
-
-LIMIT_MARGIN = 0.3
-"""A joint this far beyond its limits [rad] shows another joint's angle, or another robot's."""
-
-BEYOND = 0.1
-"""Share of the frames in which a joint without a name may be beyond its limits."""
 
 
 def breadth_first(robot: Robot) -> list[int]:
@@ -64,29 +57,6 @@ def link_errors(
     poses = Kinematics(robot).forward(root_pos_w[frames], root_quat_w[frames], joint_pos[frames])
     gaps = np.linalg.norm(poses.pos_w[:, :, None] - body_pos_w[frames][:, None], axis=-1).min(axis=2)
     return np.median(gaps, axis=0)
-
-
-def beyond_limits(robot: Robot, joint_pos: Float[np.ndarray, "t j"]) -> tuple[str, float] | None:
-    """The joint that is beyond its limits in most frames and in which share of them; None where none is in many."""
-    over = (joint_pos > robot.joint_upper + LIMIT_MARGIN) | (joint_pos < robot.joint_lower - LIMIT_MARGIN)
-    share = over.mean(axis=0)
-    worst = int(share.argmax())
-    return (robot.joint_names[worst], float(share[worst])) if share[worst] > BEYOND else None
-
-
-def taken_joint_order(robot: Robot) -> Reason:
-    """The note of a file whose joints are breadth first."""
-    text = (
-        f"its joints have no names; in {robot.name}'s own order its links would lie elsewhere than the file's bodies, "
-        "breadth first (as Isaac Lab orders them) they are where the file has them, which is taken"
-    )
-    return Reason(code="joint_order", text=text, effect="noted")
-
-
-def taken_quaternion_order(order: str) -> Reason:
-    """The note of a file whose root's quaternion is in another order than its format's."""
-    text = f"the root's quaternion is {order}, not as this format has it: so its links are where the file's bodies are"
-    return Reason(code="quaternion_order", text=text, effect="noted")
 
 
 ORDERS = ("wxyz", "xyzw")

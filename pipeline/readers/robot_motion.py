@@ -18,14 +18,11 @@ from pipeline.readers.joint_order import (
     MAX_LINK_ERROR,
     MAX_TILT_DEG,
     ORDERS,
-    beyond_limits,
     breadth_first,
     check_unit,
     in_order,
     inferred_order,
     link_errors,
-    taken_joint_order,
-    taken_quaternion_order,
     trunk_tilt_deg,
 )
 from pipeline.readers.raw_motion import MIN_FRAMES, counted
@@ -36,6 +33,10 @@ from pipeline.robot.load import ROBOTS
 
 MAX_ANGLE = 2.0 * np.pi
 """No joint of a humanoid turns further [rad]; more means degrees."""
+LIMIT_MARGIN = 0.3
+"""A joint this far beyond its limits [rad] shows another joint's angle, or another robot's."""
+BEYOND = 0.1
+"""Share of the frames in which a joint without a name may be beyond its limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,13 +181,27 @@ def _stated_order(path: Path, statement: Statement) -> str | None:
 
 def _check_limits(motion: RobotMotion, robot: Robot, columns: list[int]) -> None:
     """Raises AmbiguousFileError for joints without names that are not the robot's in its order."""
-    beyond = None if motion.joint_names is not None else beyond_limits(robot, motion.joint_pos[:, columns])
-    if beyond is not None:
+    if motion.joint_names is not None:
+        return
+    joint_pos = motion.joint_pos[:, columns]
+    over = (joint_pos > robot.joint_upper + LIMIT_MARGIN) | (joint_pos < robot.joint_lower - LIMIT_MARGIN)
+    share = over.mean(axis=0)
+    worst = int(share.argmax())
+    if share[worst] > BEYOND:
         problem = (
-            f"its joints have no names, and in {robot.name}'s order '{beyond[0]}' is beyond its limits in "
-            f"{beyond[1]:.0%} of the frames: they are in another order, or it is another robot's file."
+            f"its joints have no names, and in {robot.name}'s order '{robot.joint_names[worst]}' is beyond its limits "
+            f"in {share[worst]:.0%} of the frames: they are in another order, or it is another robot's file."
         )
         raise AmbiguousFileError(motion.path, problem, "Add the joints' names to the file.")
+
+
+BREADTH_FIRST = (
+    "its joints have no names; in {robot}'s own order its links would lie elsewhere than the file's bodies, "
+    "breadth first (as Isaac Lab orders them) they are where the file has them, which is taken"
+)
+OTHER_QUATERNION = (
+    "the root's quaternion is {order}, not as this format has it: so its links are where the file's bodies are"
+)
 
 
 def _proved_orders(
@@ -207,8 +222,10 @@ def _proved_orders(
         worst = error if not len(worst) else worst
         if error.max() < MAX_LINK_ERROR:
             _check_upright(path, quat)
-            notes = () if joints == columns else (taken_joint_order(robot),)
-            return order, joints, notes if order in (usual, stated) else (*notes, taken_quaternion_order(order))
+            texts = {} if joints == columns else {"joint_order": BREADTH_FIRST.format(robot=robot.name)}
+            if order not in (usual, stated):
+                texts["quaternion_order"] = OTHER_QUATERNION.format(order=order)
+            return order, joints, tuple(Reason(code=code, text=text, effect="noted") for code, text in texts.items())
     _check_upright(path, in_order(motion.root_quat, orders[0]))
     problem = f"link '{robot.link_names[int(np.nanargmax(worst))]}' of {robot.name} would be {worst.max():.2f} m "
     do = "The joints' order, their signs or the quaternion's order differ."

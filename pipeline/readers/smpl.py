@@ -102,7 +102,7 @@ def is_smpl(arrays: ArrayFile) -> bool:
 
 def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: float | None = None) -> RawMotion:
     """An SMPL motion. `assumed_fps`: what is known of the program that wrote it [Hz]. Raises FileError."""
-    translation, rate, shape = arrays.first(*TRANSLATIONS), arrays.first(*RATES), arrays.first(*SHAPES)
+    translation, shape = arrays.first(*TRANSLATIONS), arrays.first(*SHAPES)
     assert translation is not None
     trans = arrays.stored_numbers(translation, None, 3)
     turns = _turns(arrays, len(trans), translation)
@@ -120,7 +120,7 @@ def read_smpl(arrays: ArrayFile, body_model: Path | None = None, assumed_fps: fl
         parents=PARENT,
         rest_offset=np.where(np.array(PARENT)[:, None] < 0, 0.0, offsets),
         poses=_poses(trans, turns, offsets),
-        fps=arrays.number(rate) if rate is not None else None,
+        fps=arrays.optional_number(*RATES),
         assumed_fps=assumed_fps,
         files=(arrays.path,) if body_model is None else (arrays.path, body_model),
         unit="m",

@@ -6,10 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation
-from pipeline.clips.human_clip import BODIES, PARENTS, body
-
-PARENT: tuple[int, ...] = tuple(body(PARENTS[name]) if name in PARENTS else -1 for name in BODIES)
-"""Index of each body's parent, -1 for the pelvis; a parent comes before its children."""
+from pipeline.clips.human_clip import BODIES, PARENT, body
 
 CHILDREN: tuple[tuple[int, ...], ...] = tuple(
     tuple(child for child, parent in enumerate(PARENT) if parent == index) for index in range(len(BODIES))
