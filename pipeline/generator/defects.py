@@ -91,11 +91,6 @@ def freeze(block: Block, fps: float) -> Block:
     return block
 
 
-def keep(block: Block, fps: float) -> Block:
-    """Unchanged: the defect is the declared rate."""
-    return block
-
-
 def skate(block: Block, fps: float) -> Block:
     """The root drifts forward by 30 cm/s, so that standing feet slide."""
     block[:, 2] += 30.0 * np.arange(len(block)) / fps
@@ -136,7 +131,7 @@ _ALL = (
         ),
         fate="accepted",
         faults=(TIME_BASE,),
-        plant=keep,
+        plant=lambda block, fps: block,  # the defect is the declared rate
         declared_fps=25.0,
     ),
     Defect(

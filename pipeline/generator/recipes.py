@@ -15,17 +15,13 @@ from pipeline.generator.command import GRID_HZ, LEAD_S, Commands, Level, Recipe,
 from pipeline.generator.defects import DEFECTS, Defect, make_defect
 from pipeline.generator.generate import generate
 
-
-def _forward(*speeds: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, forward=speed) for speed in speeds)
-
-
-def _lateral(*speeds: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, lateral=speed) for speed in speeds)
+HOLD_S = 4.0
+"""Time for which most speeds are held [s]."""
 
 
-def _turning(*rates: float, hold_s: float) -> tuple[Level, ...]:
-    return tuple(Level(hold_s=hold_s, yaw_rate=rate) for rate in rates)
+def _levels(command: str, *values: float) -> tuple[Level, ...]:
+    """Values of one command (`forward`, `lateral`, `yaw_rate`), one after another."""
+    return tuple(Level(hold_s=HOLD_S, **{command: value}) for value in values)
 
 
 def _still(hold_s: float) -> Level:
@@ -37,63 +33,63 @@ _ALL = (
     Recipe(
         name="walk_slow",
         what="From standing to slow walking: .3, .4 and .55 m/s.",
-        levels=(_still(1.0), *_forward(0.3, 0.4, 0.55, hold_s=4.0)),
+        levels=(_still(1.0), *_levels("forward", 0.3, 0.4, 0.55)),
         seed=2,
     ),
     Recipe(
         name="walk",
         what="Walks straight ahead at .7, .95 and 1.2 m/s.",
-        levels=_forward(0.7, 0.95, 1.2, hold_s=4.0),
+        levels=_levels("forward", 0.7, 0.95, 1.2),
         seed=3,
     ),
     Recipe(
         name="walk_fast",
         what="Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.",
-        levels=_forward(1.4, 1.7, 1.97, hold_s=4.0),
+        levels=_levels("forward", 1.4, 1.7, 1.97),
         seed=4,
     ),
     Recipe(
         name="run_easy",
         what="Runs easily at 2.08, 2.36 and 2.64 m/s.",
-        levels=_forward(2.08, 2.36, 2.64, hold_s=4.0),
+        levels=_levels("forward", 2.08, 2.36, 2.64),
         seed=5,
         gait="run",
     ),
     Recipe(
         name="run_fast",
         what="Runs at 2.92, 3.2 and 3.5 m/s.",
-        levels=_forward(2.92, 3.2, 3.5, hold_s=4.0),
+        levels=_levels("forward", 2.92, 3.2, 3.5),
         seed=6,
         gait="run",
     ),
     Recipe(
         name="back",
         what="From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
-        levels=(_still(1.0), *_forward(-0.3, -0.6, -0.85, -1.06, hold_s=4.0)),
+        levels=(_still(1.0), *_levels("forward", -0.3, -0.6, -0.85, -1.06)),
         seed=7,
     ),
     Recipe(
         name="side_left",
         what="From standing to steps to the left: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_lateral(0.35, 0.7, 1.06, hold_s=4.0)),
+        levels=(_still(1.0), *_levels("lateral", 0.35, 0.7, 1.06)),
         seed=8,
     ),
     Recipe(
         name="side_right",
         what="From standing to steps to the right: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_lateral(-0.35, -0.7, -1.06, hold_s=4.0)),
+        levels=(_still(1.0), *_levels("lateral", -0.35, -0.7, -1.06)),
         seed=9,
     ),
     Recipe(
         name="turn_left",
         what="Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_turning(0.65, 1.1, 1.6, hold_s=4.0), _still(1.5)),
+        levels=(_still(1.0), *_levels("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
         seed=10,
     ),
     Recipe(
         name="turn_right",
         what="Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_turning(-0.65, -1.1, -1.6, hold_s=4.0), _still(1.5)),
+        levels=(_still(1.0), *_levels("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
         seed=11,
     ),
     Recipe(
@@ -136,7 +132,7 @@ of each skill. The clips `defect_*` were sound and then spoilt; `defects` in the
 
 def texts() -> Iterator[tuple[str, str]]:
     """File name and content of every file, one at a time."""
-    rows = []
+    rows, lines = [], ""
     for name, recipe in RECIPES.items():
         yield f"{name}.bvh", generate(recipe).bvh
         yield f"{name}.yaml", to_text(of_sound(recipe))
@@ -145,11 +141,9 @@ def texts() -> Iterator[tuple[str, str]]:
         yield f"{name}.bvh", make_defect(defect)[1]
         yield f"{name}.yaml", to_text(of_defect(defect))
         rows.append((defect.recipe, defect.fate))
-    lines = [
-        f"| {recipe.name} | {(recipe.frame_count - 1) / recipe.fps:.1f} | {fate} | {recipe.what} |"
-        for recipe, fate in rows
-    ]
-    yield "README.md", README + "\n".join(lines) + "\n"
+    for recipe, fate in rows:
+        lines += f"| {recipe.name} | {(recipe.frame_count - 1) / recipe.fps:.1f} | {fate} | {recipe.what} |\n"
+    yield "README.md", README + lines
 
 
 MADE_BY = "pipeline.generator of this project; no recording of a person went into it"
@@ -175,7 +169,10 @@ def of_sound(recipe: Recipe) -> dict:
 
 def of_defect(defect: Defect) -> dict:
     """Sidecar of a motion with defects: locations and expected effects."""
-    codes = {effect: _codes(defect, effect) for effect in ("repaired", "cut", "rejected")}
+    codes = {
+        effect: list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
+        for effect in ("repaired", "cut", "rejected")
+    }
     seconds = {} if defect.fate == "rejected" else skill_seconds(defect.recipe)
     lost_s = sum(fault.stop_s - fault.start_s for fault in defect.faults if fault.effect == "cut")
     expect = {
@@ -185,8 +182,7 @@ def of_defect(defect: Defect) -> dict:
         "repaired": codes["repaired"],
     }
     faults = [
-        {"code": fault.code, "start_s": fault.start_s, "stop_s": fault.stop_s, "detail": fault.detail}
-        | {"effect": fault.effect}
+        {name: getattr(fault, name) for name in ("code", "start_s", "stop_s", "detail", "effect")}
         for fault in defect.faults
     ]
     rate = {} if defect.declared_fps is None else {"declared_fps": defect.declared_fps, "true_fps": defect.recipe.fps}
@@ -200,10 +196,6 @@ def to_text(sidecar: dict) -> str:
 
 def _head(recipe: Recipe) -> dict:
     return {"what": recipe.what, "made_by": MADE_BY, "seed": recipe.seed, "licence": LICENCE}
-
-
-def _codes(defect: Defect, effect: str) -> list[str]:
-    return list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
 
 
 def skill_seconds(recipe: Recipe) -> dict[str, float]:

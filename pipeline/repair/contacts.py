@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip
+from pipeline.quality.sole import inner_contacts
 from pipeline.repair.floor import densest
 from pipeline.repair.settings import ContactSettings
 
@@ -50,18 +51,14 @@ class FootPoints:
 
 def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
     """Ball and heel of a foot; `ground` is the clip's floor [m], which no stance height strays far from."""
-    ball_w = clip.pos(f"{side}_toe")
-    ankle_w, foot_quat = clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
+    ball_w, ankle_w, foot_quat = clip.pos(f"{side}_toe"), clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
     ankle_height = _stance_height(ankle_w, clip.fps, ground)
     heel_w = ankle_w + rotation.rotate(foot_quat, np.array([-HEEL_BACK, 0.0, -(ankle_height - ground)]))
     points = np.stack([ball_w, heel_w], axis=1)
-    stance = np.array([_stance_height(points[:, 0], clip.fps, ground), _stance_height(points[:, 1], clip.fps, ground)])
+    stance = np.array([_stance_height(point_w, clip.fps, ground) for point_w in (ball_w, heel_w)])
     velocity = time_series.derivative(points, clip.fps)
-    return FootPoints(
-        height=points[..., 2] - stance,
-        speed=np.linalg.norm(velocity, axis=-1),
-        along_ground=velocity[..., :2],
-    )
+    speed = np.linalg.norm(velocity, axis=-1)
+    return FootPoints(height=points[..., 2] - stance, speed=speed, along_ground=velocity[..., :2])
 
 
 def label_contacts(
@@ -80,7 +77,7 @@ def label_contacts(
         low = foot.height < settings.height
         sure = np.any(low & (foot.speed < on_m_s), axis=1)
         possible = np.any(low & (foot.speed < off_m_s), axis=1)
-        columns.append(_without_short_runs(_grown(sure, possible), shortest))
+        columns.append(time_series.without_short_runs(_grown(sure, possible), shortest))
     return np.stack(columns, axis=-1)
 
 
@@ -97,11 +94,8 @@ def _slow(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> flo
 
 def stance_slip(feet: tuple[FootPoints, FootPoints], contacts: Bool[np.ndarray, "t 2"]) -> float:
     """Mean horizontal speed [m/s] of the slower of ball and heel of standing feet, without the ends of each stance."""
-    inner = contacts.copy()
-    inner[1:] &= contacts[:-1]
-    inner[:-1] &= contacts[1:]
-    speeds = [foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)]
-    speed = np.concatenate(speeds)
+    inner = inner_contacts(contacts)
+    speed = np.concatenate([foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)])
     return float(speed.mean()) if len(speed) else 0.0
 
 
@@ -127,14 +121,4 @@ def _grown(sure: Bool[np.ndarray, " t"], possible: Bool[np.ndarray, " t"]) -> Bo
     result = np.zeros_like(sure)
     for start, stop in time_series.runs(possible):
         result[start:stop] = sure[start:stop].any()
-    return result
-
-
-def _without_short_runs(label: Bool[np.ndarray, " t"], shortest: int) -> Bool[np.ndarray, " t"]:
-    """Inner gaps shorter than `shortest` frames closed, then runs shorter than that dropped."""
-    result = label.copy()
-    for wanted in (False, True):
-        for start, stop in time_series.runs(result == wanted):
-            if stop - start < shortest and start > 0 and stop < len(label):
-                result[start:stop] = not wanted
     return result

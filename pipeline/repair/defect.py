@@ -41,16 +41,9 @@ class Defect:
             where = f"frame {self.start}"
         else:
             where = f"frames {self.start}-{self.stop - 1}"
-        return Reason(
-            code=self.code,
-            text=f"{where}: {self.text}; {done}.",
-            effect=effect,
-            start_s=self.start / fps,
-            stop_s=self.stop / fps,
-            value=self.value,
-            limit=self.limit,
-            unit=self.unit,
-        )
+        numbers = {"value": self.value, "limit": self.limit, "unit": self.unit}
+        text = f"{where}: {self.text}; {done}."
+        return Reason.of_frames(self.code, text, effect, (self.start, self.stop), fps, **numbers)
 
 
 @dataclass
@@ -68,8 +61,8 @@ class Findings:
 
     def add(self, defects: list[Defect]) -> None:
         """Take what a detector found."""
+        self.defects += defects
         for defect in defects:
-            self.defects.append(defect)
             bodies = list(defect.bodies)
             if defect.pos:
                 self.lost_pos[defect.start : defect.stop, bodies] = True
@@ -107,3 +100,21 @@ def names(bodies: tuple[int, ...] | list[int]) -> str:
         return "all joints"
     listed = ", ".join(BODIES[index] for index in list(bodies)[:3])
     return listed if len(bodies) <= 3 else f"{listed} and {len(bodies) - 3} more"
+
+
+def spans(
+    code: str, text: str, mask: Bool[np.ndarray, "t 19"], *, pos: np.ndarray | None, rot: np.ndarray | None
+) -> list[Defect]:
+    """A defect for each run of frames in which the same bodies are marked in `mask`."""
+    marked = np.flatnonzero(mask.any(axis=1))
+    if not len(marked):
+        return []
+    defects = []
+    changes = np.flatnonzero((np.diff(marked) > 1) | (mask[marked[1:]] != mask[marked[:-1]]).any(axis=1)) + 1
+    for group in np.split(marked, changes):
+        start, stop = int(group[0]), int(group[-1]) + 1
+        bodies = tuple(int(index) for index in np.flatnonzero(mask[start]))
+        lost = {kind: lost is not None and bool(lost[start:stop].any()) for kind, lost in (("pos", pos), ("rot", rot))}
+        named = text.format(names=names(bodies))
+        defects.append(Defect(code=code, text=named, start=start, stop=stop, bodies=bodies, **lost))
+    return defects

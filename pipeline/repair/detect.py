@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from pipeline.clips.human_clip import HumanClip
-from pipeline.repair.defect import Defect, Findings
-from pipeline.repair.fill import fill, find_missing
+import numpy as np
+from jaxtyping import Bool
+
+from pipeline import rotation
+from pipeline.clips.human_clip import PARENT, HumanClip
+from pipeline.repair.defect import Defect, Findings, spans
+from pipeline.repair.fill import fill
 from pipeline.repair.frozen import find_frozen
 from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.settings import DetectionSettings
@@ -19,6 +23,12 @@ MOST_LOOKS = 4
 
 BESIDE = 3
 """Frames between a stretch of one kind and one of another that touch each other, at most."""
+
+
+NEAR = 1e-6
+"""A body this close to the origin or its parent lies on it [m]: real data have more noise."""
+SHORTEST_BONE = 0.02
+"""Bodies that are closer to their parent than this throughout the clip are so by design [m]."""
 
 
 def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Findings]:
@@ -88,3 +98,34 @@ def _new(defects: list[Defect], findings: Findings) -> list[Defect]:
     """Defects with samples that were not lost already: a bridged gap at the clip's end is not frozen."""
     lost = findings.lost
     return [one for one in defects if not lost[one.start : one.stop][:, list(one.bodies)].all()]
+
+
+def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
+    """NaN and infinite samples (`missing`), zeroed joints (`zeroed`), no rotations (`no_rotation`)."""
+    pos_w, quat_w = clip.body_pos_w, clip.body_quat_w
+    missing_pos = np.any(~np.isfinite(pos_w), axis=-1)
+    missing_rot = np.any(~np.isfinite(quat_w), axis=-1)
+    missing = np.logical_or(missing_pos, missing_rot)
+    zeroed = _zeroed(np.where(missing_pos[..., None], np.nan, pos_w))
+    norm = np.linalg.norm(np.where(missing_rot[..., None], 1.0, quat_w), axis=-1)
+    no_rotation = ~missing_rot & (np.abs(np.where(missing_rot, 1.0, norm) - 1.0) > settings.quat_norm_change)
+    return (
+        spans("missing", "{names} missing (not a number)", missing, pos=missing_pos, rot=missing_rot)
+        + spans("zeroed", "{names} at zero", zeroed, pos=zeroed, rot=zeroed)
+        + spans("no_rotation", "quaternion of {names} is not unit", no_rotation, pos=None, rot=no_rotation)
+    )
+
+
+def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
+    """Bodies at the world's origin, or on their parent although their bone has a length."""
+    at_origin = rotation.length(pos_w) < NEAR
+    at_origin[at_origin[:, 0]] = True
+    bone = np.full(pos_w.shape[:2], np.inf)
+    bone[:, 1:] = rotation.length(pos_w[:, 1:] - pos_w[:, list(PARENT[1:])])
+    known = np.isfinite(bone) & ~at_origin
+    usual = np.array(
+        [np.median(column[seen]) if seen.any() else 0.0 for column, seen in zip(bone.T, known.T, strict=True)]
+    )
+    with np.errstate(invalid="ignore"):
+        on_parent = (bone < NEAR) & (usual > SHORTEST_BONE)
+    return at_origin | on_parent

@@ -6,12 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import rotation, time_series
-from pipeline.clips.human_clip import BODIES
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
+from pipeline.clips.human_clip import BODIES, PARENT
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.holds import Hold, Limits, aligned, find_holds
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import FEET_BODIES, PARENT
+from pipeline.repair.tree import FEET_BODIES
 from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
 
 POSE_BODIES = 12
@@ -83,7 +82,7 @@ def _turned(
 ) -> dict[str, Bool[np.ndarray, "t 19"]]:
     """Frames in which each body's rotation in its parent's frame is held; the pelvis has no parent."""
     still = _step(rotation.length(seen.local_turns)) < settings.still_step
-    entering = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * slow_rate(fps)
+    entering = turn_limits(settings) * slow_rate(fps)
     holds: list[list[Hold]] = [[] for _ in BODIES]
     for index in (1 + np.flatnonzero(still[:, 1:].any(axis=0))).tolist():
         limits = Limits(

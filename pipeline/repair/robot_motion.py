@@ -42,12 +42,7 @@ def label_robot_contacts(clip: RobotClip, robot: Robot) -> Bool[np.ndarray, "t 2
     limit = ground + float(np.clip(SPREADS * spread, LEAST, MOST))
     touching = (low < limit) & (sole.lowest_corner_speed < FASTEST)
     shortest = round(SHORTEST_S * clip.fps)
-    for side in range(2):
-        for wanted in (False, True):
-            for start, stop in time_series.runs(touching[:, side] == wanted):
-                if stop - start < shortest and start > 0 and stop < len(touching):
-                    touching[start:stop, side] = not wanted
-    return touching
+    return np.stack([time_series.without_short_runs(side, shortest) for side in touching.T], axis=1)
 
 
 QUAT_NORM_CHANGE = 0.01
@@ -76,18 +71,13 @@ def process_robot(
         reasons.too_short(low, high, clip.fps, settings.min_seconds) for low, high in whole if (low, high) not in kept
     ]
     for number, (low, high) in enumerate(kept, start=1):
-        name = f"{clip.name}+{number}" if len(kept) > 1 else clip.name
-        pieces.append(_placed(_labelled(clamped.cut(low, high, name), robot), low, settings))
+        piece = clamped.cut(low, high, f"{clip.name}+{number}" if len(kept) > 1 else clip.name)
+        if robot is not None and clip.contacts is None:
+            piece = dataclasses.replace(piece, contacts=label_robot_contacts(piece, robot))
+        pieces.append(_placed(piece, low, settings))
     filled = sum(round(((each.stop_s or 0.0) - (each.start_s or 0.0)) * clip.fps) for each in spikes)
     cut = stop - start - sum(piece.clip.frame_count for piece in pieces)
     return Outcome(pieces=tuple(pieces), reasons=tuple(gathered), numbers={"filled_frames": filled, "cut_frames": cut})
-
-
-def _labelled(clip: RobotClip, robot: Robot | None) -> RobotClip:
-    """The clip with contacts, where the recording does not know them and the robot is given."""
-    if robot is None or clip.contacts is not None:
-        return clip
-    return dataclasses.replace(clip, contacts=label_robot_contacts(clip, robot))
 
 
 def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> Float[np.ndarray, " j"]:
@@ -104,13 +94,16 @@ def _bad_frames(
     clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]
 ) -> tuple[Bool[np.ndarray, " t"], list[Reason]]:
     """Frames to cut, and why."""
+
+    def reason(code: str, low: int, high: int, problem: str, **numbers: float | str) -> Reason:
+        text = f"frames {low}-{high - 1}: {problem}; these frames are cut"
+        return Reason.of_frames(code, text, "rejected", (low, high), clip.fps, **numbers)
+
     norm = np.linalg.norm(clip.root_quat_w, axis=1)
     finite = np.isfinite(clip.root_pos_w).all(axis=1) & np.isfinite(clip.joint_pos).all(axis=1) & np.isfinite(norm)
-    gathered = [_reason("missing", low, high, clip.fps, "not a number") for low, high in time_series.runs(~finite)]
+    gathered = [reason("missing", *frames, "not a number") for frames in time_series.runs(~finite)]
     unit = np.abs(np.where(finite, norm, 1.0) - 1.0) <= QUAT_NORM_CHANGE
-    gathered += [
-        _reason("no_rotation", low, high, clip.fps, "root quaternion not unit") for low, high in time_series.runs(~unit)
-    ]
+    gathered += [reason("no_rotation", *frames, "root quaternion not unit") for frames in time_series.runs(~unit)]
     away = np.zeros(clip.frame_count, dtype=bool)
     for dropout in dropouts:
         away[dropout.start : dropout.stop] = True
@@ -123,27 +116,10 @@ def _bad_frames(
     for low, high in time_series.runs(too_fast):
         span = speed[low : high - 1]
         joint = int(np.argmax((span / speed_limit).max(axis=0)))
-        text = f"joint '{clip.joint_names[joint]}' moves at {span[:, joint].max():.1f} rad/s"
-        gathered.append(
-            _reason("joint_jump", low, high, clip.fps, text, float(span[:, joint].max()), speed_limit[joint])
-        )
+        fastest, limit = float(span[:, joint].max()), float(speed_limit[joint])
+        problem = f"joint '{clip.joint_names[joint]}' moves at {fastest:.1f} rad/s, allowed are {limit:.1f} rad/s"
+        gathered.append(reason("joint_jump", low, high, problem, value=fastest, limit=limit, unit="rad/s"))
     return ~known | ~unit | too_fast, gathered
-
-
-def _reason(
-    code: str, low: int, high: int, fps: float, text: str, value: float | None = None, limit: float | None = None
-) -> Reason:
-    allowed = f", allowed are {limit:.1f} rad/s" if limit is not None else ""
-    return Reason(
-        code=code,
-        text=f"frames {low}-{high - 1}: {text}{allowed}; these frames are cut",
-        effect="rejected",
-        start_s=low / fps,
-        stop_s=high / fps,
-        value=value,
-        limit=None if limit is None else float(limit),
-        unit="rad/s" if limit is not None else "",
-    )
 
 
 def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> tuple[RobotClip, list[Reason]]:
@@ -158,18 +134,10 @@ def _clamped(clip: RobotClip, robot: Robot | None, settings: RobotSettings) -> t
     gathered = []
     for joint in np.flatnonzero(little.any(axis=0)):
         most = float(over[little[:, joint], joint].max())
-        share = little[:, joint].mean()
-        text = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad in {share:.0%} "
-        gathered.append(
-            Reason(
-                code="joint_limit",
-                text=text + "of the frames; put on the limit",
-                effect="repaired",
-                value=most,
-                limit=settings.clamp,
-                unit="rad",
-            )
-        )
+        passes = f"joint '{clip.joint_names[joint]}' passes its limit by up to {most:.3f} rad"
+        text = f"{passes} in {little[:, joint].mean():.0%} of the frames; put on the limit"
+        numbers = {"value": most, "limit": settings.clamp, "unit": "rad"}
+        gathered.append(Reason(code="joint_limit", text=text, effect="repaired", **numbers))
     return dataclasses.replace(clip, joint_pos=joint_pos), gathered
 
 

@@ -53,44 +53,65 @@ class Dropout:
 
     def reason(self, fps: float) -> Reason:
         """Why the frames are cut."""
-        return Reason(
-            code="dropout",
-            text=f"frames {self.start}-{self.stop - 1}: {self.what} jumps by {self.size:.3f} {self.unit} and back; "
-            "these frames are cut",
-            effect="rejected",
-            start_s=self.start / fps,
-            stop_s=self.stop / fps,
-            value=self.size,
-            limit=LEAST_STEPS[self.unit],
-            unit=self.unit,
-        )
+        jump = f"frames {self.start}-{self.stop - 1}: {self.what} jumps by {self.size:.3f} {self.unit} and back"
+        numbers = {"value": self.size, "limit": LEAST_STEPS[self.unit], "unit": self.unit}
+        text = f"{jump}; these frames are cut"
+        return Reason.of_frames("dropout", text, "rejected", (self.start, self.stop), fps, **numbers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A quantity of a robot's motion in which spikes and dropouts are sought."""
+
+    what: str
+    """`joint 'Left_Knee_Pitch'`, `the root`, …"""
+    values: Float[np.ndarray, "t d"]
+    size: Callable[[np.ndarray], np.ndarray]
+    """Size of changes (t, d)."""
+    unit: str
+    least: float
+    """Smallest spike."""
+
+
+def _quantities(clip: RobotClip) -> list[Quantity]:
+    """Every joint, then the root's position and its rotation."""
+    pos, quat = clip.root_pos_w, clip.root_quat_w
+    return [
+        *(
+            Quantity(what=f"joint '{name}'", values=values[:, None], size=np.abs, unit="rad", least=LEAST_JOINT)
+            for name, values in zip(clip.joint_names, clip.joint_pos.T, strict=True)
+        ),
+        Quantity(what="the root", values=pos, size=rotation.length, unit="m", least=LEAST_PLACE),
+        Quantity(what="the root's rotation", values=quat, size=_quat_angle, unit="rad", least=LEAST_TURN),
+    ]
 
 
 def without_spikes(clip: RobotClip) -> tuple[RobotClip, list[Reason]]:
     """The clip with its spikes filled from the frames around, and a reason for each. Missing frames are left alone."""
-    joints, joint_reasons = _joints_filled(clip)
-    root_pos, root_quat, root_reasons = _root_filled(clip)
-    if not joint_reasons and not root_reasons:
+    joints, pos, quat = clip.joint_pos.copy(), clip.root_pos_w.copy(), clip.root_quat_w.copy()
+    gathered = []
+    for one, filled in zip(_quantities(clip), [*joints.T[:, :, None], pos, quat], strict=True):
+        for start, stop in _spikes(one.size, one.values, clip.fps, one.least):
+            made, there = _bridge(one.values, start, stop), one.values[start:stop]
+            if filled is quat:
+                made = rotation.normalize(made)
+                off = rotation.angle_between(made, there)
+            else:
+                off = one.size(made - there)
+            filled[start:stop] = made
+            gathered.append(_reason(one, start, stop, clip.fps, float(np.max(off))))
+    if not gathered:
         return clip, []
-    filled = dataclasses.replace(clip, joint_pos=joints, root_pos_w=root_pos, root_quat_w=root_quat)
-    return filled, joint_reasons + root_reasons
+    return dataclasses.replace(clip, joint_pos=joints, root_pos_w=pos, root_quat_w=quat), gathered
 
 
 def find_dropouts(clip: RobotClip, longest_s: float) -> list[Dropout]:
     """Dropouts of joints and root, the first one first, of at most `longest_s` [s]."""
     longest = max(round(longest_s * clip.fps), LONGEST + 1)
-    joints = [
-        (f"joint '{name}'", np.abs, clip.joint_pos[:, joint, None], "rad")
-        for joint, name in enumerate(clip.joint_names)
-    ]
-    root = [
-        ("the root", rotation.length, clip.root_pos_w, "m"),
-        ("the root's rotation", _quat_angle, clip.root_quat_w, "rad"),
-    ]
     found = [
-        Dropout(start=start, stop=stop, what=what, size=step, unit=unit)
-        for what, size, values, unit in (*joints, *root)
-        for start, stop, step in _dropouts(size, values, clip.fps, LEAST_STEPS[unit], longest)
+        Dropout(start=start, stop=stop, what=one.what, size=step, unit=one.unit)
+        for one in _quantities(clip)
+        for start, stop, step in _dropouts(one.size, one.values, clip.fps, LEAST_STEPS[one.unit], longest)
     ]
     return sorted(found, key=lambda dropout: (dropout.start, dropout.stop, dropout.what))
 
@@ -127,34 +148,8 @@ def _dropouts(
     return found
 
 
-def _joints_filled(clip: RobotClip) -> tuple[Float[np.ndarray, "t j"], list[Reason]]:
-    values, gathered = clip.joint_pos.copy(), []
-    for joint, name in enumerate(clip.joint_names):
-        for start, stop in _spikes(np.abs, clip.joint_pos[:, joint, None], clip.fps, LEAST_JOINT):
-            before = values[start:stop, joint].copy()
-            values[start:stop, joint] = _bridge(clip.joint_pos[:, joint, None], start, stop)[:, 0]
-            size = float(np.abs(before - values[start:stop, joint]).max())
-            gathered.append(_reason(f"joint '{name}'", start, stop, clip.fps, size, "rad", LEAST_JOINT))
-    return values, gathered
-
-
-def _root_filled(
-    clip: RobotClip,
-) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 4"], list[Reason]]:
-    pos, quat, gathered = clip.root_pos_w.copy(), clip.root_quat_w.copy(), []
-    for start, stop in _spikes(rotation.length, clip.root_pos_w, clip.fps, LEAST_PLACE):
-        pos[start:stop] = _bridge(clip.root_pos_w, start, stop)
-        size = float(rotation.length(pos[start:stop] - clip.root_pos_w[start:stop]).max())
-        gathered.append(_reason("the root", start, stop, clip.fps, size, "m", LEAST_PLACE))
-    # half the angle of a small turn is the length of its quaternion's change
-    for start, stop in _spikes(_quat_angle, clip.root_quat_w, clip.fps, LEAST_TURN):
-        quat[start:stop] = rotation.normalize(_bridge(clip.root_quat_w, start, stop))
-        size = float(rotation.angle_between(quat[start:stop], clip.root_quat_w[start:stop]).max())
-        gathered.append(_reason("the root's rotation", start, stop, clip.fps, size, "rad", LEAST_TURN))
-    return pos, quat, gathered
-
-
 def _quat_angle(change: Float[np.ndarray, "t 4"]) -> Float[np.ndarray, " t"]:
+    """Half the angle of a small turn is the length of its quaternion's change."""
     return 2.0 * np.linalg.norm(change, axis=-1)
 
 
@@ -212,15 +207,8 @@ def _bridge(values: Float[np.ndarray, "t d"], start: int, stop: int) -> Float[np
     return np.concatenate([_cubic(values, np.array([start]), stop - start, place) for place in range(stop - start)])
 
 
-def _reason(what: str, start: int, stop: int, fps: float, size: float, unit: str, least: float) -> Reason:
+def _reason(one: Quantity, start: int, stop: int, fps: float, size: float) -> Reason:
     frames = f"frame {start}" if stop - start == 1 else f"frames {start}-{stop - 1}"
-    return Reason(
-        code="spike",
-        text=f"{frames}: {what} is {size:.3f} {unit} off what the frames around say; filled",
-        effect="repaired",
-        start_s=start / fps,
-        stop_s=stop / fps,
-        value=size,
-        limit=least,
-        unit=unit,
-    )
+    text = f"{frames}: {one.what} is {size:.3f} {one.unit} off what the frames around say; filled"
+    numbers = {"value": size, "limit": one.least, "unit": one.unit}
+    return Reason.of_frames("spike", text, "repaired", (start, stop), fps, **numbers)

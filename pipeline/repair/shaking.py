@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from pipeline import time_series
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.unsteadiness import REACH, Seen, slow_rate, turn_limits
 
@@ -39,7 +38,7 @@ def find_noise(seen: Seen, fps: float, settings: DetectionSettings) -> list[Defe
     if len(seen.pos_w) < width:
         return []
     turn, place = seen.misses
-    least = turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump)
+    least = turn_limits(settings)
     turn_limit = least * (settings.noise_turn / settings.angle_jump) * slow_rate(fps)
     place_limit = np.full(place.shape[1], settings.noise_place)
     place_limit[0] = settings.root_jump / 2.0

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
-from pipeline.clips.human_clip import BODIES, HumanClip
-from pipeline.repair.defect import Defect
-from pipeline.repair.fill import spans
+from pipeline.clips.human_clip import BODIES, PARENT, HumanClip
+from pipeline.repair.defect import Defect, spans
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import CHILDREN, LIMB_ENDS, PARENT, Orientations, Positions, bone_lengths
+from pipeline.repair.tree import CHILDREN, LIMB_ENDS, Orientations, Positions, bone_lengths
 
 SMALLEST_CHANGE = 0.01
 """A change of length that is always allowed [m]: 5 % of a foot is less than marker noise."""

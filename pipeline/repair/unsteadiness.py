@@ -65,9 +65,9 @@ def slow_rate(fps: float) -> float:
     return max(1.0, REFERENCE_HZ / fps)
 
 
-def turn_limits(moved: float, least: float, most: float) -> Float[np.ndarray, " 19"]:
-    """Turn of each body [rad] that moves a joint below it by `moved` [m], within `least` and `most`."""
-    return np.clip(moved / np.maximum(LEVER, 1e-3), least, most)
+def turn_limits(settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
+    """Smallest turn of each body [rad] that counts as a jump: smaller where it moves other joints far."""
+    return np.clip(settings.lever_jump / np.maximum(LEVER, 1e-3), settings.least_angle, settings.angle_jump)
 
 
 def limits(
@@ -225,7 +225,7 @@ def _candidates(
     """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle and its limit [rad],
     whether it moved."""
     turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
-    least = _turn_limits(settings.spike_turn, settings)
+    least = turn_limits(settings) * (settings.spike_turn / settings.angle_jump)
     usual = np.asarray(~lost.any(axis=1))
     turn_limit = limits(turn, least, settings.spike_spread, usual)
     place_limit = limits(place, np.full(place.shape[1], settings.position_jump), settings.spike_spread, usual)
@@ -251,8 +251,3 @@ def _candidates(
         off = float(turn[frame, index]), float(turn_limit[index])
         result.append((float(size[frame, index]), int(index), start, stop, *off, moved))
     return result
-
-
-def _turn_limits(most: float, settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
-    """Limits of a turn [rad] that are `most` where jumps have theirs, and smaller in proportion elsewhere."""
-    return turn_limits(settings.lever_jump, settings.least_angle, settings.angle_jump) * (most / settings.angle_jump)
