@@ -122,9 +122,9 @@ def _in_swing(
 ) -> Float[np.ndarray, "n 6"]:
     """The six coordinates of `_in_stance` between two stances.
 
-    The foot is ahead of the plain curve early in swing and behind it late, as people's are by a kick and a stamp; without
-    it a foot waits above the floor for the body, with a straight leg. The arc's height leaves more than 2 cm below the
-    toes, and the foot hangs while the shank is tilted forward. [judgement]
+    The foot is ahead of the plain curve early in swing and behind it late, as people's are by a kick and a stamp;
+    without it a foot waits above the floor for the body, with a straight leg. The arc's height leaves more than 2 cm
+    below the toes, and the foot hangs while the shank is tilted forward. [judgement]
     """
     duration_s = after.start_s - before.stop_s
     s = (times - before.stop_s) / duration_s

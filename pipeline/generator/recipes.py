@@ -28,87 +28,77 @@ def _still(hold_s: float) -> Level:
     return Level(hold_s=hold_s)
 
 
+def _recipe(name: str, seed: int, what: str, *levels: Level, gait: str = "walk", ramp_s: float = 1.0) -> Recipe:
+    return Recipe(name=name, what=what, levels=levels, seed=seed, gait=gait, ramp_s=ramp_s)
+
+
 _ALL = (
-    Recipe(name="stand", what="Stands, swaying a little.", levels=(_still(8.0),), seed=1),
-    Recipe(
-        name="walk_slow",
-        what="From standing to slow walking: .3, .4 and .55 m/s.",
-        levels=(_still(1.0), *_levels("forward", 0.3, 0.4, 0.55)),
-        seed=2,
+    _recipe("stand", 1, "Stands, swaying a little.", _still(8.0)),
+    _recipe(
+        "walk_slow",
+        2,
+        "From standing to slow walking: .3, .4 and .55 m/s.",
+        _still(1.0),
+        *_levels("forward", 0.3, 0.4, 0.55),
     ),
-    Recipe(
-        name="walk",
-        what="Walks straight ahead at .7, .95 and 1.2 m/s.",
-        levels=_levels("forward", 0.7, 0.95, 1.2),
-        seed=3,
+    _recipe("walk", 3, "Walks straight ahead at .7, .95 and 1.2 m/s.", *_levels("forward", 0.7, 0.95, 1.2)),
+    _recipe("walk_fast", 4, "Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.", *_levels("forward", 1.4, 1.7, 1.97)),
+    _recipe(
+        "run_easy", 5, "Runs easily at 2.08, 2.36 and 2.64 m/s.", *_levels("forward", 2.08, 2.36, 2.64), gait="run"
     ),
-    Recipe(
-        name="walk_fast",
-        what="Walks fast straight ahead at 1.4, 1.7 and 1.97 m/s.",
-        levels=_levels("forward", 1.4, 1.7, 1.97),
-        seed=4,
+    _recipe("run_fast", 6, "Runs at 2.92, 3.2 and 3.5 m/s.", *_levels("forward", 2.92, 3.2, 3.5), gait="run"),
+    _recipe(
+        "back",
+        7,
+        "From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("forward", -0.3, -0.6, -0.85, -1.06),
     ),
-    Recipe(
-        name="run_easy",
-        what="Runs easily at 2.08, 2.36 and 2.64 m/s.",
-        levels=_levels("forward", 2.08, 2.36, 2.64),
-        seed=5,
-        gait="run",
+    _recipe(
+        "side_left",
+        8,
+        "From standing to steps to the left: .35, .7 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("lateral", 0.35, 0.7, 1.06),
     ),
-    Recipe(
-        name="run_fast",
-        what="Runs at 2.92, 3.2 and 3.5 m/s.",
-        levels=_levels("forward", 2.92, 3.2, 3.5),
-        seed=6,
-        gait="run",
+    _recipe(
+        "side_right",
+        9,
+        "From standing to steps to the right: .35, .7 and 1.06 m/s.",
+        _still(1.0),
+        *_levels("lateral", -0.35, -0.7, -1.06),
     ),
-    Recipe(
-        name="back",
-        what="From standing to walking backwards: .3, .6, .85 and 1.06 m/s.",
-        levels=(_still(1.0), *_levels("forward", -0.3, -0.6, -0.85, -1.06)),
-        seed=7,
+    _recipe(
+        "turn_left",
+        10,
+        "Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
+        *(_still(1.0), *_levels("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
     ),
-    Recipe(
-        name="side_left",
-        what="From standing to steps to the left: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_levels("lateral", 0.35, 0.7, 1.06)),
-        seed=8,
+    _recipe(
+        "turn_right",
+        11,
+        "Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
+        *(_still(1.0), *_levels("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
     ),
-    Recipe(
-        name="side_right",
-        what="From standing to steps to the right: .35, .7 and 1.06 m/s.",
-        levels=(_still(1.0), *_levels("lateral", -0.35, -0.7, -1.06)),
-        seed=9,
+    _recipe(
+        "curve_left",
+        12,
+        "Walks curves to the left, wide and fast, then tight and slow.",
+        Level(hold_s=4.5, forward=1.2, yaw_rate=0.5),
+        Level(hold_s=4.5, forward=0.8, yaw_rate=0.8),
     ),
-    Recipe(
-        name="turn_left",
-        what="Turns in place to the left at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_levels("yaw_rate", 0.65, 1.1, 1.6), _still(1.5)),
-        seed=10,
+    _recipe(
+        "curve_right",
+        13,
+        "Walks curves to the right, wide and fast, then tight and slow.",
+        Level(hold_s=4.5, forward=1.2, yaw_rate=-0.5),
+        Level(hold_s=4.5, forward=0.8, yaw_rate=-0.8),
     ),
-    Recipe(
-        name="turn_right",
-        what="Turns in place to the right at .65, 1.1 and 1.6 rad/s, then stops.",
-        levels=(_still(1.0), *_levels("yaw_rate", -0.65, -1.1, -1.6), _still(1.5)),
-        seed=11,
-    ),
-    Recipe(
-        name="curve_left",
-        what="Walks curves to the left, wide and fast, then tight and slow.",
-        levels=(Level(hold_s=4.5, forward=1.2, yaw_rate=0.5), Level(hold_s=4.5, forward=0.8, yaw_rate=0.8)),
-        seed=12,
-    ),
-    Recipe(
-        name="curve_right",
-        what="Walks curves to the right, wide and fast, then tight and slow.",
-        levels=(Level(hold_s=4.5, forward=1.2, yaw_rate=-0.5), Level(hold_s=4.5, forward=0.8, yaw_rate=-0.8)),
-        seed=13,
-    ),
-    Recipe(
-        name="start_stop",
-        what="Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.",
-        levels=(_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2)),
-        seed=14,
+    _recipe(
+        "start_stop",
+        14,
+        "Stands, walks at 1.0 m/s, stops, walks at 1.5 m/s, stops.",
+        *(_still(1.5), Level(hold_s=2.5, forward=1.0), _still(2.2), Level(hold_s=2.5, forward=1.5), _still(2.2)),
         ramp_s=1.2,
     ),
 )
