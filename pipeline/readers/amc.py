@@ -278,12 +278,7 @@ def _check_whole(path: Path, count: int, seen: set[str], columns: dict[str, slic
 
 
 def _bone_values(
-    path: Path,
-    row: Float[np.ndarray, " c"],
-    seen: set[str],
-    columns: dict[str, slice],
-    words: list[str],
-    line: int,
+    path: Path, row: Float[np.ndarray, " c"], seen: set[str], columns: dict[str, slice], words: list[str], line: int
 ) -> None:
     """Write the values of one line into its frame's row. Raises FileError."""
     name = words[0]

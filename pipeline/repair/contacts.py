@@ -17,6 +17,7 @@ from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.quality.sole import inner_contacts
 from pipeline.repair.floor import densest
 from pipeline.repair.settings import ContactSettings
+from pipeline.repair.tree import FrameMask
 
 HEEL_BACK = 0.05
 """Heel behind the ankle [m]: the ankle lies over a quarter of the foot's .26 m (Winter 2009, foot length .152 H)."""
@@ -49,6 +50,12 @@ class FootPoints:
         return FootPoints(height=self.height[part], speed=self.speed[part], along_ground=self.along_ground[part])
 
 
+Feet = tuple[FootPoints, FootPoints]
+"""Left and right."""
+Contacts = Bool[np.ndarray, "t 2"]
+"""Foot on the ground (left, right)."""
+
+
 def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
     """Ball and heel of a foot; `ground` is the clip's floor [m], which no stance height strays far from."""
     ball_w, ankle_w, foot_quat = clip.pos(f"{side}_toe"), clip.pos(f"{side}_ankle"), clip.quat(f"{side}_ankle")
@@ -61,9 +68,7 @@ def foot_points(clip: HumanClip, side: str, ground: float) -> FootPoints:
     return FootPoints(height=points[..., 2] - stance, speed=speed, along_ground=velocity[..., :2])
 
 
-def label_contacts(
-    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
-) -> Bool[np.ndarray, "t 2"]:
+def label_contacts(feet: Feet, fps: float, settings: ContactSettings) -> Contacts:
     """Foot on the ground (left, right).
 
     How slow is slow follows from the clip: feet of a clean recording hardly move in stance, and what does is on
@@ -81,7 +86,7 @@ def label_contacts(
     return np.stack(columns, axis=-1)
 
 
-def _slow(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> float:
+def _slow(feet: Feet, settings: ContactSettings) -> float:
     """Speed [m/s] below which a low point of this clip begins a contact."""
     planted = []
     for foot in feet:
@@ -92,14 +97,14 @@ def _slow(feet: tuple[FootPoints, FootPoints], settings: ContactSettings) -> flo
     return float(np.clip(TIMES_USUAL * usual, settings.speed_floor_m_s, settings.speed_on_m_s))
 
 
-def stance_slip(feet: tuple[FootPoints, FootPoints], contacts: Bool[np.ndarray, "t 2"]) -> float:
+def stance_slip(feet: Feet, contacts: Contacts) -> float:
     """Mean horizontal speed [m/s] of the slower of ball and heel of standing feet, without the ends of each stance."""
     inner = inner_contacts(contacts)
     speed = np.concatenate([foot.horizontal.min(axis=1)[inner[:, side]] for side, foot in enumerate(feet)])
     return float(speed.mean()) if len(speed) else 0.0
 
 
-def both_feet(clip: HumanClip, ground: float) -> tuple[FootPoints, FootPoints]:
+def both_feet(clip: HumanClip, ground: float) -> Feet:
     """The points of the left and the right foot."""
     left, right = (foot_points(clip, side, ground) for side in FEET)
     return left, right
@@ -116,7 +121,7 @@ def _stance_height(point_w: Float[np.ndarray, "t 3"], fps: float, ground: float)
     return float(np.median(height[np.abs(height - centre) <= HEIGHT_BAND / 2.0]))
 
 
-def _grown(sure: Bool[np.ndarray, " t"], possible: Bool[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+def _grown(sure: FrameMask, possible: FrameMask) -> FrameMask:
     """Runs of `possible` that hold a frame of `sure`: hysteresis in both directions of time."""
     result = np.zeros_like(sure)
     for start, stop in time_series.runs(possible):

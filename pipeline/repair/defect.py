@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool
 
 from pipeline.clips.human_clip import BODIES
 from pipeline.clips.outcome import Reason
+from pipeline.repair.tree import BodyMask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +52,8 @@ class Findings:
 
     frame_count: int
     defects: list[Defect] = field(default_factory=list)
-    lost_pos: Bool[np.ndarray, "t 19"] = field(init=False)
-    lost_rot: Bool[np.ndarray, "t 19"] = field(init=False)
+    lost_pos: BodyMask = field(init=False)
+    lost_rot: BodyMask = field(init=False)
 
     def __post_init__(self) -> None:
         self.lost_pos = np.zeros((self.frame_count, len(BODIES)), dtype=bool)
@@ -81,7 +81,7 @@ class Findings:
         return sorted({defect.start for defect in self.defects if defect.is_cut})
 
     @property
-    def beside_cuts(self) -> Bool[np.ndarray, "t 19"]:
+    def beside_cuts(self) -> BodyMask:
         """The frames before and after each cut, of the bodies that jump there."""
         mask = np.zeros_like(self.lost_pos)
         for defect in self.defects:
@@ -90,7 +90,7 @@ class Findings:
         return mask
 
     @property
-    def lost(self) -> Bool[np.ndarray, "t 19"]:
+    def lost(self) -> BodyMask:
         return self.lost_pos | self.lost_rot
 
 
@@ -102,9 +102,7 @@ def names(bodies: tuple[int, ...] | list[int]) -> str:
     return listed if len(bodies) <= 3 else f"{listed} and {len(bodies) - 3} more"
 
 
-def spans(
-    code: str, text: str, mask: Bool[np.ndarray, "t 19"], *, pos: np.ndarray | None, rot: np.ndarray | None
-) -> list[Defect]:
+def spans(code: str, text: str, mask: BodyMask, *, pos: np.ndarray | None, rot: np.ndarray | None) -> list[Defect]:
     """A defect for each run of frames in which the same bodies are marked in `mask`."""
     marked = np.flatnonzero(mask.any(axis=1))
     if not len(marked):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool
 
 from pipeline import rotation
 from pipeline.clips.human_clip import PARENT, HumanClip
@@ -16,6 +15,7 @@ from pipeline.repair.jumps import find_jumps, joined
 from pipeline.repair.settings import DetectionSettings
 from pipeline.repair.shaking import find_noise
 from pipeline.repair.swapped import find_broken_bones, find_swapped, swap_back
+from pipeline.repair.tree import BodyMask
 from pipeline.repair.unsteadiness import Seen, find_spikes
 
 MOST_LOOKS = 4
@@ -116,7 +116,7 @@ def find_missing(clip: HumanClip, settings: DetectionSettings) -> list[Defect]:
     )
 
 
-def _zeroed(pos_w: np.ndarray) -> Bool[np.ndarray, "t 19"]:
+def _zeroed(pos_w: np.ndarray) -> BodyMask:
     """Bodies at the world's origin, or on their parent although their bone has a length."""
     at_origin = rotation.length(pos_w) < NEAR
     at_origin[at_origin[:, 0]] = True

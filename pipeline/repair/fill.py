@@ -15,7 +15,10 @@ from pipeline.repair.settings import FillSettings, SmoothSettings
 from pipeline.repair.tree import (
     CHILDREN,
     LIMBS,
+    BodyMask,
+    FrameMask,
     Orientations,
+    PerBody,
     Positions,
     bone_lengths,
     descendants,
@@ -32,11 +35,7 @@ DEGREE = 5
 
 
 def fill(
-    pos_w: Positions,
-    quat_w: Orientations,
-    lost_pos: Bool[np.ndarray, "t 19"],
-    lost_rot: Bool[np.ndarray, "t 19"],
-    fps: float,
+    pos_w: Positions, quat_w: Orientations, lost_pos: BodyMask, lost_rot: BodyMask, fps: float
 ) -> tuple[Positions, Orientations]:
     """The clip without its lost samples; the others do not change.
 
@@ -65,7 +64,7 @@ def fill(
 
 
 def bridge(
-    values: Float[np.ndarray, "t n"], lost: Bool[np.ndarray, " t"], fps: float, context_s: float = CONTEXT_S
+    values: Float[np.ndarray, "t n"], lost: FrameMask, fps: float, context_s: float = CONTEXT_S
 ) -> Float[np.ndarray, "t n"]:
     """`values` with the frames marked `lost` made from the good ones within `context_s` of each run."""
     result = values.copy()
@@ -107,7 +106,7 @@ def _operator(before: tuple[int, ...], after: tuple[int, ...], count: int) -> Fl
     return basis(frames) @ solution + miss[:1] * (1.0 - share) + miss[1:] * share
 
 
-def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> Bool[np.ndarray, "t 19"]:
+def astray_bodies(lost_pos: np.ndarray, lost_rot: np.ndarray, quat_w: Orientations) -> BodyMask:
     """Bodies that hang below a body of which only the orientation was lost, unless lost themselves.
 
     An orientation that is no rotation (not a number, not unit) has led nobody astray.
@@ -145,12 +144,7 @@ VELOCITY_S = 0.1
 
 
 def fill_similar(
-    pos_w: Positions,
-    quat_w: Orientations,
-    lost: Bool[np.ndarray, "t 19"],
-    start: int,
-    stop: int,
-    fps: float,
+    pos_w: Positions, quat_w: Orientations, lost: BodyMask, start: int, stop: int, fps: float
 ) -> tuple[Float[np.ndarray, "gap 19 3"], Float[np.ndarray, "gap 19 4"]] | None:
     """Positions and orientations of frames [start, stop), every body; None where nothing is similar.
 
@@ -193,7 +187,7 @@ def _same_sign(quat: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _similar(
-    pos_w: Positions, quat_w: Orientations, lost: Bool[np.ndarray, "t 19"], low: int, high: int, fps: float
+    pos_w: Positions, quat_w: Orientations, lost: BodyMask, low: int, high: int, fps: float
 ) -> list[tuple[int, float]]:
     """First frames of the windows most like [low, high), with how far their joints are off [m]; best first."""
     length = high - low
@@ -232,9 +226,7 @@ def _poses(pos_w: Positions, quat_w: Orientations, fps: float) -> Float[np.ndarr
     return rotation.rotate(back[:, None], np.concatenate([joints, velocity[:, None]], axis=1))
 
 
-def _onto(
-    pos: Positions, quat: Orientations, target: Positions, known: Bool[np.ndarray, "t 19"]
-) -> tuple[Positions, Orientations]:
+def _onto(pos: Positions, quat: Orientations, target: Positions, known: BodyMask) -> tuple[Positions, Orientations]:
     """A window turned about the vertical and moved so that its joints lie on the `known` ones of `target`."""
     weight = known[..., None].astype(float)
     total = weight.sum()
@@ -247,7 +239,7 @@ def _onto(
     return moved, rotation.multiply(turn, quat)
 
 
-def filled(clip: HumanClip, findings: Findings, dropped: Bool[np.ndarray, " t"], settings: FillSettings) -> HumanClip:
+def filled(clip: HumanClip, findings: Findings, dropped: FrameMask, settings: FillSettings) -> HumanClip:
     """The clip without lost samples; frames that are `dropped` hold something finite and are not to be used.
 
     Gaps longer than `short_gap_s` are filled from similar moments of the clip where it has them. Limb bones have
@@ -275,7 +267,7 @@ def filled(clip: HumanClip, findings: Findings, dropped: Bool[np.ndarray, " t"],
     return dataclasses.replace(clip, body_pos_w=new_pos, body_quat_w=new_quat)
 
 
-def keep_lengths(pos_w: Positions, lengths: Float[np.ndarray, "t 19"]) -> Positions:
+def keep_lengths(pos_w: Positions, lengths: PerBody) -> Positions:
     """Positions whose limb bones have `lengths` [m] (per frame and body; the bone to the body's parent).
 
     Knees and elbows move in their limb's plane; an ankle or wrist moves only where the limb is too

@@ -7,12 +7,13 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import FEET, HumanClip, body
 from pipeline.repair.defect import Findings
 from pipeline.repair.settings import FloorSettings
+from pipeline.repair.tree import FrameMask
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +102,7 @@ class Floor:
 
 
 def find_floor(
-    clip: HumanClip, settings: FloorSettings, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
+    clip: HumanClip, settings: FloorSettings, sound: FrameMask, findings: Findings, recorded: HumanClip
 ) -> Floor:
     """The ground of a clip, as filled, from its `sound` frames; and from those that shake, as `recorded`.
 
@@ -137,8 +138,8 @@ def levelled(clip: HumanClip, floor: Floor) -> HumanClip:
 
 
 def _toe(
-    clip: HumanClip, side: str, sound: Bool[np.ndarray, " t"], findings: Findings, recorded: HumanClip
-) -> tuple[Float[np.ndarray, "t 3"], Bool[np.ndarray, " t"]]:
+    clip: HumanClip, side: str, sound: FrameMask, findings: Findings, recorded: HumanClip
+) -> tuple[Float[np.ndarray, "t 3"], FrameMask]:
     """Positions of a toe [m], and the frames that tell of the ground.
 
     A toe that shakes does so about where it is: what is too rough for motion still tells a height, by its mean over a
@@ -161,11 +162,7 @@ def _toe(
 
 
 def _stances(
-    toe_pos_w: Float[np.ndarray, "t 3"],
-    seen: Bool[np.ndarray, " t"],
-    slope_m_s: float,
-    fps: float,
-    settings: FloorSettings,
+    toe_pos_w: Float[np.ndarray, "t 3"], seen: FrameMask, slope_m_s: float, fps: float, settings: FloorSettings
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Frames in which a toe is slow, of those in which it is seen, and its heights there [m], without a slope."""
     level_w = toe_pos_w.copy()

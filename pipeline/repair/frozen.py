@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, spans
 from pipeline.repair.holds import Hold, Limits, aligned, find_holds
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import FEET_BODIES
+from pipeline.repair.tree import FEET_BODIES, BodyMask, FrameMask, PerBody
 from pipeline.repair.unsteadiness import Seen, slow_rate, turn_limits
 
 POSE_BODIES = 12
@@ -27,7 +27,7 @@ LOCKED_SHARE = 0.5
 """An angle that is kept for more than this share of the clip is where a joint is locked, or there is none."""
 
 
-def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_frozen(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Frames equal to the one before: the whole body (`frozen`; alone `repeated_frame`) or one joint.
 
     What is `lost` is bridged in what is `seen`, and tells nothing of the bones it is at the ends of.
@@ -54,12 +54,7 @@ def find_frozen(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings
 
 
 def _frozen_joints(
-    seen: Seen,
-    still_pos: Bool[np.ndarray, "t 19"],
-    whole: Bool[np.ndarray, " t"],
-    lost: Bool[np.ndarray, "t 19"],
-    fps: float,
-    settings: DetectionSettings,
+    seen: Seen, still_pos: BodyMask, whole: FrameMask, lost: BodyMask, fps: float, settings: DetectionSettings
 ) -> list[Defect]:
     """Joints that stand still to the last bit and jump out of it (`frozen_joint`), or into it as well (`dropout`)."""
     unknown = np.asarray(lost | whole[:, None])
@@ -77,9 +72,7 @@ def _frozen_joints(
     return defects + spans("frozen_joint", "{names} keep their place while the leg moves on", torn, pos=torn, rot=torn)
 
 
-def _turned(
-    seen: Seen, unknown: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings
-) -> dict[str, Bool[np.ndarray, "t 19"]]:
+def _turned(seen: Seen, unknown: BodyMask, fps: float, settings: DetectionSettings) -> dict[str, BodyMask]:
     """Frames in which each body's rotation in its parent's frame is held; the pelvis has no parent."""
     still = _step(rotation.length(seen.local_turns)) < settings.still_step
     entering = turn_limits(settings) * slow_rate(fps)
@@ -100,12 +93,8 @@ def _turned(
 
 
 def _moved(
-    seen: Seen,
-    still: Bool[np.ndarray, "t 19"],
-    unknown: Bool[np.ndarray, "t 19"],
-    fps: float,
-    settings: DetectionSettings,
-) -> dict[str, Bool[np.ndarray, "t 19"]]:
+    seen: Seen, still: BodyMask, unknown: BodyMask, fps: float, settings: DetectionSettings
+) -> dict[str, BodyMask]:
     """Frames in which each body's place in the world is held, and with an ankle its toes.
 
     Feet jump where their place in the parent's frame does, too: else it is the whole leg that jumps.
@@ -134,7 +123,7 @@ def _moved(
     return held
 
 
-def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "t 19"]]:
+def _marked(holds: list[list[Hold]], count: int) -> dict[str, BodyMask]:
     """Frames in which each body is held, by the name under which it is reported."""
     held = {code: np.zeros((count, len(BODIES)), dtype=bool) for code in ("dropout", "frozen_joint")}
     for index, body in enumerate(holds):
@@ -144,8 +133,8 @@ def _marked(holds: list[list[Hold]], count: int) -> dict[str, Bool[np.ndarray, "
 
 
 def _torn_feet(
-    seen: Seen, still_pos: Bool[np.ndarray, "t 19"], lost: Bool[np.ndarray, "t 19"], settings: DetectionSettings
-) -> tuple[Bool[np.ndarray, "t 19"], Bool[np.ndarray, "t 19"]]:
+    seen: Seen, still_pos: BodyMask, lost: BodyMask, settings: DetectionSettings
+) -> tuple[BodyMask, BodyMask]:
     """Ankles and toes that keep their place as planted feet do, but off which the bone above them is pulled.
 
     From where that begins on, and from where they keep it: the foot may have stood first. The next bone of the leg
@@ -167,12 +156,12 @@ def _torn_feet(
     return torn, stood
 
 
-def _still_places(seen: Seen, settings: DetectionSettings) -> Bool[np.ndarray, "t 19"]:
+def _still_places(seen: Seen, settings: DetectionSettings) -> BodyMask:
     """Joints that are where they were in the frame before."""
     x, y, z = np.moveaxis(np.abs(np.diff(seen.pos_w, axis=0)), -1, 0)
     return _step(np.maximum(np.maximum(x, y), z)) < settings.still_step
 
 
-def _step(size: Float[np.ndarray, "s 19"]) -> Float[np.ndarray, "t 19"]:
+def _step(size: Float[np.ndarray, "s 19"]) -> PerBody:
     """Steps from the frame before; the first frame has none and counts as moving."""
     return np.concatenate([np.full((1, size.shape[1]), np.inf), size])

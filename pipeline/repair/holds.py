@@ -12,9 +12,10 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import time_series
+from pipeline.repair.tree import FrameMask
 
 BESIDE = 2
 """A jump so near to frames that are not known tells nothing [frames]."""
@@ -87,10 +88,10 @@ class Hold:
 
 
 def find_holds(
-    still: Bool[np.ndarray, " t"],
+    still: FrameMask,
     value: Float[np.ndarray, "t d"],
     jump: Float[np.ndarray, " t"],
-    unknown: Bool[np.ndarray, " t"],
+    unknown: FrameMask,
     limits: Limits,
     *,
     anywhere: bool = False,
@@ -129,9 +130,7 @@ def find_holds(
     ]
 
 
-def _jump(
-    value: Float[np.ndarray, "t d"], jump: Float[np.ndarray, " t"], unknown: Bool[np.ndarray, " t"], frame: int
-) -> float:
+def _jump(value: Float[np.ndarray, "t d"], jump: Float[np.ndarray, " t"], unknown: FrameMask, frame: int) -> float:
     """Size of the jump into the frame after a rest; none that is not known, or that another soon leads back from."""
     if frame + BESIDE >= len(value) or unknown[frame : frame + BESIDE + 1].any():
         return 0.0

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import TOES, Orientations, Positions
+from pipeline.repair.tree import TOES, BodyMask, FrameMask, Orientations, Positions
 from pipeline.repair.unsteadiness import Seen, limits, slow_rate, turn_limits
 
 USUAL_PERCENTILE = 95.0
@@ -36,13 +36,13 @@ EVERYBODY = tuple(range(len(BODIES)))
 class Edges:
     """Frames into which each body jumps (t, 19)."""
 
-    place: Bool[np.ndarray, "t 19"]
-    turn: Bool[np.ndarray, "t 19"]
-    large: Bool[np.ndarray, "t 19"]
+    place: BodyMask
+    turn: BodyMask
+    large: BodyMask
     """Large enough to be reported alone; a smaller one needs another one soon that leads back."""
 
 
-def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_jumps(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Jumps of the whole body (`teleport`, `heading_jump`, `opening_pose`) and of single joints (`joint_jump`).
 
     A stretch between two jumps that the body came back from is lost (`dropout`, `spike`); a jump
@@ -65,7 +65,7 @@ def find_jumps(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings:
     return defects
 
 
-def _edges(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> Edges:
+def _edges(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> Edges:
     measured, rate, usual = seen.unsteadiness, slow_rate(fps), np.asarray(~lost.any(axis=1))
     least = turn_limits(settings)
     near = np.full(len(EVERYBODY), settings.position_jump)
@@ -116,11 +116,7 @@ def _slow(size: Float[np.ndarray, "t n"], floor: Float[np.ndarray, " n"], rate: 
 
 
 def _steps(
-    pos: Float[np.ndarray, "t 3"],
-    quat: Float[np.ndarray, "t 4"],
-    percentile: float,
-    slack_m: float,
-    slack_rad: float,
+    pos: Float[np.ndarray, "t 3"], quat: Float[np.ndarray, "t 4"], percentile: float, slack_m: float, slack_rad: float
 ) -> tuple[Float[np.ndarray, " t"], Float[np.ndarray, " t"], Callable[[int, int], bool]]:
     """Way [m] and turn [rad] of a body into each frame, and whether it is at `stop` back where it left at `start`.
 
@@ -149,12 +145,7 @@ def _pose_at_end(start: int, stop: int, count: int) -> str | None:
 
 
 def _root_defects(
-    pos_w: Positions,
-    quat_w: Orientations,
-    place: Bool[np.ndarray, " t"],
-    turn: Bool[np.ndarray, " t"],
-    fps: float,
-    settings: DetectionSettings,
+    pos_w: Positions, quat_w: Orientations, place: FrameMask, turn: FrameMask, fps: float, settings: DetectionSettings
 ) -> list[Defect]:
     way, angle, came_back = _steps(pos_w[:, 0], quat_w[:, 0], 90, 0.02, 0.05)
     defects = []
@@ -178,9 +169,9 @@ def _root_defects(
 
 def _joint_defects(
     index: int,
-    edges: Bool[np.ndarray, " t"],
-    large: Bool[np.ndarray, " t"],
-    place: Bool[np.ndarray, " t"],
+    edges: FrameMask,
+    large: FrameMask,
+    place: FrameMask,
     offset: Positions,
     turn: Orientations,
     fps: float,

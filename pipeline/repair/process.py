@@ -13,7 +13,7 @@ from pipeline.clips.outcome import Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.repair import reasons
-from pipeline.repair.contacts import FootPoints, both_feet, label_contacts, stance_slip
+from pipeline.repair.contacts import Feet, both_feet, label_contacts, stance_slip
 from pipeline.repair.defect import Findings
 from pipeline.repair.detect import detect
 from pipeline.repair.fill import filled, smoothed
@@ -142,7 +142,7 @@ def _pieces(
 def _planted(
     labelled: HumanClip,
     pos_w: Positions,
-    feet: tuple[FootPoints, FootPoints],
+    feet: Feet,
     skating: list[Skating],
     spans: tuple[slice, slice],
     floor: Floor,
@@ -160,7 +160,7 @@ def _planted(
     sliding, within = spans
     assert labelled.contacts is not None
 
-    def too_fast(clip: HumanClip, feet: tuple[FootPoints, FootPoints], limit_m_s: float) -> bool:
+    def too_fast(clip: HumanClip, feet: Feet, limit_m_s: float) -> bool:
         assert clip.contacts is not None
         slip = stance_slip((feet[0].cut(within), feet[1].cut(within)), clip.contacts[within])
         return slip > limit_m_s + contact.slip_per_speed * _ground_speed(clip.pos("pelvis")[within], fps)
@@ -181,12 +181,7 @@ def _planted(
 
 
 def _piece(
-    labelled: HumanClip,
-    feet: tuple[FootPoints, FootPoints],
-    start: int,
-    stop: int,
-    low: int,
-    settings: RepairSettings,
+    labelled: HumanClip, feet: Feet, start: int, stop: int, low: int, settings: RepairSettings
 ) -> tuple[list[Reason], tuple[HumanClip, float] | None]:
     """Frames [start, stop) of the source and how much their feet slip, or why they are not kept.
 

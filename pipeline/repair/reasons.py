@@ -9,15 +9,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
 
 from pipeline import time_series
 from pipeline.clips.outcome import Reason
+from pipeline.repair.contacts import Contacts
 from pipeline.repair.defect import Defect, Findings
 from pipeline.repair.floor import Floor
 from pipeline.repair.settings import ContactSettings, FloorSettings, RepairSettings
 from pipeline.repair.skating import Planted, Skating
-from pipeline.repair.tree import Positions
+from pipeline.repair.tree import FrameMask, Positions
 
 COMEBACK_SPEED = 2.0
 """A gap of the whole body is filled if the way across took at most this many times the clip's usual top speed."""
@@ -29,9 +29,9 @@ SLACK = 0.05
 class Division:
     """A clip after its defects."""
 
-    dropped: Bool[np.ndarray, " t"]
+    dropped: FrameMask
     """Frames that are not filled."""
-    filled: Bool[np.ndarray, " t"]
+    filled: FrameMask
     """Frames in which something was filled."""
     stretches: tuple[tuple[int, int], ...]
     """Frame ranges without a dropped frame and without a cut inside."""
@@ -124,9 +124,7 @@ def of_planting(found: Planted, first: int, last: int, fps: float, settings: Con
     return Reason.of_frames("foot_skate", text, "repaired", (first, last), fps, **numbers)
 
 
-def of_flight(
-    contacts: Bool[np.ndarray, "t 2"], frames: tuple[int, int], fps: float, settings: ContactSettings
-) -> list[Reason]:
+def of_flight(contacts: Contacts, frames: tuple[int, int], fps: float, settings: ContactSettings) -> list[Reason]:
     """Whether the feet of a piece [first, last) never stand for longer than people fly."""
     flights = time_series.runs(np.all(~contacts, axis=1))
     longest = max((stop - start for start, stop in flights), default=0) / fps

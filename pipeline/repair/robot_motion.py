@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation, time_series
 from pipeline.clips.outcome import Outcome, Piece, Reason
@@ -17,9 +17,11 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import ClipError
 from pipeline.quality.sole import sole_motion
 from pipeline.repair import reasons
+from pipeline.repair.contacts import Contacts
 from pipeline.repair.floor import densest, mean_heading
 from pipeline.repair.robot_spikes import Dropout, find_dropouts, without_spikes
 from pipeline.repair.settings import RepairSettings, RobotSettings
+from pipeline.repair.tree import FrameMask
 from pipeline.robot import Robot
 
 BAND = 0.01
@@ -32,7 +34,7 @@ SHORTEST_S = 0.04
 """Contacts and gaps shorter than this are not believed."""
 
 
-def label_robot_contacts(clip: RobotClip, robot: Robot) -> Bool[np.ndarray, "t 2"]:
+def label_robot_contacts(clip: RobotClip, robot: Robot) -> Contacts:
     """Foot on the ground (left, right)."""
     sole = sole_motion(clip, robot)
     low = sole.height
@@ -90,9 +92,7 @@ def _speed_limit(clip: RobotClip, robot: Robot | None, settings: RobotSettings) 
     return settings.speed_limit_share * robot.motor_speed_limit
 
 
-def _bad_frames(
-    clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]
-) -> tuple[Bool[np.ndarray, " t"], list[Reason]]:
+def _bad_frames(clip: RobotClip, speed_limit: np.ndarray, dropouts: list[Dropout]) -> tuple[FrameMask, list[Reason]]:
     """Frames to cut, and why."""
 
     def reason(code: str, low: int, high: int, problem: str, **numbers: float | str) -> Reason:

@@ -14,12 +14,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.ndimage import median_filter
 
 from pipeline import rotation
 from pipeline.clips.outcome import Reason
 from pipeline.clips.robot_clip import RobotClip
+from pipeline.repair.tree import FrameMask
 
 LEAST_JOINT, LEAST_TURN, LEAST_PLACE = 0.08, 0.05, 0.015
 """Smallest spike of a joint [rad], of the root's rotation [rad] and of its position [m]: ankles that land leave
@@ -175,7 +176,7 @@ def _spikes(size, values: Float[np.ndarray, "t d"], fps: float, least: float) ->
     return sorted(found)
 
 
-def _peaks(off: Float[np.ndarray, " t"]) -> Bool[np.ndarray, " t"]:
+def _peaks(off: Float[np.ndarray, " t"]) -> FrameMask:
     """Frames at which a quantity is largest of three on each side."""
     padded = np.pad(off, 3)
     return off >= np.max([padded[shift : shift + len(off)] for shift in range(7)], axis=0)

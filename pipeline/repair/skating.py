@@ -18,13 +18,13 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from pipeline import time_series
 from pipeline.clips.human_clip import HumanClip
-from pipeline.repair.contacts import FootPoints
+from pipeline.repair.contacts import Contacts, Feet
 from pipeline.repair.settings import ContactSettings
 from pipeline.repair.tree import Positions
 
@@ -64,9 +64,7 @@ class Skating:
     speed_m_s: float
 
 
-def find_skating(
-    feet: tuple[FootPoints, FootPoints], pos_w: Positions, fps: float, settings: ContactSettings
-) -> list[Skating]:
+def find_skating(feet: Feet, pos_w: Positions, fps: float, settings: ContactSettings) -> list[Skating]:
     """Stretches of a clip in which no foot stands still although they are on the ground.
 
     `feet` may be smoothed; `pos_w` are the bodies as they were recorded, in which a glide begins within a frame.
@@ -116,15 +114,13 @@ def _slowest_fifth(speed: Float[np.ndarray, " t"], width: int) -> Float[np.ndarr
     return np.take_along_axis(windows, rank[:, None], axis=1)[:, 0]
 
 
-def support_speed(
-    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
-) -> Float[np.ndarray, " t"]:
+def support_speed(feet: Feet, fps: float, settings: ContactSettings) -> Float[np.ndarray, " t"]:
     """Horizontal speed of the slowest point near the ground [m/s]; `FAST` where there is none."""
     horizontal = np.concatenate([foot.horizontal for foot in feet], axis=1)
     return np.where(_height(feet, fps) < settings.height, np.minimum(horizontal, FAST), FAST).min(axis=1)
 
 
-def _height(feet: tuple[FootPoints, FootPoints], fps: float) -> Float[np.ndarray, "t 4"]:
+def _height(feet: Feet, fps: float) -> Float[np.ndarray, "t 4"]:
     """Height of balls and heels over the ground that is near in time [m].
 
     Feet that slide all along tell no ground; where none comes down to it for a while it is where the lowest is.
@@ -179,9 +175,7 @@ def _evidence_of(speed: Float[np.ndarray, " t"], sliding: float) -> Float[np.nda
     return _steady(np.where(share <= TELLING, np.clip(2.0 * share - 1.0, -1.0, 1.0), 0.0), share)
 
 
-def _near_ground(
-    feet: tuple[FootPoints, FootPoints], fps: float, settings: ContactSettings
-) -> Float[np.ndarray, "t 4 2"]:
+def _near_ground(feet: Feet, fps: float, settings: ContactSettings) -> Float[np.ndarray, "t 4 2"]:
     """Velocities of balls and heels along the ground [m/s]; `FAST` for those that are not near it."""
     velocity = np.concatenate([foot.along_ground for foot in feet], axis=1)
     return np.where((_height(feet, fps) < settings.height)[..., None], velocity, FAST)
@@ -234,13 +228,7 @@ class Planted:
     """How far the body is moved over the clip [m]."""
 
 
-def planted(
-    clip: HumanClip,
-    feet: tuple[FootPoints, FootPoints],
-    contacts: Bool[np.ndarray, "t 2"],
-    within: slice,
-    highest_m_s: float,
-) -> Planted:
+def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, highest_m_s: float) -> Planted:
     """The clip moved over the ground so that feet in contact stand, by `highest_m_s` at most at any time.
 
     Of a standing foot the slower of ball and heel is planted; of two standing feet their mean. In flight the velocity
@@ -262,7 +250,7 @@ def planted(
     )
 
 
-def _slide(feet: tuple[FootPoints, FootPoints], contacts: Bool[np.ndarray, "t 2"]) -> Float[np.ndarray, "t 2"]:
+def _slide(feet: Feet, contacts: Contacts) -> Float[np.ndarray, "t 2"]:
     """Velocity [m/s] along the ground of what stands, interpolated over frames in which nothing does."""
     velocities = [_of_point(foot.along_ground, foot.horizontal.argmin(axis=1)) for foot in feet]
     count = contacts.sum(axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from pipeline import rotation
 from pipeline.clips.human_clip import BODIES, PARENT, body
@@ -47,6 +47,11 @@ LEVER: Float[np.ndarray, " 19"] = np.array([LEVERS.get(name.split("_")[-1], 0.0)
 
 Positions = Float[np.ndarray, "t 19 3"]
 Orientations = Float[np.ndarray, "t 19 4"]
+BodyMask = Bool[np.ndarray, "t 19"]
+"""Bodies that are marked in each frame."""
+FrameMask = Bool[np.ndarray, " t"]
+PerBody = Float[np.ndarray, "t 19"]
+"""A number for each frame and body."""
 
 
 def descendants(index: int) -> tuple[int, ...]:

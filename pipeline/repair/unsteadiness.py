@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.repair.defect import Defect, names
 from pipeline.repair.settings import DetectionSettings
-from pipeline.repair.tree import KNEES, LEVER, TOES, Orientations, Positions, to_local
+from pipeline.repair.tree import KNEES, LEVER, TOES, BodyMask, FrameMask, Orientations, PerBody, Positions, to_local
 
 REACH = 2
 """A bad frame disturbs the bridges of this many frames on either side."""
@@ -71,7 +71,7 @@ def turn_limits(settings: DetectionSettings) -> Float[np.ndarray, " 19"]:
 
 
 def limits(
-    size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: Bool[np.ndarray, " t"]
+    size: Float[np.ndarray, "t n"], least: Float[np.ndarray, " n"], spread: float, usual: FrameMask
 ) -> Float[np.ndarray, " n"]:
     """Limit of each body: `least`, and `spread` times what 95 % of the `usual` frames stay below where some pass it."""
     result = least.copy()
@@ -86,13 +86,13 @@ def limits(
 class Unsteadiness:
     """How far each body's step into each frame differs from its neighbours; (t, 19), 0 for frame 0."""
 
-    place: Float[np.ndarray, "t 19"]
+    place: PerBody
     """Of the place in the parent's frame (pelvis: in the world) [m]."""
-    turn: Float[np.ndarray, "t 19"]
+    turn: PerBody
     """Of the orientation in the parent's frame (pelvis: in the world) [rad]."""
-    world: Float[np.ndarray, "t 19"]
+    world: PerBody
     """Of the position in the world [m]."""
-    world_turn: Float[np.ndarray, "t 19"]
+    world_turn: PerBody
     """Of the orientation in the world [rad]."""
 
 
@@ -119,11 +119,11 @@ class Seen:
         return rotation.make_continuous(self.quat_w)
 
     @cached_property
-    def misses(self) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+    def misses(self) -> tuple[PerBody, PerBody]:
         """`misses_over` a single frame."""
         return self.misses_over(1)
 
-    def misses_over(self, gap: int) -> tuple[Float[np.ndarray, "t 19"], Float[np.ndarray, "t 19"]]:
+    def misses_over(self, gap: int) -> tuple[PerBody, PerBody]:
         """Miss of each body's turn [rad] and place [m] in its parent's frame over gaps centred at each frame."""
         turn = 2.0 * size_of(interpolation_miss(self.continuous_local, gap))
         return turn, size_of(interpolation_miss(self.local[0], gap))
@@ -153,7 +153,7 @@ def _turns(quat: Orientations) -> Float[np.ndarray, "s 19 3"]:
     return rotation.to_rotvec(rotation.multiply(rotation.conjugate(quat[:-1]), quat[1:]))
 
 
-def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> Float[np.ndarray, "t 19"]:
+def _against_neighbours(steps: Float[np.ndarray, "s 19 3"]) -> PerBody:
     """Size of what sets each step apart from the steps around it; one more row than `steps`."""
     count = len(steps)
     padded = np.pad(np.moveaxis(steps, -1, 0), ((0, 0), (2, 2), (0, 0)), mode="reflect")
@@ -190,7 +190,7 @@ CLEAR = 3
 """A spike keeps this many frames away from a gap: bridges are a little off where they begin."""
 
 
-def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings: DetectionSettings) -> list[Defect]:
+def find_spikes(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
     longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
     found: list[tuple[float, int, int, int, float, float, bool]] = []
@@ -220,7 +220,7 @@ def find_spikes(seen: Seen, lost: Bool[np.ndarray, "t 19"], fps: float, settings
 
 
 def _candidates(
-    seen: Seen, lost: Bool[np.ndarray, "t 19"], gap: int, fps: float, settings: DetectionSettings
+    seen: Seen, lost: BodyMask, gap: int, fps: float, settings: DetectionSettings
 ) -> list[tuple[float, int, int, int, float, float, bool]]:
     """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle and its limit [rad],
     whether it moved."""
