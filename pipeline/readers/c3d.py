@@ -22,11 +22,10 @@ from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import raise_fault_of_disk
+from pipeline.files.npz import first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
-from pipeline.readers.poses import Poses, World
-from pipeline.readers.raw_motion import MIN_FRAMES, RawMotion, counted
+from pipeline.readers.raw_motion import MIN_FRAMES, Poses, RawMotion, World, counted
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
 DAMAGED_C3D = (
@@ -87,7 +86,8 @@ def read_c3d(path: Path) -> RawMotion:
         frames, rate = _frame_count(path, reader), _rate(path, reader)
         values = page_memory.empty((frames, 3 * len(columns)))
         _read_points(path, reader, tuple(columns.values()), values)
-        declared = _text(reader, "POINT", "UNITS")
+        units = reader.get("POINT:UNITS")
+        declared = "" if units is None else str(units.string_value).strip(" \0")
     poses = PointPoses(names=tuple(columns), values=values)
     offsets = _rest_offsets(path, poses)
     unit, notes = _unit(declared, offsets)
@@ -115,7 +115,7 @@ def _faults(path: Path) -> Iterator[None]:
         raise
     except DAMAGED_C3D as error:
         raise_fault_of_disk(error)
-        says = " ".join(f"{type(error).__name__} {str(error)[:100]}".encode("ascii", "replace").decode().split())
+        says = first_words(f"{type(error).__name__} {error}")
         raise FileError(path, f"it is not a C3D file that can be read: {says}.") from error
 
 
@@ -223,9 +223,3 @@ def _unit(declared: str, offsets: Float[np.ndarray, "19 3"]) -> tuple[str | None
         f"POINT:UNITS is '{unit}', in which a leg is {leg * METRES[unit]:.3g} m long; the unit is inferred from the leg"
     )
     return None, (Reason(code="unit", text=text, effect="noted", value=leg * METRES[unit], unit="m"),)
-
-
-def _text(reader: c3d.Reader, group: str, name: str) -> str:
-    """A parameter that is a text; empty where it is missing."""
-    found = reader.get(f"{group}:{name}")
-    return "" if found is None else str(found.string_value).strip(" \0")

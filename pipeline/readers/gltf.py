@@ -22,8 +22,7 @@ from pipeline.files import page_memory
 from pipeline.files.array_file import finite_rows
 from pipeline.readers.bvh import MAX_DEPTH, MAX_JOINTS
 from pipeline.readers.gltf_file import GltfFile, open_gltf
-from pipeline.readers.poses import Poses, World, along_tree
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import Poses, RawMotion, World, along_tree
 from pipeline.readers.text_file import MAX_FRAMES
 from pipeline.readers.velocity_rate import STANDARD_HZ
 
@@ -137,7 +136,7 @@ def read_gltf(path: Path) -> RawMotion:
         scale[number] = node.scale * (scale[node.parent] if node.parent >= 0 else 1.0)
     place, quat = _bind_pose(file, nodes, index, scale)
     parents = tuple(node.parent for node in nodes)
-    above = np.array([place[parent] if parent >= 0 else place[0] for parent in parents])
+    above = place[[max(parent, 0) for parent in parents]]
     return RawMotion(
         format="gltf",
         joint_names=tuple(node.name for node in nodes),
@@ -326,26 +325,13 @@ def _bind_pose(
     lengths = np.linalg.norm(bind[:, :3, :3], axis=1)
     bind_place = bind[:, :3, 3]
     bind_quat = _turn(file.path, bind[:, :3, :3] / lengths[:, None, :], "a bind matrix of the skin")
-    return _in_scale(nodes, joints, place, quat, bind_place, bind_quat)
-
-
-def _in_scale(
-    nodes: tuple[Node, ...],
-    joints: list[int],
-    place: Float[np.ndarray, "j 3"],
-    quat: Float[np.ndarray, "j 4"],
-    bind_place: Float[np.ndarray, "n 3"],
-    bind_quat: Float[np.ndarray, "n 4"],
-) -> tuple[Float[np.ndarray, "j 3"], Float[np.ndarray, "j 4"]]:
-    """Bind poses of the joints in the world's scale: a skin may be in another unit than its nodes."""
+    # in the world's scale: a skin may be in another unit than its nodes
     row = {joint: number for number, joint in enumerate(joints)}
     pairs = [(joint, nodes[joint].parent) for joint in joints if nodes[joint].parent in row]
     world = sum(float(np.linalg.norm(place[joint] - place[parent])) for joint, parent in pairs)
     bound = sum(float(np.linalg.norm(bind_place[row[joint]] - bind_place[row[parent]])) for joint, parent in pairs)
     ratio = world / bound if world > 0.0 and bound > 0.0 else 1.0
-    root = joints[0]
-    place, quat = place.copy(), quat.copy()
-    origin = place[root] - ratio * bind_place[row[root]]
+    origin = place[joints[0]] - ratio * bind_place[row[joints[0]]]
     for joint in joints:
         place[joint], quat[joint] = origin + ratio * bind_place[row[joint]], bind_quat[row[joint]]
     return place, quat

@@ -142,8 +142,7 @@ def to_human(motion: RawMotion, name: str, statement: Statement, *, consume: boo
     path = motion.files[0]
     if motion.frame_count < MIN_FRAMES:
         raise FileError(path, f"the file has {counted(motion.frame_count)}, which is no motion.")
-    matched = match_skeleton(motion, statement.skeleton)
-    motion, skeleton = matched.motion, matched.skeleton
+    skeleton, motion = match_skeleton(motion, statement.skeleton)
     unit, metres = find_unit(path, _leg_length(motion, skeleton), statement.unit or motion.unit)
     pos, quat = _bodies_in_file(motion, skeleton, consume)
     ankles = 0.5 * (pos[:, body("left_ankle")] + pos[:, body("right_ankle")])

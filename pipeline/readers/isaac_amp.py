@@ -15,8 +15,7 @@ from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
 from pipeline.readers.joint_order import check_unit
-from pipeline.readers.poses import RowPoses, parent_indices
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import RawMotion, RowPoses, parent_indices
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
 
 PARENTS: dict[str, str | None] = {

@@ -154,32 +154,22 @@ def content_digest(path: Path, source: Source) -> str:
     user's own, a body model, an ASF; and the motion that it tracked, with what is stated of that. A motion that is a
     link out of the source's folder is not followed: its target's name counts.
     """
-    beside = [each for each in path.parent.iterdir() if each.suffix.lower() == ".asf"] if _is_amc(path) else []
     own = digest.of_json(["link", str(path.readlink())]) if not can_be_followed(path, source.folder) else _of(path)
-    others = [[str(each), _of(each)] for each in (*sorted(beside), *_named(path, source))]
-    notes = [note.to_dict() for note in source.notes_of(path)]
-    return digest.of_json([own, others, source.about(path), notes, _tracked(path, source)])
-
-
-def _is_amc(path: Path) -> bool:
-    return path.suffix.lower() == ".amc"
-
-
-def _named(path: Path, source: Source) -> list[Path]:
-    """Files that the statement names; a skeleton without a suffix is one of the project's maps."""
-    stated = source.statement_of(path)
-    named = [Path(each) for each in (stated.skeleton, stated.body_model) if each is not None and Path(each).suffix]
-    return [*named, path.parent / stated.asf] if stated.asf is not None else named
-
-
-def _tracked(path: Path, source: Source) -> list:
-    """What the motion that a recording tracked is, as far as it is known; nothing for most."""
+    stated, others = source.statement_of(path), []
+    if path.suffix.lower() == ".amc":
+        others += sorted(each for each in path.parent.iterdir() if each.suffix.lower() == ".asf")
+    # a skeleton without a suffix is one of the project's maps
+    others += [Path(each) for each in (stated.skeleton, stated.body_model) if each is not None and Path(each).suffix]
+    if stated.asf is not None:
+        others.append(path.parent / stated.asf)
     try:
         named = named_reference(path, source)
+        reference = None if named is None else inside(path, named, source)
+        tracked = [named] if reference is None else [named, _of(reference), source.about(reference)]
     except SettingsError as error:
-        return [str(error)]
-    reference = None if named is None else inside(path, named, source)
-    return [named] if reference is None else [named, _of(reference), source.about(reference)]
+        tracked = [str(error)]
+    notes = [note.to_dict() for note in source.notes_of(path)]
+    return digest.of_json([own, [[str(each), _of(each)] for each in others], source.about(path), notes, tracked])
 
 
 def _of(path: Path) -> str:

@@ -22,11 +22,7 @@ from pipeline.readers.raw_motion import RawMotion
 
 FOLDER = Path(__file__).parent / "skeletons"
 
-AXES = {
-    f"{sign}{axis}": unit * row
-    for sign, unit in (("", 1.0), ("-", -1.0))
-    for axis, row in zip("xyz", np.eye(3), strict=True)
-}
+AXES = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 PARALLEL = np.cos(np.deg2rad(3.0))
 """Two directions of a body this close to one line leave its turn about that line open."""
 CANONICAL = {"ahead": AXES["x"], "left": AXES["y"], "up": AXES["z"], "down": AXES["-z"]}
@@ -88,12 +84,8 @@ class SkeletonMap:
         named = {value for body in self.bodies.values() for value in body.directions().values() if _axis(value) is None}
         return frozenset(named | {body.joint for body in self.bodies.values()} | set(self.also) | set(self.rest))
 
-    def rest_frame(self, motion: RawMotion, name: str) -> Float[np.ndarray, " 4"]:
-        """Constant rotation wxyz from a body's canonical frame to the frame of its joint."""
-        return self.rest_frames(motion, (name,))[0]
-
     def rest_frames(self, motion: RawMotion, names: Sequence[str] = BODIES) -> Float[np.ndarray, "n 4"]:
-        """`rest_frame` of several bodies."""
+        """Constant rotations wxyz from bodies' canonical frames to the frames of their joints."""
         canonical, local = np.empty((2, len(names), 2, 3))
         for index, body in enumerate(self.bodies[name] for name in names):
             stated = sorted(body.directions().items(), key=lambda item: _axis(item[1]) is not None)

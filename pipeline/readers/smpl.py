@@ -17,8 +17,7 @@ from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files.array_file import ArrayFile, finite_rows
 from pipeline.readers.npz_file import open_npz
-from pipeline.readers.poses import TreePoses, parent_indices
-from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
