@@ -20,6 +20,7 @@ import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -286,7 +287,7 @@ def map_to_start_from(names: Sequence[str], roles: Roles) -> str:
     for body in BODIES:
         side, _, part = body.partition("_")
         directions = MAP_AXES.get(part, {"up": "y", "left": "x"})
-        known = {
+        known: dict[str, Any] = {
             way: joint.get(f"{side}_{value}", OPEN) if value in MAP_AXES else value for way, value in directions.items()
         }
         if (side, part) == ("right", "wrist"):

@@ -13,6 +13,8 @@ another, and `root_rot_order` the quaternion's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
@@ -107,7 +109,7 @@ def _bodies(header: ArrayFile, key: str, frames: int) -> Float[np.ndarray, "t b 
     return header.numbers(key, frames, None, 3)
 
 
-def _rate(arrays: ArrayFile, than: str, positions: dict[str, np.ndarray | None]) -> VelocityRate | None:
+def _rate(arrays: ArrayFile, than: str, positions: Mapping[str, np.ndarray | None]) -> VelocityRate | None:
     """The rate that stored velocities show, whichever fits best; `positions`: those of each array of velocities.
 
     Raises FileError for velocities of another number of frames than the array `than` has.

@@ -7,6 +7,7 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,8 @@ def of_defects(
 
 def of_floor(floor: Floor, settings: FloorSettings) -> list[Reason]:
     """Whether the ground under the clip is at z = 0, and stays there."""
-    gathered, numbers = [], {"effect": "repaired", "unit": "m"}
+    gathered: list[Reason] = []
+    numbers: dict[str, Any] = {"effect": "repaired", "unit": "m"}
     if abs(floor.height) > settings.offset_limit:
         text, limit = f"the ground is at z = {floor.height:+.3f} m; the clip is moved onto z = 0", settings.offset_limit
         gathered.append(Reason(code="floor_offset", text=text, value=floor.height, limit=limit, **numbers))
