@@ -14,20 +14,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
-from pipeline.files import page_memory
 from pipeline.readers.raw_motion import CHANNELS, ChannelPoses, RawMotion
-from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, blocks, open_text, read_number, read_rows, to_float
+from pipeline.readers.text_file import MAX_FRAMES, check_numbers, open_text, read_number, read_table, to_float
 from pipeline.readers.velocity_rate import printed_rate
 
 MAX_JOINTS = 1000
 MAX_DEPTH = 200
-
-ROWS_AT_ONCE = 4096
-"""Rows that are parsed together."""
 
 
 @dataclass
@@ -140,11 +135,8 @@ def read_bvh(path: Path) -> RawMotion:
     offsets = np.array([joint.offset for joint in joints], dtype=float)
     frames, rate, lines = _read_motion_header(path, lines)
     columns = sum(len(joint.channels) for joint in joints)
-    _check_numbers(path, frames, columns)
-    by_size = path.stat().st_size // (2 * columns) + 1  # a number takes two bytes
-    most = min(text.line_count, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1)
-    room = page_memory.empty((most, columns))
-    values = room[: _read_values(path, lines, room)]
+    check_numbers(path, frames, columns)
+    values = read_table(path, lines, text.line_count, columns)
     return RawMotion(
         format="bvh",
         joint_names=tuple(joint.name for joint in joints),
@@ -238,25 +230,6 @@ def _read_motion_header(path: Path, lines: Iterator[tuple[int, str]]) -> tuple[i
         return int(count), _Rate(fault=fault), rest
     fps, notes = printed_rate(printed)
     return int(count), _Rate(fps=fps, notes=notes), rest
-
-
-def _check_numbers(path: Path, frames: int, columns: int) -> None:
-    """Raises FileError for more frames or numbers than a file may hold."""
-    if frames * columns > MAX_NUMBERS or frames > MAX_FRAMES:
-        problem = f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed."
-        raise FileError(path, problem, "Split it.")
-
-
-def _read_values(path: Path, lines: Iterator[tuple[int, str]], room: Float[np.ndarray, "t c"]) -> int:
-    """Read all rows below the header into `room`; how many there are. Raises FileError with the line."""
-    columns, count = room.shape[1], 0
-    number, peeked = next(lines, (0, ""))
-    for block, last in blocks(chain([peeked], (line for _, line in lines)), ROWS_AT_ONCE):
-        part = read_rows(path, block, number, columns, last)
-        _check_numbers(path, count + len(part), columns)
-        room[count : count + len(part)] = part
-        count, number = count + len(part), number + len(block)
-    return count
 
 
 def _frame_count(path: Path, declared: int, rows: int) -> tuple[Reason, ...]:

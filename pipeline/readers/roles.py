@@ -7,6 +7,7 @@ Neuron, SOMA and Kimodo, 100STYLE, CMU, LAFAN1, Unreal, 3ds Max's Biped, VRM and
 from __future__ import annotations
 
 import itertools
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,18 +40,12 @@ def shared_prefix(names: Sequence[str]) -> str:
     """What all joints but a root or two begin with, up to a separator: `mixamorig7:`, `Take_01:`, `Character1_`."""
     for skipped in range(min(3, len(names))):
         kept = names[skipped:]
-        common = _common_start(min(kept), max(kept)) if len(kept) > 2 else ""
+        common = os.path.commonprefix(kept) if len(kept) > 2 else ""  # noqa: RUF071, by characters
         last = max(common.rfind(separator) for separator in SEPARATORS)
         prefix = common[: last + 1]
         if prefix and all(len(name) > len(prefix) for name in kept):
             return prefix
     return ""
-
-
-def _common_start(first: str, last: str) -> str:
-    """What two names begin with alike; of the first and the last in order it is what all between begin with."""
-    differ = (index for index, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
-    return first[: next(differ, min(len(first), len(last)))]
 
 
 def without_prefix(names: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ import pyarrow.compute as pc
 from jaxtyping import Float
 
 from pipeline.errors import FileError
-from pipeline.files.array_file import known_numbers
+from pipeline.files import page_memory
+from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
 
 MAX_BYTES = 400_000_000
 MAX_FRAMES = 2_000_000
@@ -64,42 +65,64 @@ def read_number(path: Path, token: str, line: int, what: str) -> float:
     return number
 
 
-def read_rows(
-    path: Path, lines: list[str], first_line: int, columns: int, last: bool = True
+def read_table(
+    path: Path, lines: Iterator[tuple[int, str]], most_lines: int, columns: int, comma: bool = False
 ) -> Float[np.ndarray, "t columns"]:
-    """Rows of `columns` numbers each; blank lines are skipped, `nan`, `inf` and huge numbers become NaN.
+    """Rows of `columns` numbers each between blanks or commas, in memory that `page_memory.forget` frees.
 
-    `first_line` is the number of `lines[0]` in the file, counted from 1; `last`: no row follows these lines. Raises
-    FileError with the line for a row that is too short or too long and for what is not a number.
+    Blank lines are skipped; `nan`, `inf` and huge numbers become NaN. Raises FileError with the line for a row that is
+    too short or too long and for what is not a number.
+
+    Args:
+        lines: each with its number in the file
+        most_lines: upper bound on their number
     """
-    values = parsed_rows(lines, columns)
-    if values is None:
-        values = _rows_word_by_word(path, lines, first_line, columns, last)
-    return known_numbers(values)
+    by_size = path.stat().st_size // (2 * columns) + 1  # a number takes two bytes
+    rows = page_memory.empty((min(most_lines, by_size, MAX_FRAMES + 1, MAX_NUMBERS // columns + 1), columns))
+    count, (number, first) = 0, next(lines, (0, ""))
+    for block, last in _blocks(chain([first], (line for _, line in lines)), ROWS_AT_ONCE):
+        part = parsed_rows(block, columns, comma)
+        if part is None:
+            part = _rows_word_by_word(path, block, number, columns, last, comma)
+        check_numbers(path, count + len(part), columns)
+        rows[count : count + len(part)] = known_numbers(part)
+        count, number = count + len(part), number + len(block)
+    return rows[:count]
 
 
-def parsed_rows(lines: list[str], columns: int) -> Float[np.ndarray, "t columns"] | None:
+def check_numbers(path: Path, frames: int, columns: int) -> None:
+    """Raises FileError for more frames or numbers than a file may hold."""
+    if frames * columns > MAX_NUMBERS or frames > MAX_FRAMES:
+        problem = f"{frames} frames of {columns} numbers are more than the {MAX_NUMBERS} allowed."
+        raise FileError(path, problem, "Split it.")
+
+
+def parsed_rows(lines: list[str], columns: int, comma: bool = False) -> Float[np.ndarray, "t columns"] | None:
     """Rows of `columns` numbers by Arrow's parser, with the bits of `float` in a third of its time.
 
     None where a row has another length or Arrow can't read a number.
     """
     text = pc.ascii_trim_whitespace(pa.array(lines, pa.string()))
-    rows = pc.ascii_split_whitespace(text.filter(pc.not_equal(text, "")))
+    text = text.filter(pc.not_equal(text, ""))
+    rows = pc.split_pattern(text, ",") if comma else pc.ascii_split_whitespace(text)
     if not pc.all(pc.equal(pc.list_value_length(rows), columns), min_count=0).as_py():
         return None
     try:
-        return np.array(pc.list_flatten(rows).cast(pa.float64())).reshape(-1, columns)
+        return np.array(pc.ascii_trim_whitespace(pc.list_flatten(rows)).cast(pa.float64())).reshape(-1, columns)
     except pa.ArrowInvalid:
         return None
 
 
 def _rows_word_by_word(
-    path: Path, lines: list[str], first_line: int, columns: int, last: bool
+    path: Path, lines: list[str], first_line: int, columns: int, last: bool, comma: bool
 ) -> Float[np.ndarray, "t columns"]:
-    """The rows as `float` reads them. Raises FileError for the first that is too short, too long or not of numbers."""
+    """The rows as `float` reads them. Raises FileError for the first that is too short, too long or not of numbers.
+
+    `first_line` is the number of `lines[0]` in the file, counted from 1; `last`: no row follows these lines.
+    """
     rows = []
     for number, line in enumerate(lines, start=first_line):
-        tokens = line.split()
+        tokens = [cell.strip() for cell in line.split(",")] if comma and line.strip() else line.split()
         if len(tokens) not in (0, columns):
             cut = last and not any(rest.strip() for rest in lines[number - first_line + 1 :])
             hint = " It is the last row: the file was cut off." if cut else ""
@@ -107,7 +130,7 @@ def _rows_word_by_word(
         try:
             rows += [to_float(token) for token in tokens]
         except ValueError as error:
-            hint = "Write decimals with a point, not a comma." if "," in line else ""
+            hint = "Write decimals with a point, not a comma." if "," in line and not comma else ""
             raise FileError(path, f"{error}.", hint, number) from error
     return np.array(rows).reshape(-1, columns)
 
@@ -150,7 +173,7 @@ def open_text(path: Path) -> MotionText:
     return MotionText(path=path, encoding=encoding, line_count=ends + 1)
 
 
-def blocks(lines: Iterator[str], size: int) -> Iterator[tuple[list[str], bool]]:
+def _blocks(lines: Iterator[str], size: int) -> Iterator[tuple[list[str], bool]]:
     """Lines in blocks of `size`, each with whether it is the last one that holds anything but blanks."""
     block = list(islice(lines, size))
     while block:

@@ -114,7 +114,8 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRa
     """
     if len(position) < FEWEST_FRAMES or position.shape != velocity.shape:
         return None
-    position, velocity = (finite_rows(each, 0, MOST_FRAMES).reshape(-1, _width(each)) for each in (position, velocity))
+    count = min(len(position), MOST_FRAMES)
+    position, velocity = (finite_rows(each, 0, count).reshape(count, -1) for each in (position, velocity))
     step, stored = 0.5 * (position[2:] - position[:-2]), velocity[1:-1]
     known = np.isfinite(step).all(axis=1) & np.isfinite(stored).all(axis=1)
     step, stored = step[known], stored[known]
@@ -131,10 +132,6 @@ def rate_of_velocities(position: np.ndarray, velocity: np.ndarray) -> VelocityRa
 def surest(*rates: VelocityRate | None) -> VelocityRate | None:
     """The rate with the smallest misfit; None where there is none."""
     return min((rate for rate in rates if rate is not None), key=lambda rate: rate.misfit, default=None)
-
-
-def _width(array: np.ndarray) -> int:
-    return int(np.prod(array.shape[1:]))
 
 
 def checked_rate(

@@ -36,9 +36,7 @@ def test_blank_lines_hold_no_row():
     np.testing.assert_array_equal(values, [[1.0, 2.0], [3.0, 4.0]])
 
 
-@pytest.mark.parametrize(
-    "word", ["1,5", "1.2.3", "-", ".", "--1", "1-2", "½", "1_0", "0x1"]
-)
+@pytest.mark.parametrize("word", ["1,5", "1.2.3", "-", ".", "--1", "1-2", "½", "1_0", "0x1"])
 def test_anything_else_is_left_to_the_reader_of_words(word):
     assert parsed_rows(["1 2 3", f"1 {word} 3"], 3) is None
 
