@@ -20,15 +20,7 @@ from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ArrayFile
 
-DAMAGED_NPZ = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    EOFError,
-    OSError,
-    ValueError,
-    RuntimeError,
-)
+DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
 """Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
 their own; none of them is a FileError."""
 

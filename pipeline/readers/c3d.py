@@ -25,7 +25,7 @@ from pipeline.files import page_memory
 from pipeline.files.npz import first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
-from pipeline.readers.raw_motion import MIN_FRAMES, Poses, RawMotion, World, counted
+from pipeline.readers.raw_motion import Poses, RawMotion, World, refuse_pose
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
 
 DAMAGED_C3D = (
@@ -172,8 +172,7 @@ def _frame_count(path: Path, reader: c3d.Reader) -> int:
     """Frames of the file, checked against its size before memory is taken. Raises FileError."""
     frames, points = int(reader.last_frame) - int(reader.first_frame) + 1, int(reader.point_used)
     word = 4 if reader.point_scale < 0 else 2
-    if frames < MIN_FRAMES:
-        raise FileError(path, f"the file has {counted(max(frames, 0))}, which is no motion.")
+    refuse_pose(path, max(frames, 0))
     if frames > MAX_FRAMES or 3 * frames * points > 10 * MAX_NUMBERS:
         raise FileError(path, f"{frames} frames of {points} points are more than are allowed.", "Split it.")
     if frames * points * 4 * word > path.stat().st_size:

@@ -18,8 +18,7 @@ from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files import page_memory
 from pipeline.files.array_file import ROWS_AT_ONCE, known_numbers
-from pipeline.readers.joint_order import check_unit
-from pipeline.readers.raw_motion import RawMotion, TreePoses, parent_indices
+from pipeline.readers.raw_motion import RawMotion, TreePoses, check_unit, parent_indices
 from pipeline.readers.text_file import MAX_FRAMES, read_text
 
 SKELETON: dict[str, tuple[str | None, tuple[float, float, float]]] = {

@@ -14,8 +14,7 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
-from pipeline.readers.joint_order import check_unit
-from pipeline.readers.raw_motion import RawMotion, RowPoses, parent_indices
+from pipeline.readers.raw_motion import RawMotion, RowPoses, check_unit, parent_indices
 from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
 
 PARENTS: dict[str, str | None] = {

@@ -222,9 +222,10 @@ TIP = " (end)"
 """What is added to a joint's name for the end of its bone."""
 
 
-def counted(frames: int) -> str:
-    """`1 frame`, `12 frames`."""
-    return "1 frame" if frames == 1 else f"{frames} frames"
+def refuse_pose(path: Path, frames: int) -> None:
+    """Raises FileError for a file with too few frames."""
+    if frames < MIN_FRAMES:
+        raise FileError(path, f"the file has {'1 frame' if frames == 1 else f'{frames} frames'}, which is no motion.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,3 +317,20 @@ class RawMotion:
             poses=poses,
             tips={},
         )
+
+
+NORM_MIN, NORM_MAX = 0.99, 1.01
+"""Norms beyond these are no rounding: the numbers are not unit quaternions."""
+
+
+def check_unit(path: Path, quat: np.ndarray, what: str, first: int = 0) -> None:
+    """Check that quaternions (t, ..., 4) of the frames from `first` on are unit; NaN passes.
+
+    Raises FileError with the first frame that is not.
+    """
+    norm = np.linalg.norm(quat, axis=-1).reshape(len(quat), -1)
+    wrong = np.flatnonzero(((norm < NORM_MIN) | (norm > NORM_MAX)).any(axis=1))
+    if len(wrong):
+        worst = float(norm[wrong[0]][np.nanargmax(np.abs(norm[wrong[0]] - 1.0))])
+        problem = f"{what} at frame {first + wrong[0]} has norm {worst:.3g}, wanted {NORM_MIN} to {NORM_MAX}."
+        raise FileError(path, problem, "It is not a unit quaternion: check the columns.")

@@ -93,19 +93,16 @@ class SkeletonMap:
                 canonical[index, place] = CANONICAL[direction]
                 local[index, place] = self._direction(motion, body.joint, value)
             if abs(float(local[index, 0] @ local[index, 1])) > PARALLEL:
-                raise FileError(motion.files[0], *self._parallel(names[index], stated))
+                texts = [f"'{way}' ({'to ' if _axis(value) is None else ''}{value})" for way, value in stated]
+                problem = (
+                    f"the map '{self.name}' gives {names[index]} {' and '.join(texts)}, which lie along one line in "
+                    "this file's rest pose."
+                )
+                do = "The map was written for another rest pose (do the arms hang here?): name another axis."
+                raise FileError(motion.files[0], problem, do)
         turns = rotation.from_matrix(_frames(local) @ np.swapaxes(_frames(canonical), 1, 2))
         pitch = np.deg2rad([self.bodies[name].pitch_deg for name in names])
         return rotation.multiply(turns, rotation.from_axis_angle(AXES["y"], pitch))
-
-    def _parallel(self, body: str, stated: list[tuple[str, str]]) -> tuple[str, str]:
-        """Problem and remedy for a body whose two directions are along one line in a file's rest pose."""
-        texts = [f"'{way}' ({'to ' if _axis(value) is None else ''}{value})" for way, value in stated]
-        problem = (
-            f"the map '{self.name}' gives {body} {' and '.join(texts)}, which lie along one line in this file's "
-            "rest pose."
-        )
-        return problem, "The map was written for another rest pose (do the arms hang here?): name another axis."
 
     def _direction(self, motion: RawMotion, joint: str, value: str) -> Float[np.ndarray, " 3"]:
         axis = _axis(value)

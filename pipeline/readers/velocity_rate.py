@@ -165,11 +165,6 @@ def checked_rate(
     else:
         then, effect = "which is no usual rate. State the right one as `fps:` in data/sources.yaml", "rejected"
     text = f"the file says {stated:g} Hz, but its own velocities are those of {fps:.4g} Hz: {then}"
-    reason = Reason(
-        code="time_base",
-        text=text,
-        effect=effect,
-        value=round(fps / stated, 3),
-        limit=1.0 + CONTRADICTED,
-    )
+    value, limit = round(fps / stated, 3), 1.0 + CONTRADICTED
+    reason = Reason(code="time_base", text=text, effect=effect, value=value, limit=limit)
     return declared if effect == "rejected" else fps, (reason,)
