@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import errno
 import lzma
+import pickle
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -23,6 +25,12 @@ from pipeline.files.array_file import ArrayFile
 DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, ValueError, RuntimeError)
 """Of zipfile, the decompressors that it uses and NumPy, for archives that are broken, encrypted or packed in a way of
 their own; none of them is a FileError."""
+
+DAMAGED_FILE = (
+    *(ArithmeticError, AssertionError, AttributeError, LookupError, NameError, TypeError),
+    *(struct.error, pickle.UnpicklingError, *DAMAGED_NPZ),
+)
+"""What libraries raise while they read a damaged pickle or C3D file; an OSError of the disk is raised again."""
 
 OF_THE_FILE = (None, errno.EINVAL)
 """Error numbers of an OSError that a damaged archive causes: bz2 states none, a seek to before the start is invalid."""

@@ -1,7 +1,6 @@
 """Readers: motion files of every known format in, clips on the canonical skeleton out."""
 
 from pipeline.readers.listing import (
-    Listing,
     content_digest,
     list_files,
     list_motion_files,
@@ -10,7 +9,7 @@ from pipeline.readers.listing import (
 )
 from pipeline.readers.match_skeleton import written_map
 from pipeline.readers.read_motion import ReadMotion, read_motion
-from pipeline.readers.remembered import SourceLostError, SourcesInUse, sources_in_use
+from pipeline.readers.remembered import SourcesInUse, sources_in_use
 from pipeline.readers.source import (
     NOTHING_STATED,
     FileStatement,
@@ -19,16 +18,13 @@ from pipeline.readers.source import (
     read_sources,
     sources_of_environment,
 )
-from pipeline.readers.tracked import Reference, read_reference
+from pipeline.readers.tracked import read_reference
 
 __all__ = [
     "NOTHING_STATED",
     "FileStatement",
-    "Listing",
     "ReadMotion",
-    "Reference",
     "Source",
-    "SourceLostError",
     "SourcesInUse",
     "Statement",
     "content_digest",

@@ -6,7 +6,6 @@ damaged files that it was tried with.) Analog channels are passed over, as are a
 
 from __future__ import annotations
 
-import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -22,25 +21,11 @@ from pipeline.clips.human_clip import BODIES, PARENT
 from pipeline.clips.outcome import Reason
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import first_words, raise_fault_of_disk
+from pipeline.files.npz import DAMAGED_FILE, first_words, raise_fault_of_disk
 from pipeline.readers.human_motion import METRES, STATED_LEG_MAX, STATED_LEG_MIN
 from pipeline.readers.plug_in_gait import WANTED, body_poses, missing_points
 from pipeline.readers.raw_motion import Poses, RawMotion, World, refuse_pose
 from pipeline.readers.text_file import MAX_FRAMES, MAX_NUMBERS, check_size
-
-DAMAGED_C3D = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    NameError,
-    OSError,
-    struct.error,
-    TypeError,
-    ValueError,
-)
-"""What the library raises on damaged files."""
 
 FARTHEST = 1e7
 """A coordinate beyond this, in the file's unit, is none: 10 km in millimetres."""
@@ -113,7 +98,7 @@ def _faults(path: Path) -> Iterator[None]:
             yield
     except FileError:
         raise
-    except DAMAGED_C3D as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
         says = first_words(f"{type(error).__name__} {error}")
         raise FileError(path, f"it is not a C3D file that can be read: {says}.") from error

@@ -24,30 +24,12 @@ import numpy as np
 
 from pipeline.errors import FileError
 from pipeline.files import page_memory
-from pipeline.files.npz import check_sizes, first_words, raise_fault_of_disk
+from pipeline.files.npz import DAMAGED_FILE, check_sizes, first_words, raise_fault_of_disk
 from pipeline.readers.npz_file import caps
 from pipeline.readers.text_file import MAX_BYTES, check_size
 
 MAX_RATIO = 20
 """How far a compressed pickle may inflate."""
-
-DAMAGED_PICKLE = (
-    pickle.UnpicklingError,
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    OSError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-    NotImplementedError,
-)
-"""What a damaged pickle may raise while it is read; an OSError of the disk is raised again."""
 
 _DTYPE = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248]|U\d{1,4})")
 _TORCH_TYPES = {
@@ -245,7 +227,7 @@ def load_pickle(path: Path) -> Any:
         return _Unpickler(_Bytes(data)).load()
     except NotAllowedError as error:
         raise FileError(path, f"it holds {error}, which is never loaded.", converter(path)) from error
-    except DAMAGED_PICKLE as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
         raise FileError(
             path, f"it is not a pickle that can be read: {first_words(f'{type(error).__name__} {error}')}."
@@ -272,7 +254,7 @@ def load_torch(path: Path) -> Any:
     except NotAllowedError as error:
         do = "Save the tensors alone: torch.save({name: tensor, ...}, FILE)."
         raise FileError(path, f"it holds {error}, which is never loaded.", do) from error
-    except DAMAGED_PICKLE as error:
+    except DAMAGED_FILE as error:
         raise_fault_of_disk(error)
         do = "Files of torch before 1.6 are not read; save it again."
         raise FileError(
