@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import rotation, time_series
-from pipeline.catalog.gait import Person
-from pipeline.catalog.time_base import CatalogSettings, TimeBase, judge
+from pipeline.catalog.time_base import CatalogSettings, Person, TimeBase, judge
 from pipeline.clips.human_clip import FEET, HumanClip
 from pipeline.clips.outcome import Number, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip

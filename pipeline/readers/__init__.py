@@ -4,6 +4,7 @@ from pipeline.readers.listing import (
     content_digest,
     list_files,
     list_motion_files,
+    read_reference,
     refuse_outside_link,
     source_warnings,
 )
@@ -18,7 +19,6 @@ from pipeline.readers.source import (
     read_sources,
     sources_of_environment,
 )
-from pipeline.readers.tracked import read_reference
 
 __all__ = [
     "NOTHING_STATED",

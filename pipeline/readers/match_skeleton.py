@@ -31,8 +31,7 @@ from pipeline.errors import AmbiguousFileError, FileError
 from pipeline.readers.bvh import read_bvh
 from pipeline.readers.gltf import read_gltf
 from pipeline.readers.raw_motion import RawMotion
-from pipeline.readers.rest_pose import measured_map
-from pipeline.readers.roles import Roles, find_roles, without_prefix
+from pipeline.readers.roles import Roles, find_roles, measured_map, without_prefix
 from pipeline.readers.skeleton_map import CANONICAL, BodyMap, SkeletonMap, shipped_maps, stated_map
 
 MIN_COSINE = np.cos(np.deg2rad(35.0))
