@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import yaml
@@ -15,7 +16,7 @@ from jaxtyping import Float
 from pipeline import time_series
 from pipeline.generator import bvh
 from pipeline.generator.command import GRID_HZ, LEAD_S, Commands, Level, Recipe, plan_commands
-from pipeline.generator.generate import generate, make_motion
+from pipeline.generator.generate import make_motion
 from pipeline.generator.skeleton import Motion
 
 Block = Float[np.ndarray, "t c"]
@@ -96,6 +97,11 @@ def freeze(block: Block, fps: float) -> Block:
     return block
 
 
+def unchanged(block: Block, fps: float) -> Block:
+    """The sound file's motion block."""
+    return block
+
+
 def skate(block: Block, fps: float) -> Block:
     """The root drifts forward by 30 cm/s, so that standing feet slide."""
     block[:, 2] += 30.0 * np.arange(len(block)) / fps
@@ -136,7 +142,7 @@ _DEFECTS = (
         ),
         fate="accepted",
         faults=(TIME_BASE,),
-        plant=lambda block, fps: block,  # the defect is the declared rate
+        plant=unchanged,  # the defect is the declared rate
         declared_fps=25.0,
     ),
     Defect(
@@ -257,18 +263,15 @@ of each skill. The clips `defect_*` were sound and then spoilt; `defects` in the
 
 def texts() -> Iterator[tuple[str, str]]:
     """File name and content of every file, one at a time."""
-    rows, lines = [], ""
-    for name, recipe in RECIPES.items():
-        yield f"{name}.bvh", generate(recipe).bvh
-        yield f"{name}.yaml", to_text(of_sound(recipe))
-        rows.append((recipe, "accepted"))
-    for name, defect in DEFECTS.items():
-        yield f"{name}.bvh", make_defect(defect)[1]
-        yield f"{name}.yaml", to_text(of_defect(defect))
-        rows.append((defect.recipe, defect.fate))
-    for recipe, fate in rows:
-        lines += f"| {recipe.name} | {(recipe.frame_count - 1) / recipe.fps:.1f} | {fate} | {recipe.what} |\n"
-    yield "README.md", README + lines
+    table = ""
+    sound = [Defect(recipe=recipe, fate="accepted", faults=(), plant=unchanged) for recipe in RECIPES.values()]
+    for each in (*sound, *DEFECTS.values()):
+        recipe = each.recipe
+        yield f"{recipe.name}.bvh", make_defect(each)[1]
+        yield f"{recipe.name}.yaml", yaml.safe_dump(sidecar(each), sort_keys=False, width=120, allow_unicode=True)
+        seconds = (recipe.frame_count - 1) / recipe.fps
+        table += f"| {recipe.name} | {seconds:.1f} | {each.fate} | {recipe.what} |\n"
+    yield "README.md", README + table
 
 
 MADE_BY = "pipeline.generator of this project; no recording of a person went into it"
@@ -286,41 +289,28 @@ SHORTEST_S = 1.0
 """Shortest stretch of a skill [s]."""
 
 
-def of_sound(recipe: Recipe) -> dict:
-    """Sidecar of a sound motion: all of it is accepted."""
-    expect = {"fate": "accepted", "reasons": [], "skills": skill_seconds(recipe), "repaired": []}
-    return {**_head(recipe), "expect": expect}
-
-
-def of_defect(defect: Defect) -> dict:
-    """Sidecar of a motion with defects: locations and expected effects."""
+def sidecar(defect: Defect) -> dict:
+    """What a motion is, its defects with their expected effects, and its expected result in the pipeline."""
+    recipe = defect.recipe
     codes = {
         effect: list(dict.fromkeys(fault.code for fault in defect.faults if fault.effect == effect))
         for effect in ("repaired", "cut", "rejected")
     }
-    seconds = {} if defect.fate == "rejected" else skill_seconds(defect.recipe)
+    seconds = {} if defect.fate == "rejected" else skill_seconds(recipe)
     lost_s = sum(fault.stop_s - fault.start_s for fault in defect.faults if fault.effect == "cut")
-    expect = {
+    result: dict[str, Any] = {"what": recipe.what, "made_by": MADE_BY, "seed": recipe.seed, "licence": LICENCE}
+    if defect.declared_fps is not None:
+        result |= {"declared_fps": defect.declared_fps, "true_fps": recipe.fps}
+    if defect.faults:
+        names = ("code", "start_s", "stop_s", "detail", "effect")
+        result["defects"] = [{name: getattr(fault, name) for name in names} for fault in defect.faults]
+    result["expect"] = {
         "fate": defect.fate,
         "reasons": list(dict.fromkeys(codes["cut"] + codes["rejected"])),
         "skills": {skill: round(value - lost_s, 1) for skill, value in seconds.items()},
         "repaired": codes["repaired"],
     }
-    faults = [
-        {name: getattr(fault, name) for name in ("code", "start_s", "stop_s", "detail", "effect")}
-        for fault in defect.faults
-    ]
-    rate = {} if defect.declared_fps is None else {"declared_fps": defect.declared_fps, "true_fps": defect.recipe.fps}
-    return {**_head(defect.recipe), **rate, "defects": faults, "expect": expect}
-
-
-def to_text(sidecar: dict) -> str:
-    """YAML in the order given."""
-    return yaml.safe_dump(sidecar, sort_keys=False, width=120, allow_unicode=True)
-
-
-def _head(recipe: Recipe) -> dict:
-    return {"what": recipe.what, "made_by": MADE_BY, "seed": recipe.seed, "licence": LICENCE}
+    return result
 
 
 def skill_seconds(recipe: Recipe) -> dict[str, float]:

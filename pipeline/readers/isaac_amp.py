@@ -15,7 +15,7 @@ from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.files.array_file import ROWS_AT_ONCE, ArrayFile, finite_rows
 from pipeline.readers.raw_motion import RawMotion, RowPoses, check_unit, parent_indices
-from pipeline.readers.velocity_rate import VelocityRate, rate_of_velocities
+from pipeline.readers.velocity_rate import rate_of_velocities
 
 PARENTS: dict[str, str | None] = {
     "pelvis": None,
@@ -58,6 +58,9 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
     quat = header.stored_numbers("body_rotations", len(pos), len(stored), 4)
     if not len(pos):
         raise FileError(path, "the file has no frames.")
+    rate = None
+    if header.shapes.get("body_linear_velocities") == pos.shape:
+        rate = rate_of_velocities(pos, header.stored_numbers("body_linear_velocities", *pos.shape))
     poses = RowPoses(pos=pos, quat=quat, columns=tuple(stored.index(name) for name in PARENTS))
     for start in range(0, len(pos), ROWS_AT_ONCE):
         rows = finite_rows(quat, start, start + ROWS_AT_ONCE)[:, list(poses.columns)]
@@ -70,19 +73,9 @@ def read_isaac_amp(header: ArrayFile) -> RawMotion:
         rest_offset=_bones(path, names, parents, *poses.world(range(len(names)), 0, MEASURED_FRAMES)),
         poses=poses,
         fps=header.optional_number("fps"),
-        rate_by_velocity=_rate_of_bodies(header, len(stored)),
+        rate_by_velocity=rate,
         files=(path,),
         unit="m",
-    )
-
-
-def _rate_of_bodies(header: ArrayFile, bodies: int) -> VelocityRate | None:
-    """The rate that `body_linear_velocities` show."""
-    if header.shapes.get("body_linear_velocities") != header.shapes["body_positions"]:
-        return None
-    return rate_of_velocities(
-        header.stored_numbers("body_positions", None, bodies, 3),
-        header.stored_numbers("body_linear_velocities", None, bodies, 3),
     )
 
 

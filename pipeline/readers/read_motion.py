@@ -19,9 +19,10 @@ from pipeline.readers.deepmimic import read_deepmimic
 from pipeline.readers.gltf import read_gltf
 from pipeline.readers.human_motion import to_human
 from pipeline.readers.isaac_amp import is_isaac_amp, read_isaac_amp
-from pipeline.readers.loaded_arrays import LoadedArrays, open_pickle, open_torch
+from pipeline.readers.loaded_arrays import LoadedArrays, open_loaded
 from pipeline.readers.npz_file import open_npz
 from pipeline.readers.raw_motion import RawMotion
+from pipeline.readers.restricted_pickle import load_pickle, load_torch
 from pipeline.readers.robot_csv import read_robot_csv
 from pipeline.readers.robot_log import read_robot_log
 from pipeline.readers.robot_motion import RobotMotion, to_robot_clip
@@ -129,8 +130,8 @@ _READERS: dict[str, Callable[[Path, Statement], RawMotion | RobotMotion]] = {
     ".gltf": lambda path, _: read_gltf(path),
     ".mcap": lambda path, _: read_robot_log(path),
     ".npz": lambda path, statement: _of_arrays(open_npz(path), statement),
-    ".pkl": lambda path, statement: _of_arrays(open_pickle(path), statement),
-    ".pt": lambda path, statement: _of_arrays(open_torch(path), statement),
+    ".pkl": lambda path, statement: _of_arrays(open_loaded(path, load_pickle), statement),
+    ".pt": lambda path, statement: _of_arrays(open_loaded(path, load_torch), statement),
     ".txt": lambda path, _: read_deepmimic(path),
 }
 

@@ -268,7 +268,10 @@ def measured_map(motion: RawMotion, roles: Roles) -> tuple[SkeletonMap, RawMotio
         return None
     names = {body: motion.joint_names[joint] for body, joint in roles.joints.items()}
     ends = []
-    for body, carrier in _missing_ends(roles):
+    for side, (end, joint) in itertools.product(FEET, (("toe", "ankle"), ("wrist", "elbow"))):
+        body, carrier = f"{side}_{end}", f"{side}_{joint}"
+        if body not in roles.missing:
+            continue
         if names[carrier] in motion.tips:
             ends.append(names[carrier])
             names[body] = f"{names[carrier]}{TIP}"
@@ -279,13 +282,6 @@ def measured_map(motion: RawMotion, roles: Roles) -> tuple[SkeletonMap, RawMotio
     bodies = {body: _body(body, names, place, axes) for body in BODIES}
     title = "measured from the rest pose of the file"
     return SkeletonMap(name=NAME, title=title, bodies=bodies), motion
-
-
-def _missing_ends(roles: Roles) -> list[tuple[str, str]]:
-    pairs = {
-        f"{side}_{end}": f"{side}_{joint}" for side in FEET for end, joint in (("toe", "ankle"), ("wrist", "elbow"))
-    }
-    return [(end, carrier) for end, carrier in pairs.items() if end in roles.missing]
 
 
 def _body(body: str, names: dict[str, str], place: dict[str, np.ndarray], axes: Float[np.ndarray, "3 3"]) -> BodyMap:

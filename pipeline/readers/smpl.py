@@ -7,6 +7,7 @@ and soft tissue are not read. The pose is one array (`poses`, `pose_aa`: t x 66,
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -131,7 +132,7 @@ def _poses(trans: np.ndarray, turns: tuple[np.ndarray, ...], offsets: Float[np.n
     """Poses from translations (t, 3) [m] and rotation vectors [rad] in one or two arrays, computed as needed."""
 
     def local(start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
-        rows = np.concatenate([finite_rows(each, start, stop).reshape(stop - start, -1) for each in turns], axis=1)
+        rows = np.concatenate([finite_rows(each, start, stop) for each in turns], axis=1)
         vectors = rows[:, : 3 * len(JOINTS)].reshape(len(rows), len(JOINTS), 3)
         return finite_rows(trans, start, stop) + offsets[0], rotation.from_rotvec(vectors)
 
@@ -143,15 +144,15 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
     whole, root, body = arrays.first(*WHOLE), arrays.first(*ROOTS), arrays.first(*BODIES)
     if whole is not None:
         poses = _rows(arrays, whole)
-        if _width(poses) not in COLUMNS or len(poses) != frames or not frames:
-            problem = f"{whole} are {len(poses)}×{_width(poses)} and {translation} {frames}×3, wanted the same frames"
+        if poses.shape[1] not in COLUMNS or len(poses) != frames or not frames:
+            problem = f"{whole} are {len(poses)}×{poses.shape[1]} and {translation} {frames}×3, wanted the same frames"
             raise FileError(arrays.path, f"{problem} and 66, 72, 156 or 165 columns.")
         return (poses,)
     assert root is not None and body is not None
     turn, rest = _rows(arrays, root), _rows(arrays, body)
-    if _width(turn) != 3 or _width(rest) not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
+    if turn.shape[1] != 3 or rest.shape[1] not in BODY_COLUMNS or {len(turn), len(rest)} != {frames} or not frames:
         problem = (
-            f"{root} is {len(turn)}×{_width(turn)}, {body} {len(rest)}×{_width(rest)} and {translation} {frames}×3, "
+            f"{root} is {len(turn)}×{turn.shape[1]}, {body} {len(rest)}×{rest.shape[1]} and {translation} {frames}×3, "
             "wanted the same frames, 3 columns and 63 or 69."
         )
         raise FileError(arrays.path, problem)
@@ -159,14 +160,10 @@ def _turns(arrays: ArrayFile, frames: int, translation: str) -> tuple[np.ndarray
 
 
 def _rows(arrays: ArrayFile, name: str) -> np.ndarray:
-    """An array of rotation vectors, a row each frame or an array (joints, 3)."""
+    """Rotation vectors, the numbers of all joints in a row each frame; stored so or as an array (joints, 3)."""
     shape = (None, None, 3) if len(arrays.shapes[name]) == 3 else (None, None)
-    return arrays.stored_numbers(name, *shape)
-
-
-def _width(rows: np.ndarray) -> int:
-    """Numbers of a frame."""
-    return int(np.prod(rows.shape[1:]))
+    rows = arrays.stored_numbers(name, *shape)
+    return rows.reshape(len(rows), math.prod(rows.shape[1:]))
 
 
 def read_body_model(path: Path, betas: Float[np.ndarray, " b"]) -> Float[np.ndarray, "22 3"]:
