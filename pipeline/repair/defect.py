@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,9 @@ def spans(code: str, text: str, mask: BodyMask, *, pos: np.ndarray | None, rot: 
     for group in np.split(marked, changes):
         start, stop = int(group[0]), int(group[-1]) + 1
         bodies = tuple(int(index) for index in np.flatnonzero(mask[start]))
-        lost = {kind: lost is not None and bool(lost[start:stop].any()) for kind, lost in (("pos", pos), ("rot", rot))}
+        lost: dict[str, Any] = {
+            kind: lost is not None and bool(lost[start:stop].any()) for kind, lost in (("pos", pos), ("rot", rot))
+        }
         named = text.format(names=names(bodies))
         defects.append(Defect(code=code, text=named, start=start, stop=stop, bodies=bodies, **lost))
     return defects

@@ -42,14 +42,11 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
         pos_w, quat_w = swap_back(clip, swapped)
         clip = dataclasses.replace(clip, body_pos_w=pos_w, body_quat_w=quat_w)
         seen = _bridged(clip, findings)
-    frozen, shaking = _frozen_and_shaking(clip, seen, findings, settings)
-    if frozen or shaking:
-        findings.add(frozen + shaking)
-        seen = _bridged(clip, findings)
-    broken = _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
-    if broken:
-        findings.add(broken)
-        seen = _bridged(clip, findings)
+    for find in (_frozen_and_shaking, _broken_bones):
+        found = find(clip, seen, findings, settings)
+        if found:
+            findings.add(found)
+            seen = _bridged(clip, findings)
     jumps = joined(find_jumps(seen, findings.lost, clip.fps, settings), findings.defects)
     findings.add(jumps)
     for _ in range(MOST_LOOKS):
@@ -61,9 +58,7 @@ def detect(clip: HumanClip, settings: DetectionSettings) -> tuple[HumanClip, Fin
     return clip, findings
 
 
-def _frozen_and_shaking(
-    clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings
-) -> tuple[list[Defect], list[Defect]]:
+def _frozen_and_shaking(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
     """What stands still, and what shakes although that is bridged.
 
     A joint that keeps a pose until it shakes, or from then on, did not jump out of it: that says nothing of the pose.
@@ -73,12 +68,16 @@ def _frozen_and_shaking(
         seen = _bridged(clip, findings.with_more(frozen))
     shaking = _new(find_noise(seen, clip.fps, settings), findings)
     if not frozen or not shaking:
-        return frozen, shaking
+        return frozen + shaking
     kept = [one for one in frozen if not any(_touches(one, other) for other in shaking)]
     if len(kept) == len(frozen):
-        return frozen, shaking
+        return frozen + shaking
     seen = _bridged(clip, findings.with_more(kept))
-    return kept, _new(find_noise(seen, clip.fps, settings), findings)
+    return kept + _new(find_noise(seen, clip.fps, settings), findings)
+
+
+def _broken_bones(clip: HumanClip, seen: Seen, findings: Findings, settings: DetectionSettings) -> list[Defect]:
+    return _new(find_broken_bones(seen.pos_w, findings.lost, settings), findings)
 
 
 def _touches(one: Defect, shaking: Defect) -> bool:

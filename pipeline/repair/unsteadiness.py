@@ -193,37 +193,23 @@ CLEAR = 3
 def find_spikes(seen: Seen, lost: BodyMask, fps: float, settings: DetectionSettings) -> list[Defect]:
     """Bodies that are elsewhere for a few frames (`spike`); nothing beside samples that are `lost` already."""
     longest = int(np.clip(int(LONGEST_SPIKE_S * fps), 1, MOST_FRAMES))
-    found: list[tuple[float, int, int, int, float, float, bool]] = []
+    found: list[tuple[float, Defect]] = []
     for gap in range(1, longest + 1):
         if len(seen.pos_w) < gap + 2 * REACH + 2:
             break
         found += _candidates(seen, lost, gap, fps, settings)
     defects, taken = [], np.zeros(lost.shape, dtype=bool)
-    for _, index, start, stop, angle, limit, moved in sorted(found, reverse=True):
-        if taken[start:stop, index].any():
-            continue
-        taken[max(start - REACH, 0) : stop + REACH, index] = True
-        defects.append(
-            Defect(
-                code="spike",
-                text=f"{names([index])} is {np.rad2deg(angle):.0f} deg off what the frames around say",
-                start=start,
-                stop=stop,
-                bodies=(index,),
-                pos=moved,
-                value=angle,
-                limit=limit if angle > limit else None,
-                unit="rad",
-            )
-        )
+    for _, one in sorted(found, key=lambda each: (each[0], each[1].bodies, each[1].start), reverse=True):
+        if not taken[one.start : one.stop, one.bodies[0]].any():
+            taken[max(one.start - REACH, 0) : one.stop + REACH, one.bodies[0]] = True
+            defects.append(one)
     return defects
 
 
 def _candidates(
     seen: Seen, lost: BodyMask, gap: int, fps: float, settings: DetectionSettings
-) -> list[tuple[float, int, int, int, float, float, bool]]:
-    """Windows of `gap` frames that are off: by how many times, body, frames [start, stop), angle and its limit [rad],
-    whether it moved."""
+) -> list[tuple[float, Defect]]:
+    """Windows of `gap` frames that are off, each with by how many times its limit."""
     turn, place = seen.misses if gap == 1 else seen.misses_over(gap)
     least = turn_limits(settings) * (settings.spike_turn / settings.angle_jump)
     usual = np.asarray(~lost.any(axis=1))
@@ -247,7 +233,17 @@ def _candidates(
         stop = start + gap
         if lost[max(start - CLEAR, 0) : stop + CLEAR, index].any():
             continue
-        moved = bool(place[frame, index] > place_limit[index])
-        off = float(turn[frame, index]), float(turn_limit[index])
-        result.append((float(size[frame, index]), int(index), start, stop, *off, moved))
+        angle, limit = float(turn[frame, index]), float(turn_limit[index])
+        defect = Defect(
+            code="spike",
+            text=f"{names([int(index)])} is {np.rad2deg(angle):.0f} deg off what the frames around say",
+            start=start,
+            stop=stop,
+            bodies=(int(index),),
+            pos=bool(place[frame, index] > place_limit[index]),
+            value=angle,
+            limit=limit if angle > limit else None,
+            unit="rad",
+        )
+        result.append((float(size[frame, index]), defect))
     return result
