@@ -74,7 +74,7 @@ def joints_of(human: HumanClip, file: Path) -> tuple[list[str], np.ndarray, np.n
     pos_w = np.stack([human.body_pos_w[:, body(place)] for place, _ in sources.values()], axis=1)
     quats = []
     for _, orientation in sources.values():
-        rest = skeleton.rest_frame(turned, orientation)
+        (rest,) = skeleton.rest_frames(turned, (orientation,))
         quats.append(rotation.multiply(human.body_quat_w[:, body(orientation)], rotation.conjugate(rest)))
     return list(sources), pos_w, np.stack(quats, axis=1)
 
