@@ -18,7 +18,7 @@ from pipeline.feasibility.criteria_table import BY_CRITERION, MARGINS, by_criter
 from pipeline.feasibility.reference import CONTENT, StoredReferences
 from pipeline.files import settings
 from pipeline.files.sourced import Origin, origins
-from pipeline.readers.tracked import load_reference, named_reference
+from pipeline.readers.listing import load_reference, named_reference
 
 
 def stage_of(

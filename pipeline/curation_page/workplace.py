@@ -24,8 +24,7 @@ from pipeline.feasibility import criteria_table
 from pipeline.feedback.approve import FeedbackFiles
 from pipeline.files import digest, settings
 from pipeline.robot import Robot, load_robot
-from pipeline.selection.curation import Decision
-from pipeline.selection.curation_file import decide, read_decisions, take_back
+from pipeline.selection.curation import Decision, decide, read_decisions, take_back
 from pipeline.viewing.playlist import MotionSource
 
 FIRST_SCREEN = 24
