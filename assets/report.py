@@ -83,19 +83,18 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
 
     Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
-    fates = [row.fate for row in manifest.judged]
-    judged = manifest.judged_table()
-    order = [("rejected", "partly", "accepted").index(fate) for fate in fates]
+    fates, judged = manifest.fates(), manifest.judged_table([])
+    order = [("rejected", "partly", "accepted").index(fate) for fate in judged["fate"]]
     worst_first = judged.assign(order=order).sort_values(by=["order", "clip"])
-    entries = manifest.entry_table()
+    entries = manifest.entry_table(["skill", "seconds", *columns, highest_first])
     if highest_first in entries.columns:
         entries = entries.sort_values(by=[highest_first, "clip"], ascending=[False, True], na_position="last")
     metadata: dict[str, Any] = {
-        "clips in": len(fates),
+        "clips in": fates.total(),
         "clips out": len(manifest.entries),
-        "clips accepted": fates.count("accepted"),
-        "clips partly accepted": fates.count("partly"),
-        "clips rejected": fates.count("rejected"),
+        "clips accepted": fates["accepted"],
+        "clips partly accepted": fates["partly"],
+        "clips rejected": fates["rejected"],
         "seconds in": round(manifest.seconds("seconds_in"), 2),
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
