@@ -39,6 +39,7 @@ def note_external(instance: dg.DagsterInstance, project: Project) -> dict[dg.Ass
     versions: dict[dg.AssetKey, str] = {}
     try:
         found[RAW_MOTIONS] = motions_version(project)
+        note_sources(instance, [source.name for source in project.sources().all])
     except PipelineError:
         noted = _noted(instance, RAW_MOTIONS)
         versions |= {RAW_MOTIONS: noted} if noted else {}

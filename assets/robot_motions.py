@@ -256,7 +256,6 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
-
     made = balance(manifest.entry_table(READ), values.balance, commands)[["clip", "weight", "family"]]
     facts = {"stage": COMMANDS, **settings.plain(commands)}
     named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})

@@ -67,8 +67,8 @@ class Failure:
         return f"{what} at {self.time_s:.2f} s, command {command} ({found}; confidence {self.confidence:.2f}{excuse})"
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+        """As JSON types."""
+        return {**asdict(self), "command": list(self.command)}
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "Failure":

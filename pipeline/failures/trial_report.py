@@ -51,8 +51,13 @@ class TrialReport:
         return None if self.start_ns is None else (self.start_ns, self.start_ns + round(self.seconds * 1e9))
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+        """As JSON types."""
+        return {
+            **asdict(self),
+            "commands": [list(each) for each in self.commands],
+            "failures": [each.to_dict() for each in self.failures],
+            "notes": list(self.notes),
+        }
 
     @staticmethod
     def from_dict(value: dict[str, Any]) -> "TrialReport":

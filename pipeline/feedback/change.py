@@ -102,8 +102,8 @@ class Change:
         return f"{logs} log{'s' if logs > 1 else ''}{'' if alone else f' that count as {counts}'}"
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+        """As JSON types."""
+        return {**asdict(self), "witnesses": [asdict(each) for each in self.witnesses]}
 
 
 def proposal_digest(changes: Sequence[Change]) -> str:

@@ -52,8 +52,15 @@ class Twin:
     notes: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
+        """As JSON types."""
+        return {
+            **asdict(self),
+            "command": list(self.command),
+            "achieved": list(self.achieved),
+            "simulated": list(self.simulated),
+            "cycles": [asdict(each) for each in self.cycles],
+            "notes": list(self.notes),
+        }
 
 
 def twin_of(
