@@ -63,7 +63,7 @@ def worked_on(instance, monkeypatch, stale: list[str]) -> set[str]:
     from assets.definitions import defs
 
     graph = defs.resolve_asset_graph()
-    empty = dg.Definitions(assets=[stage(key, graph.get(key).parent_keys) for key in known])
+    empty = dg.Definitions(assets=[stage(key, set(graph.get(key).parent_keys)) for key in known])
     monkeypatch.setattr(bootstrap, "_GRAPH", [empty])
     monkeypatch.setattr(
         bootstrap, "stale_now", lambda instance, project: {dg.AssetKey(name.split("/")): "new" for name in stale}
