@@ -11,7 +11,9 @@ from assets.hardware import trials_of
 from assets.plan import FAULTS_TAG, FIELD, FINGERPRINT_TAG, TRIALS, Plan, group_of, robot_plans
 from assets.project import PROJECT
 from assets.report import as_failure, plain_errors, table_of
-from pipeline.actuators import ActuatorSettings, Calibration, adapt
+from pipeline.actuators.adapted_robot import adapt
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Manifest
 from pipeline.deployment import digest as policy_digest
 from pipeline.deployment import load_policy

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.actuators.knee_fit import Interval, KneeFit, fit_knee
-from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
-from pipeline.actuators.read_measurement import read_measurement
+from pipeline.actuators.read_measurement import Measurement, read_measurement
 from pipeline.actuators.settings import ActuatorSettings, KneeSettings
 from pipeline.errors import FileError
 

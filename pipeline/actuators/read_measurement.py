@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from pipeline.actuators.measurement import Measurement
 from pipeline.actuators.motor_table import Motor
 from pipeline.actuators.settings import ReadingSettings
 from pipeline.errors import AmbiguousFileError, FileError
@@ -47,16 +47,35 @@ _HEADER = re.compile(r"\s*([A-Za-z_ ]+?)\s*(?:[\[(]\s*(.+?)\s*[\])])?\s*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
-    """Index of a column and factor to SI."""
+class Measurement:
+    """N points of one motor's driving torque over speed, at the joint, sorted by speed."""
 
-    index: int
-    factor: float
+    motor: str
+    speed: Float[np.ndarray, " n"]
+    """[rad/s], 0 or more, at the joint."""
+    torque: Float[np.ndarray, " n"]
+    """Largest torque in the direction of motion [N m], at the joint."""
+    forward: Bool[np.ndarray, " n"]
+    """Whether the joint turned in its positive direction."""
+    about: dict[str, str]
+    """Statements of the file's comment lines, by name."""
+    notes: tuple[str, ...]
+    """Changes made to the file's numbers."""
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the file states that it was never measured."""
+        return "synthetic" in self.about
+
+    def direction(self, forward: bool) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+        """Speeds and torques of one direction."""
+        chosen = self.forward == forward
+        return self.speed[chosen], self.torque[chosen]
 
 
-def read_header(cells: list[str], file: str, line: int) -> dict[str, Column]:
-    """Columns by name. Raises FileError for a missing column, a missing or an unknown unit."""
-    columns: dict[str, Column] = {}
+def read_header(cells: list[str], file: str, line: int) -> dict[str, tuple[int, float]]:
+    """Index and factor to SI of each column, by name. Raises FileError for a missing column or a wrong unit."""
+    columns: dict[str, tuple[int, float]] = {}
     for index, cell in enumerate(cells):
         match = _HEADER.fullmatch(cell)
         name = match.group(1).lower() if match else cell
@@ -65,7 +84,7 @@ def read_header(cells: list[str], file: str, line: int) -> dict[str, Column]:
             raise FileError(file, f"unknown column '{cell}'.", do, line)
         if name in columns:
             raise FileError(file, f"the column '{name}' stands there twice.", "Remove one.", line)
-        columns[name] = Column(index=index, factor=_factor(name, match.group(2) if match else None, file, line))
+        columns[name] = (index, _factor(name, match.group(2) if match else None, file, line))
     missing = [name for name in UNITS if name not in columns]
     if missing:
         raise FileError(file, f"the columns {', '.join(missing)} are missing.", "See docs/actuators.md.", line)
@@ -148,24 +167,21 @@ def _read_table(table: list[tuple[int, str]], file: str, motor: str, decimal: st
             problem = f"the row has {len(cells)} values, the header {len(columns)}."
             do = "Decimal commas need another separator: use semicolons." if separator == "," else "Write one a column."
             raise FileError(file, problem, do, line)
-        if cells[columns["motor"].index] != motor:
-            problem = f"the row is of motor '{cells[columns['motor'].index]}'."
+        if cells[columns["motor"][0]] != motor:
+            problem = f"the row is of motor '{cells[columns['motor'][0]]}'."
             raise FileError(file, problem, f"A file holds the sweeps of the motor it is named by: '{motor}'.", line)
     numeric = ("speed", "torque", "voltage", "temperature")
-    texts = [cells[columns[name].index] for _, cells in records for name in numeric]
-    sign = decimal_sign(texts, decimal, file)
-    values = {name: _values(records, name, columns[name], sign, file) for name in numeric}
-    forward = [_direction(cells[columns["direction"].index], file, line) for line, cells in records]
+    sign = decimal_sign([cells[columns[name][0]] for _, cells in records for name in numeric], decimal, file)
+    values = {}
+    for name in numeric:
+        index, factor = columns[name]
+        values[name] = factor * np.array([number(cells[index], sign, name, file, line) for line, cells in records])
+    forward = [_direction(cells[columns["direction"][0]], file, line) for line, cells in records]
     return _Rows(forward=np.array(forward), **values)
 
 
 def _cells(content: str, separator: str, file: str, line: int) -> list[str]:
     return [cell.strip() for cell in next(csv_records([content], file, separator, line))]
-
-
-def _values(records: list[tuple[int, list[str]]], name: str, column: Column, sign: str, file: str) -> np.ndarray:
-    read = [number(cells[column.index], sign, name, file, line) for line, cells in records]
-    return column.factor * np.array(read)
 
 
 def _direction(text: str, file: str, line: int) -> bool:

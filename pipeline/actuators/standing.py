@@ -100,7 +100,5 @@ def stand(
 
 def _height(robot: Robot, pose: StandingPose) -> float:
     """Root height [m] with the lowest sole corner on the ground."""
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), pose.joint_pos[None])
     corners = [corner for foot in robot.sole_corners for corner in foot]
-    return -float(kinematics.site_pos_w(poses, corners)[..., 2].min())
+    return -float(Kinematics(robot).sites_of_pose(corners, pose.joint_pos)[:, 2].min())

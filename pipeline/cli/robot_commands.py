@@ -11,8 +11,8 @@ from pipeline.robot.load import read_description
 from pipeline.robot_check import check_folder, compare
 from pipeline.robot_check.compare import JOINT, model_of
 from pipeline.robot_import import propose, read_model, read_stated, write_folder
-from pipeline.robot_import.readme import readme
 from pipeline.robot_import.stated import NOTHING
+from pipeline.robot_import.write import readme
 
 NAME = re.compile(r"[a-z][a-z0-9_]*\Z")
 FOUND = 3

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import FileError
@@ -69,6 +71,12 @@ class LinkRow(Row):
     izz: float
     """Inertia about the centre of mass, in the axes of the link frame."""
     positive: ClassVar[tuple[str, ...]] = ("mass", "ixx", "iyy", "izz")
+
+    @property
+    def inertia(self) -> Float[np.ndarray, "3 3"]:
+        """Inertia about the centre of mass, in the axes of the link frame [kg m^2]."""
+        xx, xy, xz, yy, yz, zz = self.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,6 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
     rows = description.joint_rows
     links = []
     for place, row in enumerate(description.links):
-        xx, xy, xz, yy, yz, zz = row.numbers("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         joint = None
         if row.joint:
             values = rows[row.joint]
@@ -70,7 +69,7 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
                 quat=tree.quat[place],
                 mass=row.mass,
                 com=np.array(row.numbers("com_x", "com_y", "com_z")),
-                inertia=np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+                inertia=row.inertia,
             )
         )
     return MakerModel(path=description.folder, links=tuple(links), shapes=(), sites=(), notes=())

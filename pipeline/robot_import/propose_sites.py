@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.robot.description import SIDES
 from pipeline.robot.tables import SiteRow
 from pipeline.robot_import.limbs import BEND, Body, Limb
 from pipeline.robot_import.maker_model import MakerModel, corner_points
 from pipeline.robot_import.meshes import FLAT, MESH_DECIMALS
-from pipeline.robot_import.numbers import rounded
+from pipeline.robot_import.numbers import columns, rounded
 
-SIDES = ("left", "right")
 CORNERS = ("front_left", "front_right", "rear_right", "rear_left")
 WRIST = 0.86
 """Wrist on the way from the elbow to the end of the arm, where no joint tells (the T1's)."""
@@ -53,15 +53,14 @@ def propose_sites(source: MakerModel, model: MakerModel, body: Body) -> Proposed
         to_check.append(f"sites.csv: {', '.join(guessed)} are proposed from the end of the arm's shapes: look at them.")
     places |= of_file
     rows = tuple(
-        SiteRow(line=line, site=name, link=link, **dict(zip("xyz", rounded(pos), strict=True)), source=origin)
+        SiteRow(line=line, site=name, link=link, **columns("x y z", rounded(pos)), source=origin)
         for line, (name, (link, pos, origin)) in enumerate(places.items(), start=2)
     )
-    left, right = SIDES
     return ProposedSites(
         rows=rows,
         hands=("left_hand", "right_hand"),
         feet=("left_sole_centre", "right_sole_centre"),
-        sole_corners=(_corners(left), _corners(right)),
+        sole_corners=(_corners("left"), _corners("right")),
         to_check=tuple(to_check),
     )
 

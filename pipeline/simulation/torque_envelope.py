@@ -14,7 +14,7 @@ class TorqueEnvelope:
 
     Only a torque that drives the motion on falls with speed; one that brakes it keeps the full limit. A joint that is
     driven beyond the no-load speed from outside is braked by its motor, by the limit at most: the line continues to it.
-    This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/forms.py).
+    This is the DC-motor form of mjlab and Isaac Lab (pipeline/actuators/adapted_robot.py).
     """
 
     limit: Float[np.ndarray, " j"]

@@ -145,10 +145,9 @@ def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Gene
     joint_pos = np.clip(joint_pos, robot.joint_lower, robot.joint_upper)
     tilt = rng.uniform(-start.tilt, start.tilt, 2)
     quat = rotation.from_rotvec(np.array([tilt[0], tilt[1], 0.0]))
-    kinematics = Kinematics(robot)
-    poses = kinematics.forward(np.zeros((1, 3)), quat[None], joint_pos[None])
-    corners = kinematics.site_pos_w(poses, [name for foot in robot.sole_corners for name in foot])
-    height = ground.height(0.0, 0.0) - float(corners[..., 2].min())
+    names = [name for foot in robot.sole_corners for name in foot]
+    corners = Kinematics(robot).sites_of_pose(names, joint_pos, quat)
+    height = ground.height(0.0, 0.0) - float(corners[:, 2].min())
     return PlantState(
         root_pos_w=np.array([0.0, 0.0, height]),
         root_quat_w=quat,
