@@ -24,13 +24,13 @@ from pipeline.files.npz import NpzCaps, read_npz_header
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.run import run
+from pipeline.simulation.sensors import DOWN_W
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 
 SECONDS = 1.0
 COMMAND = (0.6, -0.2, 0.3)
 """Forward and lateral velocity [m/s] and yaw rate [rad/s]; three different numbers, so that a swap shows."""
 CAPS = NpzCaps(members=50, member_bytes=100_000_000, total_bytes=100_000_000, ratio=1_000)
-DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.robot.kinematics import compiled
-from pipeline.simulation.plant import NoBallError, PlantState
+from pipeline.simulation.plant import NoBallError, PlantState, standing_state
 from pipeline.simulation.terrain import FlatGround, Ground
 
 INTEGRATORS = {
@@ -65,7 +65,7 @@ class MujocoOptions:
 
 
 class MujocoPlant:
-    """See `Plant`; it also tells accelerations, and throws a ball where the options have one."""
+    """See `Plant`; it also has accelerations, and throws a ball if the options have one."""
 
     def __init__(self, robot: Robot, options: MujocoOptions | None = None):
         self.robot, self.options = robot, options or MujocoOptions()
@@ -77,14 +77,7 @@ class MujocoPlant:
         self._pushed = False
         self._qpos, self._qvel = slice(7, 7 + joints), slice(6, 6 + joints)
         self._feet = [int(self.model.site_bodyid[self.model.site(name).id]) for name in robot.feet]
-        self._default = PlantState(
-            root_pos_w=np.array([0.0, 0.0, robot.default_root_height + self.ground.height(0.0, 0.0)]),
-            root_quat_w=rotation.IDENTITY.copy(),
-            root_lin_vel_w=np.zeros(3),
-            root_ang_vel_b=np.zeros(3),
-            joint_pos=np.array(robot.default_joint_pos),
-            joint_vel=np.zeros(joints),
-        )
+        self._default = standing_state(robot, self.ground.height(0.0, 0.0))
         self.reset()
 
     def reset(self, state: PlantState | None = None) -> None:

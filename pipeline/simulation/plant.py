@@ -8,7 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from pipeline import rotation
 from pipeline.errors import PipelineError
+from pipeline.robot import Robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +68,18 @@ class PlantState:
     """In the root link's frame [rad/s]."""
     joint_pos: Float[np.ndarray, " j"]
     joint_vel: Float[np.ndarray, " j"]
+
+
+def standing_state(robot: Robot, ground_height: float = 0.0) -> PlantState:
+    """At rest in the default pose on the ground at a height [m]."""
+    return PlantState(
+        root_pos_w=np.array([0.0, 0.0, robot.default_root_height + ground_height]),
+        root_quat_w=rotation.IDENTITY.copy(),
+        root_lin_vel_w=np.zeros(3),
+        root_ang_vel_b=np.zeros(3),
+        joint_pos=np.array(robot.default_joint_pos),
+        joint_vel=np.zeros(len(robot.joint_names)),
+    )
 
 
 @runtime_checkable

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from pipeline.deployment.task import DeploymentTask
 from pipeline.errors import PipelineError
+from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE
 from pipeline.robot import Robot
 from pipeline.simulation.plant import (
     Event,
@@ -34,7 +36,39 @@ FALL_TILT_COS = 0.5
 """Cosine of the root's angle from upright (60 degrees) beyond which it has."""
 
 Command = Callable[[float], Float[np.ndarray, " 3"]]
-"""Wanted forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
+"""Commanded forward and lateral velocity [m/s] and yaw rate [rad/s] at a time [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """A segment of a walk with one commanded velocity."""
+
+    seconds: Annotated[float, POSITIVE]
+    command: tuple[float, float, float]
+    """Forward and lateral [m/s], yaw rate [rad/s]."""
+    slew: Annotated[float, NOT_NEGATIVE] = 1.0
+    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
+
+
+def command_of(segments: Sequence[Segment]) -> Command:
+    """The command over time; each segment starts from the value that the previous one reached."""
+    starts, times = [np.zeros(3)], [0.0]
+    for segment in segments:
+        starts.append(_slewed(starts[-1], segment, segment.seconds))
+        times.append(times[-1] + segment.seconds)
+
+    def command(time_s: float) -> Float[np.ndarray, " 3"]:
+        index = min(int(np.searchsorted(times, time_s + 1e-9, side="right")), len(segments)) - 1
+        return _slewed(starts[index], segments[index], time_s - times[index])
+
+    return command
+
+
+def _slewed(start: np.ndarray, segment: Segment, time_s: float) -> np.ndarray:
+    most = segment.slew * time_s if segment.slew > 0.0 else np.inf
+    return start + np.clip(np.array(segment.command) - start, -most, most)
+
+
 GroundHeight = Callable[[float, float], float]
 """Height [m] of the ground at a place [m]."""
 

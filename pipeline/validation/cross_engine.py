@@ -17,7 +17,15 @@ import numpy as np
 
 from pipeline.batch import ClipPool
 from pipeline.files import settings as settings_files
-from pipeline.validation.bars import UNKNOWN, Agreement, CellBars, Tolerance, ValidationSettings, scaled_to
+from pipeline.validation.bars import (
+    UNKNOWN,
+    Agreement,
+    CellBars,
+    Tolerance,
+    ValidationSettings,
+    command_errors,
+    scaled_to,
+)
 from pipeline.validation.cross_engine_walk import (
     BRIDGE,
     DART,
@@ -62,9 +70,7 @@ class CellResult:
     @property
     def word(self) -> str:
         """`passed`, `failed` or `not required`."""
-        if not self.required:
-            return "not required"
-        return "failed" if self.reasons else "passed"
+        return self.bars.verdict(self.reasons)
 
     def survival(self, engine: str) -> float:
         """Share of the seeds that did not fall."""
@@ -192,11 +198,7 @@ def cross_engine(
 
 def errors_of(cell: Cell, figures: Figures) -> dict[str, float]:
     """How far a walk is from the cell's last command: `speed_error` [m/s] and `yaw_rate_error` [rad/s]."""
-    forward, lateral, yaw_rate = cell.segments[-1].command
-    return {
-        "speed_error": math.hypot(figures.forward_m_s - forward, figures.lateral_m_s - lateral),
-        "yaw_rate_error": abs(figures.yaw_rate_rad_s - yaw_rate),
-    }
+    return command_errors(cell.command, figures.velocity)
 
 
 def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figures, ...]]) -> Iterator[str]:
@@ -207,16 +209,15 @@ def _wrong(name: str, cell: Cell, asked: CellBars, figures: dict[str, tuple[Figu
         too_many = count > 0 and (falls is None or not falls.holds(float(count)))
         for seed, one in enumerate(figures[engine]):
             where = f"cell '{name}' seed {seed} in {NAMES[engine]}"
-            if one.fell:
-                if too_many:
-                    yield f"{where}: fell after {one.fell_s:.2f} s"
-            else:
+            if one.fell and too_many:
+                yield f"{where}: fell after {one.fell_s:.2f} s"
+            elif not one.fell:
                 yield from (f"{where}: {problem}" for problem in off_command(cell, asked, one))
 
 
 def off_command(cell: Cell, asked: CellBars, figures: Figures) -> Iterator[str]:
     """Deviations from the command beyond the bars, for a walk without a fall."""
-    forward, lateral, yaw_rate = cell.segments[-1].command
+    forward, lateral, yaw_rate = cell.command
     texts = {
         "speed_error": f"walks {figures.forward_m_s:.2f}, {figures.lateral_m_s:.2f} m/s for {forward:g}, {lateral:g}",
         "yaw_rate_error": f"turns {figures.yaw_rate_rad_s:.2f} rad/s for {yaw_rate:g}",

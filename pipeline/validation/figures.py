@@ -16,7 +16,7 @@ from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cells import Cell
 from pipeline.validation.deployed import Deployed
-from pipeline.validation.trial import Trial, VelocityCommand
+from pipeline.validation.trial import Trial
 from pipeline.validation.walk import Branches, Worlds, prefix_of
 
 CLIP_HZ = 100.0
@@ -79,29 +79,22 @@ def numbers_of(rollout: Rollout, trial: Trial, envelope: TorqueEnvelope) -> Numb
         "forward": velocity.forward_m_s,
         "lateral": velocity.lateral_m_s,
         "yaw_rate": velocity.yaw_rate_rad_s,
-        "speed_error": _speed_error(velocity.forward_m_s, velocity.lateral_m_s, command),
+        "speed_error": np.hypot(velocity.forward_m_s - command.forward, velocity.lateral_m_s - command.lateral),
         "yaw_rate_error": abs(velocity.yaw_rate_rad_s - command.yaw_rate),
         "slip": lowest_corner_slip(sole_motion(clip, rollout.robot), contacts).mean,
-        "drift": float(np.hypot(*moved)),
-        "steps": float((contacts[1:] & ~contacts[:-1]).sum()),
+        "drift": np.hypot(*moved),
+        "steps": (contacts[1:] & ~contacts[:-1]).sum(),
         **_effort(rollout, measure_s, envelope),
     }
     return {name: float(value) for name, value in numbers.items()}
-
-
-def _speed_error(forward: float, lateral: float, command: VelocityCommand) -> float:
-    return float(np.hypot(forward - command.forward, lateral - command.lateral))
 
 
 def _effort(rollout: Rollout, measure_s: float, envelope: TorqueEnvelope) -> Numbers:
     """Power of all joints and torque saturation of the leg joints."""
     taken = slice(round(measure_s / rollout.timestep_s), None)
     torque, speed = rollout.torque[taken], rollout.qvel[taken, 6:]
-    reached = at_envelope(torque, speed, envelope)
-    return {
-        "power": float(np.abs(torque * speed).sum(axis=1).mean()),
-        "saturation": 100.0 * float(reached[:, np.array(legs_of(rollout.robot).all)].mean()),
-    }
+    saturated = at_envelope(torque, speed, envelope)[:, np.array(legs_of(rollout.robot).all)]
+    return {"power": np.abs(torque * speed).sum(axis=1).mean(), "saturation": 100.0 * float(saturated.mean())}
 
 
 def at_envelope(
@@ -156,12 +149,7 @@ class Measured:
         values = self.values(name)
         if not values:
             return {}
-        return {
-            "mean": float(np.mean(values)),
-            "std": float(np.std(values)),
-            "min": min(values),
-            "max": max(values),
-        }
+        return {"mean": float(np.mean(values)), "std": float(np.std(values)), "min": min(values), "max": max(values)}
 
 
 def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
-from pipeline.dart.plant import DartPlant
 from pipeline.errors import PipelineError, UnknownNameError
 from pipeline.hardware_logs.trial import Trial
 from pipeline.robot import Robot
+from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
-from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
-from pipeline.simulation.plant import Plant
 from pipeline.simulation.run import run
 from pipeline.validation.bars import UNKNOWN, CellBars
+from pipeline.validation.cross_engine_walk import make_plant
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.limit_cycles import (
     PLANES,
@@ -29,7 +28,6 @@ from pipeline.validation.limit_cycles import (
     limit_cycle,
 )
 
-SIDES = ("left", "right")
 ENGINES = ("MuJoCo", "DART")
 """The first is the reference for the others."""
 
@@ -53,18 +51,10 @@ class SpeedCycles:
 
     def rows(self) -> list[dict[str, Any]]:
         """One row per cycle."""
+        names = ("cycles", "period_s", "period_std_s", "hip_amplitude_rad", "knee_amplitude_rad", "spread_rad")
         return [
-            {
-                "speed_m_s": self.speed_m_s,
-                "record": name,
-                "cycles": each.cycles,
-                "period_s": each.period_s,
-                "period_std_s": each.period_std_s,
-                "hip_amplitude_rad": each.hip_amplitude_rad,
-                "knee_amplitude_rad": each.knee_amplitude_rad,
-                "spread_rad": each.spread_rad,
-            }
-            for name, each in self.cycles.items()
+            {"speed_m_s": self.speed_m_s, "record": record, **{name: getattr(cycle, name) for name in names}}
+            for record, cycle in self.cycles.items()
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -126,9 +116,9 @@ def _at_speed(
             except NoCycleError as error:
                 missing.append(str(error))
     comparisons = tuple(
-        compare(cycles[f"{ENGINES[0]} {side}"], other)
+        compare(reference, other)
         for side in SIDES
-        if f"{ENGINES[0]} {side}" in cycles
+        if (reference := cycles.get(f"{ENGINES[0]} {side}"))
         for name, other in cycles.items()
         if name.endswith(side) and not name.startswith(ENGINES[0])
     )
@@ -175,7 +165,7 @@ def walk_series(
     """Left and right leg of a steady walk in an engine. Raises FellError."""
     walked = run(
         deployed.robot,
-        _PLANTS[engine](_engine_robot(deployed), settings),
+        make_plant(engine.lower(), deployed, settings.timestep_s, settings.friction),
         deployed.controller(),
         deployed.motors(),
         lambda time_s: np.array([min(speed, time_s), 0.0, 0.0]),
@@ -245,20 +235,3 @@ def _leg_joints(robot: Robot) -> dict[str, tuple[str, str]]:
     legs = legs_of(robot)
     pairs = zip(SIDES, legs.hip_pitch, legs.knee, strict=True)
     return {side: (robot.joint_names[hip], robot.joint_names[knee]) for side, hip, knee in pairs}
-
-
-def _engine_robot(deployed: Deployed) -> Robot:
-    """The robot with the armature of the deployment."""
-    return deployed.robot if deployed.armature is None else replace(deployed.robot, armature=deployed.armature)
-
-
-def _mujoco(robot: Robot, settings: LimitCycleSettings) -> Plant:
-    options = MujocoOptions(timestep_s=settings.timestep_s, friction=settings.friction, armature=robot.armature)
-    return MujocoPlant(robot, options)
-
-
-def _dart(robot: Robot, settings: LimitCycleSettings) -> Plant:
-    return DartPlant(robot, settings.timestep_s, settings.friction)
-
-
-_PLANTS: dict[str, Callable[[Robot, LimitCycleSettings], Plant]] = {"MuJoCo": _mujoco, "DART": _dart}

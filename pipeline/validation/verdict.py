@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.validation.bars import UNKNOWN, Bar, CellBars, ValidationSettings
+from pipeline.validation.bars import UNKNOWN, CellBars, ValidationSettings
 from pipeline.validation.figures import FIGURES, Measured
 
 
@@ -40,9 +40,7 @@ class CellVerdict:
     @property
     def word(self) -> str:
         """`passed`, `failed` or `not required`."""
-        if not self.bars.required:
-            return "not required"
-        return "failed" if self.reasons else "passed"
+        return self.bars.verdict(self.reasons)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +98,7 @@ def judge(
     cells = []
     for one in measured:
         bars = settings.cells.get(one.cell.name, UNKNOWN)
-        reasons = [_reason(one, name, bar) for name, bar in bars.bars.items()]
-        cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(each for each in reasons if each is not None)))
+        cells.append(CellVerdict(measured=one, bars=bars, reasons=tuple(_reasons(one, bars))))
     return Verdict(
         suite=suite,
         policy=policy,
@@ -112,12 +109,12 @@ def judge(
     )
 
 
-def _reason(one: Measured, name: str, bar: Bar) -> Reason | None:
-    """The reason if the figure misses its bar; None if it has no value because every trial fell."""
-    got = one.figure(name)
-    if got is None or bar.holds(got):
-        return None
-    return Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
+def _reasons(one: Measured, bars: CellBars) -> Iterator[Reason]:
+    """Figures that miss their bars; a figure without a value, since every trial fell, misses none."""
+    for name, bar in bars.bars.items():
+        got = one.figure(name)
+        if got is not None and not bar.holds(got):
+            yield Reason(cell=one.cell.name, figure=name, got=got, bar=str(bar))
 
 
 def _cell(cell: CellVerdict) -> dict[str, Any]:

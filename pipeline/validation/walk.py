@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -35,8 +36,6 @@ WRENCH_EVERY = 5
 """Contact forces are read at every fifth step, 100 Hz."""
 BUMP_AT_M, BUMP_WIDTH_M = 1.5, 0.4
 STONE_GAP_M = 0.04
-
-KINDS = ("slope", "cross_slope", "bump", "gravel", "stones", "rough")
 
 
 class Worlds:
@@ -114,12 +113,9 @@ def _run(
     rng = np.random.default_rng(trial.seed)
     start = None if trial.seed == 0 else drawn_start(one, trial.start, plant.ground, rng)
     sensors = one.reads if conditions.noise is None else NoisySensors(conditions.noise, rng, one.reads)
-    rate_hz = one.task.control_hz
+    rate_hz, gains = one.task.control_hz, conditions.gain_factor
     commands = trial.command.sampled(rate_hz, trial.seconds)
-    motors = PdControl(
-        kp=conditions.gain_factor * one.task.kp, kd=conditions.gain_factor * one.task.kd, envelope=one.envelope
-    )
-    flat = isinstance(plant.ground, FlatGround)
+    motors = PdControl(kp=gains * one.task.kp, kd=gains * one.task.kd, envelope=one.envelope)
     return run(
         one.robot,
         plant,
@@ -132,7 +128,7 @@ def _run(
         start=start,
         delay_s=conditions.delay_s,
         wrench_every=WRENCH_EVERY,
-        ground_height=None if flat else plant.ground.height,
+        ground_height=None if isinstance(plant.ground, FlatGround) else plant.ground.height,
         stop_on_fall=stop_on_fall,
         resume_s=resume_s,
     )
@@ -158,21 +154,21 @@ def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Gene
     )
 
 
+GROUNDS: dict[str, Callable[[float, np.random.Generator], Ground]] = {
+    "slope": lambda size, _: Slope(angle_deg=size),
+    "cross_slope": lambda size, _: CrossSlope(angle_deg=size),
+    "bump": lambda size, _: Bump(at_m=BUMP_AT_M, rise_m=size, width_m=BUMP_WIDTH_M),
+    "gravel": lambda size, rng: gravel(rng, step_m=size),
+    "stones": lambda size, rng: stepping_stones(rng, gap_m=STONE_GAP_M, step_m=size),
+    "rough": lambda size, rng: rough_ground(rng, amplitude_m=size),
+}
+"""Terrain of a size by kind; see `GroundSpec`."""
+
+
 def ground_of(spec: GroundSpec | None) -> Ground:
     """The terrain of a specification. Raises UnknownNameError."""
     if spec is None:
         return FlatGround()
-    rng = np.random.default_rng(spec.seed)
-    if spec.kind == "slope":
-        return Slope(angle_deg=spec.size)
-    if spec.kind == "cross_slope":
-        return CrossSlope(angle_deg=spec.size)
-    if spec.kind == "bump":
-        return Bump(at_m=BUMP_AT_M, rise_m=spec.size, width_m=BUMP_WIDTH_M)
-    if spec.kind == "gravel":
-        return gravel(rng, step_m=spec.size)
-    if spec.kind == "stones":
-        return stepping_stones(rng, gap_m=STONE_GAP_M, step_m=spec.size)
-    if spec.kind == "rough":
-        return rough_ground(rng, amplitude_m=spec.size)
-    raise UnknownNameError("terrain", spec.kind, KINDS)
+    if spec.kind not in GROUNDS:
+        raise UnknownNameError("terrain", spec.kind, tuple(GROUNDS))
+    return GROUNDS[spec.kind](spec.size, np.random.default_rng(spec.seed))

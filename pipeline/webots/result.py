@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pipeline.errors import PipelineError
-from pipeline.files.ranges import NOT_NEGATIVE, POSITIVE, Range, check
+from pipeline.files.ranges import POSITIVE, Range, check
+from pipeline.simulation.run import Segment
 from pipeline.webots.booster_lab import SCHEMA
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkSegment:
-    """A segment with one commanded velocity."""
+class WalkSegment(Segment):
+    """A segment with a name, by which its thresholds are found."""
 
     name: str
-    seconds: Annotated[float, POSITIVE]
-    command: tuple[float, float, float]
-    """Forward and lateral [m/s], yaw rate [rad/s]."""
-    slew: Annotated[float, NOT_NEGATIVE] = 1.0
-    """Rate of the transition to the command [m/s^2 or rad/s^2]; 0: immediate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +79,11 @@ class WalkedSegment:
     lateral_m_s: float | None
     yaw_rate_rad_s: float | None
     height_m: float | None
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """Forward and lateral [m/s], yaw rate [rad/s]; 0 if it was not walked."""
+        return self.forward_m_s or 0.0, self.lateral_m_s or 0.0, self.yaw_rate_rad_s or 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -106,25 +106,23 @@ def _reasons(result: WalkResult, settings: WebotsSettings, allowed: Mapping[str,
     if not required:
         yield "no segment is required: nothing was shown"
     for segment, walked in required:
-        figures = (walked.forward_m_s, walked.lateral_m_s, walked.yaw_rate_rad_s)
-        if not walked.walked or None in figures:
-            yield f"segment '{segment.name}': not walked to its end"
+        where = f"segment '{segment.name}'"
+        if not walked.walked:
+            yield f"{where}: not walked to its end"
         else:
-            yield from (f"segment '{segment.name}': {each}" for each in _off(segment, allowed[segment.name], figures))
+            yield from (f"{where}: {each}" for each in _off(segment, allowed[segment.name], walked.velocity))
 
 
-def _off(segment: WalkSegment, allowed: Allowed, figures: tuple[float | None, ...]) -> Iterator[str]:
-    forward, lateral, yaw_rate = (float(each or 0.0) for each in figures)
+def _off(segment: WalkSegment, allowed: Allowed, reached: tuple[float, float, float]) -> Iterator[str]:
+    forward, lateral, yaw_rate = reached
     error = math.hypot(forward - segment.command[0], lateral - segment.command[1])
     if error > allowed.velocity_error_m_s:
         got = f"{forward:.2f}, {lateral:.2f} m/s for {segment.command[0]:g}, {segment.command[1]:g}"
         yield f"walks {got}, off by {error:.3f}, allowed is {allowed.velocity_error_m_s:g}"
     off = abs(yaw_rate - segment.command[2])
     if off > allowed.yaw_rate_error_rad_s:
-        yield (
-            f"turns {yaw_rate:.2f} rad/s for {segment.command[2]:g}, off by {off:.3f}, "
-            f"allowed is {allowed.yaw_rate_error_rad_s:g}"
-        )
+        got = f"{yaw_rate:.2f} rad/s for {segment.command[2]:g}"
+        yield f"turns {got}, off by {off:.3f}, allowed is {allowed.yaw_rate_error_rad_s:g}"
 
 
 EXACT = 1e-9
