@@ -138,10 +138,16 @@ def swept(iteration: int, rows: Sequence[Measured]) -> SweepResult:
 
 def error_of(row: Measured) -> float:
     """Mean error of a command's trials on the commanded axis [m/s or rad/s]; a fall counts as the whole command."""
+    goal, reached = commanded(row)
+    return float(np.mean([abs(value - goal) for value in reached]))
+
+
+def commanded(row: Measured) -> tuple[float, list[float]]:
+    """The command on its largest axis, and what each trial reached on it, 0 after a fall [m/s or rad/s]."""
     (goal,) = {trial.command.last.goal for trial in row.cell.trials}
     axis = int(np.argmax(np.abs(goal)))
     name = ("forward", "lateral", "yaw_rate")[axis]
-    return float(np.mean([abs(numbers.get(name, 0.0) - goal[axis]) for numbers in row.trials]))
+    return goal[axis], [numbers.get(name, 0.0) for numbers in row.trials]
 
 
 def best(found: Sequence[SweepResult]) -> SweepResult:

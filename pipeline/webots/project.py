@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from pipeline.webots.proto import (
 )
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.sources import JAXTYPING_SHIM, PROGRAM, needed_modules
-from pipeline.webots.vrml import Node, Scene, to_text
+from pipeline.webots.vrml import Node, Scene, node, to_text
 
 TIMESTEPS_MS = (1.0, 5.0)
 """Allowed `basicTimeStep` [ms]: 1 as in Booster's own world, 5 as in training."""
@@ -53,47 +53,36 @@ def robot_world(robot: Robot, timestep_ms: float = 5.0, friction: float = 1.0) -
     """The world file, in `worlds/` beside `protos/`. Contacts don't bounce, and bodies at rest stay simulated."""
     if timestep_ms not in TIMESTEPS_MS:
         raise TimestepError(timestep_ms)
-    contact = {
-        "coulombFriction": [friction],
-        "bounce": (0.0,),
-        "bounceVelocity": (0.0,),
-        "softERP": (SOFT_ERP,),
-        "softCFM": (SOFT_CFM,),
-    }
-    pairs = ((MATERIAL, FLOOR), (MATERIAL, MATERIAL))
+    soft = {"bounce": (0.0,), "bounceVelocity": (0.0,), "softERP": (SOFT_ERP,), "softCFM": (SOFT_CFM,)}
     contacts = [
-        Node(kind="ContactProperties", fields={"material1": one, "material2": two, **contact}) for one, two in pairs
+        node("ContactProperties", material1=MATERIAL, material2=other, coulombFriction=[friction], **soft)
+        for other in (FLOOR, MATERIAL)
     ]
-    info = {
-        "title": f"Booster Lab: {robot.name}",
-        "gravity": (GRAVITY,),
-        "CFM": (CFM,),
-        "ERP": (ERP,),
-        "basicTimeStep": (timestep_ms,),
-        "physicsDisableLinearThreshold": (0.0,),
-        "physicsDisableAngularThreshold": (0.0,),
-        "coordinateSystem": "ENU",
-        "contactProperties": contacts,
-    }
-    view = {"orientation": (0.0, 1.0, 0.0, 0.12), "position": (-3.5, 0.0, 1.2), "follow": robot.name}
+    info = node(
+        "WorldInfo",
+        title=f"Booster Lab: {robot.name}",
+        gravity=(GRAVITY,),
+        CFM=(CFM,),
+        ERP=(ERP,),
+        basicTimeStep=(timestep_ms,),
+        physicsDisableLinearThreshold=(0.0,),
+        physicsDisableAngularThreshold=(0.0,),
+        coordinateSystem="ENU",
+        contactProperties=contacts,
+    )
+    look = node("PBRAppearance", baseColor=(0.5, 0.5, 0.5), roughness=(1.0,))
+    plane = node("Plane", size=(100.0, 100.0))
+    shape = node("Shape", appearance=look, geometry=plane)
     nodes = (
-        Node(kind="WorldInfo", fields=info),
-        Node(kind="Viewpoint", fields=view),
-        Node(kind="Background", fields={"skyColor": [0.7, 0.8, 0.9]}),
-        Node(kind="DirectionalLight", fields={"direction": (-0.4, 0.3, -1.0)}),
-        _floor(),
+        info,
+        node("Viewpoint", orientation=(0.0, 1.0, 0.0, 0.12), position=(-3.5, 0.0, 1.2), follow=robot.name),
+        node("Background", skyColor=[0.7, 0.8, 0.9]),
+        node("DirectionalLight", direction=(-0.4, 0.3, -1.0)),
+        node("Solid", children=[shape], name=FLOOR, contactMaterial=FLOOR, boundingObject=plane),
         Node(kind=proto_name(robot), name="ROBOT"),
     )
     extern = (f"../protos/{proto_name(robot)}.proto",)
     return Scene(version=VERSION, extern=extern, protos=(), nodes=nodes)
-
-
-def _floor() -> Node:
-    appearance = Node(kind="PBRAppearance", fields={"baseColor": (0.5, 0.5, 0.5), "roughness": (1.0,)})
-    plane = Node(kind="Plane", fields={"size": (100.0, 100.0)})
-    shape = Node(kind="Shape", fields={"appearance": appearance, "geometry": plane})
-    fields = {"children": [shape], "name": FLOOR, "contactMaterial": FLOOR, "boundingObject": plane}
-    return Node(kind="Solid", fields=fields)
 
 
 RESULT = "result.json"
@@ -168,40 +157,24 @@ def write_project(
 
 def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
     """Content of `run.json`: the commands, and the name of the run, which its result must repeat."""
-    segments = [
-        {"name": each.name, "seconds": each.seconds, "command": list(each.command), "slew": each.slew}
-        for each in settings.segments
-    ]
+    names = ("name", "seconds", "command", "slew")
+    segments = [{name: getattr(each, name) for name in names} for each in settings.segments]
     return {"run": run, "result": RESULT, "measured_s": settings.measured_s, "segments": segments}
 
 
 def _task(task: DeploymentTask, envelope: TorqueEnvelope, lowest: float) -> dict[str, Any]:
-    def listed(values: np.ndarray | None) -> list[float] | None:
-        return None if values is None else values.tolist()
-
+    """Content of `task.json`; read by `task_of` and `motors_of` of the controller."""
+    devices = {"gyro": GYRO, "inertial_unit": INERTIAL_UNIT, "accelerometer": ACCELEROMETER}
     return {
-        "robot": task.robot,
-        "joint_names": list(task.joint_names),
-        "policy_joints": list(task.policy_joints),
-        "default_joint_pos": task.default_joint_pos.tolist(),
-        "kp": task.kp.tolist(),
-        "kd": task.kd.tolist(),
-        "action_scale": task.action_scale,
-        "history": task.history,
-        "control_hz": task.control_hz,
+        **{each.name: _plain(getattr(task, each.name)) for each in fields(task)},
         "fall": {"height_m": lowest, "tilt_cos": FALL_TILT_COS},
-        "motors": {
-            "limit": listed(envelope.limit),
-            "knee_speed": listed(envelope.knee_speed),
-            "no_load_speed": listed(envelope.no_load_speed),
-        },
-        "devices": {
-            "gyro": GYRO,
-            "inertial_unit": INERTIAL_UNIT,
-            "accelerometer": ACCELEROMETER,
-            "sensor_suffix": SENSOR_SUFFIX,
-        },
+        "motors": {each.name: _plain(getattr(envelope, each.name)) for each in fields(envelope)},
+        "devices": {**devices, "sensor_suffix": SENSOR_SUFFIX},
     }
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _json(value: Any) -> str:

@@ -40,19 +40,15 @@ class WebotsSettings:
     segments: tuple[WalkSegment, ...]
 
     def __post_init__(self) -> None:
-        check(_unmeasurable(self))
-
-
-def _unmeasurable(settings: WebotsSettings) -> list[tuple[str, str]]:
-    """Faults: no segments, and segments shorter than `measured_s`."""
-    least_s = settings.measured_s
-    if not settings.segments:
-        return [("segments", "is empty, allowed is one or more")]
-    return [
-        (f"segments[{place}].seconds", f"is {each.seconds:g}, allowed is 'measured_s' ({least_s:g}) or more")
-        for place, each in enumerate(settings.segments)
-        if each.seconds < least_s
-    ]
+        check([] if self.segments else [("segments", "is empty, allowed is one or more")])
+        least_s = f"'measured_s' ({self.measured_s:g})"
+        check(
+            [
+                (f"segments[{place}].seconds", f"is {each.seconds:g}, allowed is {least_s} or more")
+                for place, each in enumerate(self.segments)
+                if each.seconds < self.measured_s
+            ]
+        )
 
 
 FIGURES = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "height_m")

@@ -104,8 +104,9 @@ def read_scene(world: Path) -> SceneModel:
         raise FileError(world, f"has {len(placed)} robots of its PROTOs {', '.join(protos) or '(none)'}, wanted one.")
     proto = protos[placed[0].kind]
     try:
-        return _model(scene, proto, _instance(proto, placed[0]))
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+        values = {name: placed[0].fields.get(name, default) for _, name, default in proto.interface}
+        return _model(scene, proto, values)
+    except (KeyError, IndexError, StopIteration, TypeError, ValueError) as error:
         raise FileError(world, f"lacks or misstates a field of its robot or WorldInfo ({error!r}).") from error
 
 
@@ -118,17 +119,14 @@ def _scene(path: Path) -> Scene:
         raise FileError(path, str(error)) from error
 
 
-def _instance(proto: Proto, node: Node) -> dict[str, Any]:
-    """Values of the interface: the node's own, else the defaults."""
-    return {name: node.fields.get(name, default) for _, name, default in proto.interface}
-
-
 def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
+    """The model of a scene with a PROTO, `values` of its interface by name."""
     info = next(node for node in scene.nodes if node.kind == "WorldInfo").fields
+    own = proto.body.fields
     bodies: list[Body] = []
     _add(bodies, proto.body, -1, None, values)
-    own = proto.body.fields["children"]
-    sensors = [node for node in own if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
+    sensors = [node for node in own["children"] if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
+    floor = next(node for node in scene.nodes if node.kind == "Solid" and node.all("Plane"))
     return SceneModel(
         name=values["name"],
         controller=values["controller"],
@@ -136,16 +134,11 @@ def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
         gravity=info["gravity"][0],
         erp=info["ERP"][0],
         cfm=info["CFM"][0],
-        contact=_contact(info["contactProperties"], proto.body.fields["contactMaterial"], _floor_material(scene)),
+        contact=_contact(info["contactProperties"], own["contactMaterial"], floor.fields["contactMaterial"]),
         bodies=tuple(bodies),
         imu={node.fields["name"]: (node.kind, np.array(node.fields["translation"])) for node in sensors},
-        self_collision=proto.body.fields.get("selfCollision", False),
+        self_collision=own.get("selfCollision", False),
     )
-
-
-def _floor_material(scene: Scene) -> str:
-    floors = [node for node in scene.nodes if node.kind == "Solid" and node.all("Plane")]
-    return floors[0].fields["contactMaterial"]
 
 
 def _contact(properties: list[Node], robot: str, floor: str) -> Contact:
@@ -198,21 +191,19 @@ def _hinge(joint: Node) -> Hinge:
     )
 
 
+SIZES = {"Box": ("size",), "Sphere": ("radius",), **dict.fromkeys(("Cylinder", "Capsule"), ("radius", "height"))}
+"""Fields with the sizes of a primitive."""
+
+
 def _shapes(bound: Node) -> list[Primitive]:
     """Primitives of a Group, each with or without a Pose."""
     found = []
     for child in bound.fields["children"]:
-        posed = child.kind == "Pose"
-        pos = np.array(child.fields["translation"]) if posed else np.zeros(3)
-        quat = _quat(child.fields["rotation"]) if posed else rotation.IDENTITY.copy()
-        shape = child.fields["children"][0] if posed else child
-        keys = {
-            "Box": ("size",),
-            "Sphere": ("radius",),
-            "Cylinder": ("radius", "height"),
-            "Capsule": ("radius", "height"),
-        }
-        size = tuple(number for key in keys[shape.kind] for number in shape.fields[key])
+        shape, pos, quat = child, np.zeros(3), rotation.IDENTITY.copy()
+        if child.kind == "Pose":
+            (shape,) = child.fields["children"]
+            pos, quat = np.array(child.fields["translation"]), _quat(child.fields["rotation"])
+        size = tuple(number for key in SIZES[shape.kind] for number in shape.fields[key])
         found.append(Primitive(kind=shape.kind.lower(), size=size, pos=pos, quat=quat))
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.errors import PipelineError
@@ -16,21 +17,12 @@ ELSEWHERE = frozenset({"numpy", "jaxtyping", "controller"})
 JAXTYPING_SHIM = '''"""Array shapes for readers; not checked here."""
 
 
-class _Shape:
+class Float:
     def __class_getitem__(cls, key):
         return cls
 
 
-class Float(_Shape):
-    pass
-
-
-class Int(_Shape):
-    pass
-
-
-class Bool(_Shape):
-    pass
+Int = Bool = Float
 '''
 
 
@@ -46,56 +38,37 @@ class ForeignImportError(PipelineError):
 
 def needed_modules() -> dict[str, Path]:
     """Path below the controller's folder -> source file of each needed module. Raises ForeignImportError."""
-    found: dict[str, Path] = {}
+    found: set[Path] = set()
     waiting = [PROGRAM]
     while waiting:
         path = waiting.pop()
-        for module in _imports(path):
+        for module in _imports(ast.parse(path.read_text(encoding="utf-8"))):
             top = module.partition(".")[0]
             if top == "pipeline":
-                waiting += [source for source in _files(module) if _add(found, source)]
+                waiting += set(_files(module)) - found
+                found.update(_files(module))
             elif top not in ELSEWHERE and top not in sys.stdlib_module_names:
                 raise ForeignImportError(path.stem, top)
-    return dict(sorted(found.items()))
+    return {path.relative_to(PIPELINE.parent).as_posix(): path for path in sorted(found)}
 
 
-def _add(found: dict[str, Path], source: Path) -> bool:
-    name = source.relative_to(PIPELINE.parent).as_posix()
-    new = name not in found
-    found[name] = source
-    return new
-
-
-def _files(module: str) -> list[Path]:
+def _files(module: str) -> Iterator[Path]:
     """The file of a module and the `__init__` files of the packages above it."""
-    parts = module.split(".")[1:]
-    folder, files = PIPELINE, [PIPELINE / "__init__.py"]
-    for part in parts:
-        if (folder / part).is_dir():
-            folder = folder / part
-            files.append(folder / "__init__.py")
-        elif (folder / f"{part}.py").is_file():
-            files.append(folder / f"{part}.py")
-    return files
+    place = PIPELINE
+    yield place / "__init__.py"
+    for part in module.split(".")[1:]:
+        place = place / part
+        file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+        if file.is_file():
+            yield file
 
 
-def _imports(path: Path) -> list[str]:
+def _imports(node: ast.AST) -> Iterator[str]:
     """Modules that a file imports at run time, without those under `TYPE_CHECKING`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    modules = []
-    for node in _run(tree):
-        if isinstance(node, ast.Import):
-            modules += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            modules += [f"{node.module}.{alias.name}" for alias in node.names]
-    return modules
-
-
-def _run(node: ast.AST) -> list[ast.AST]:
-    nodes = [node]
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and isinstance(child.test, ast.Name) and child.test.id == "TYPE_CHECKING":
-            nodes += [each for kept in child.orelse for each in _run(kept)]
-        else:
-            nodes += _run(child)
-    return nodes
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    only_for_types = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    for child in node.orelse if only_for_types else ast.iter_child_nodes(node):
+        yield from _imports(child)

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as Xml
 
+import mujoco
 import numpy as np
 
 from pipeline.errors import FileError
@@ -135,13 +135,10 @@ def project_faults(world: Path, robot: Robot) -> tuple[str, ...]:
         scene = read_scene(world)
     except FileError as error:
         return (str(error),)
-    checks = (_names(scene, robot), _motors(scene, robot), _masses(scene, robot), _poses(scene, robot), _world(scene))
-    faults: list[str] = []
-    for check in checks:
-        faults += check
-        if check is checks[0] and faults:
-            break  # the other checks look up names
-    return tuple(faults)
+    wrong_names = tuple(_names(scene, robot))
+    if wrong_names:
+        return wrong_names  # the other checks look up names
+    return (*_motors(scene, robot), *_masses(scene, robot), *_poses(scene, robot), *_world(scene))
 
 
 def _names(scene: SceneModel, robot: Robot) -> Iterator[str]:
@@ -191,15 +188,10 @@ def inertials(robot: Robot) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
     """Mass, centre of mass and inertia with rotor of each link, from the robot's MJCF text."""
     added = added_moments(robot)
     found = {}
-    for body in Xml.fromstring(robot.mjcf).iter("body"):
-        inertial = body.find("inertial")
-        if inertial is None:
-            continue
-        xx, yy, zz, xy, xz, yz = (float(each) for each in inertial.get("fullinertia", "").split())
+    for body in mujoco.MjSpec.from_string(robot.mjcf).worldbody.find_all("body"):
+        xx, yy, zz, xy, xz, yz = body.fullinertia
         moment = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        name = body.get("name", "")
-        com = np.array([float(each) for each in inertial.get("pos", "").split()])
-        found[name] = (float(inertial.get("mass", "nan")), com, moment + added.get(name, np.zeros((3, 3))))
+        found[body.name] = (body.mass, np.array(body.ipos), moment + added.get(body.name, np.zeros((3, 3))))
     return found
 
 
