@@ -7,17 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.simulation.plant import Push
 from pipeline.tracking.settings import DisturbanceSettings
-
-
-@dataclass(frozen=True, kw_only=True)
-class Push:
-    """A constant horizontal force on the root link for a while."""
-
-    start_s: float
-    duration_s: float
-    force_w: tuple[float, float]
-    """[N]"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +32,7 @@ class Disturbance:
 
     def numbers(self) -> dict[str, Any]:
         """The disturbance as a clip's numbers."""
-        impulse = max((np.hypot(*push.force_w) * push.duration_s for push in self.pushes), default=0.0)
+        impulse = max((np.hypot(*push.force_w[:2]) * push.duration_s for push in self.pushes), default=0.0)
         return {
             "pushes": len(self.pushes),
             "largest_push_n_s": round(float(impulse), 3),
@@ -76,13 +67,7 @@ def _pushes(settings: DisturbanceSettings, duration_s: float, rng: np.random.Gen
     pushes, time_s = [], rng.uniform(0.0, settings.push_every_s[1])
     while time_s + settings.push_s < duration_s:
         angle, impulse = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*settings.push_impulse)
-        force = impulse / settings.push_s
-        pushes.append(
-            Push(
-                start_s=float(time_s),
-                duration_s=settings.push_s,
-                force_w=(float(force * np.cos(angle)), float(force * np.sin(angle))),
-            )
-        )
+        force_w = impulse / settings.push_s * np.array([np.cos(angle), np.sin(angle), 0.0])
+        pushes.append(Push(start_s=float(time_s), duration_s=settings.push_s, force_w=force_w))
         time_s += rng.uniform(*settings.push_every_s)
     return tuple(pushes)

@@ -17,9 +17,8 @@ from pipeline.errors import ClipError
 from pipeline.robot import Robot
 from pipeline.robot.size import scaled
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.tracking.before_after import before_after
+from pipeline.tracking.before_after import before_after, tracking_error
 from pipeline.tracking.disturbance import NONE, Disturbance, draw
-from pipeline.tracking.errors import tracking_error
 from pipeline.tracking.rollout import Plant, TrackedStretch, rollout
 from pipeline.tracking.settings import TrackingSettings
 from pipeline.tracking.task import CONTROL_HZ

@@ -49,6 +49,9 @@ class LoggedEnvironment(RslRlVecEnvWrapper):
 
     def __init__(self, env):
         super().__init__(env)
+        self._clear()
+
+    def _clear(self) -> None:
         self._sums: dict[str, float] = {}
         self._counts: dict[str, int] = {}
         self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
@@ -78,8 +81,7 @@ class LoggedEnvironment(RslRlVecEnvWrapper):
         for name in ("error_body_pos", "error_joint_pos", "error_anchor_pos"):
             key = f"Metrics/motion/{name}"
             figures[name] = float(self._sums[key]) / self._counts[key] if key in self._sums else float("nan")
-        self._sums, self._counts = {}, {}
-        self._reward, self._steps, self._ended, self._failed = 0.0, 0, 0.0, 0.0
+        self._clear()
         return figures
 
 
@@ -215,12 +217,8 @@ class TrackingRun:
 
 def runner_cfg() -> dict[str, Any]:
     """rsl_rl's configuration: mjlab's PPO settings for tracking, with less exploration around a reference."""
-    network = {
-        "class_name": "MLPModel",
-        "hidden_dims": [512, 256, 128],
-        "activation": "elu",
-        "obs_normalization": True,
-    }
+    layers = [512, 256, 128]
+    network = {"class_name": "MLPModel", "hidden_dims": layers, "activation": "elu", "obs_normalization": True}
     noise = {"class_name": "GaussianDistribution", "init_std": 0.6, "std_type": "scalar"}
     return {
         "num_steps_per_env": STEPS,
