@@ -13,7 +13,7 @@ from pipeline import rotation
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import added_moments
-from pipeline.simulation.plant import PlantState, standing_state
+from pipeline.simulation.plant import Plant, PlantState, standing_state
 
 
 def dart_skeleton(robot: Robot, friction: float) -> dart.dynamics.Skeleton:
@@ -75,7 +75,7 @@ def dynamics_urdf(robot: Robot) -> str:
     return Xml.tostring(model, encoding="unicode")
 
 
-class DartPlant:
+class DartPlant(Plant):
     """DART's rigid bodies with hard contacts: a boxed linear complementarity problem, Dantzig's method.
 
     Args:
@@ -125,7 +125,6 @@ class DartPlant:
         self._world.addSkeleton(self._skeleton)
 
     def state(self) -> PlantState:
-        """Current pose and velocity of the robot."""
         positions, velocities = self._skeleton.getPositions(), self._skeleton.getVelocities()
         quat_w = rotation.from_rotvec(positions[:3])
         return PlantState(
@@ -138,7 +137,6 @@ class DartPlant:
         )
 
     def step(self, torque: Float[np.ndarray, " j"], force_w: Float[np.ndarray, " 3"] | None = None) -> None:
-        """Advance by one timestep with joint torques [N m] and a force [N] at the trunk's centre of mass."""
         forces = np.zeros(self._skeleton.getNumDofs())
         forces[self._joints] = torque
         self._skeleton.setForces(forces)

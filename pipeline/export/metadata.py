@@ -87,13 +87,8 @@ def as_texts(facts: dict[str, Any]) -> dict[str, str]:
 
 def from_texts(texts: dict[str, str]) -> dict[str, Any]:
     """Inverse of `as_texts`; a text that is not JSON stays as it is."""
-    return {name: _value(name, text) for name, text in texts.items()}
-
-
-def _value(name: str, text: str) -> Any:
-    if name in ("robot", "observation", "digest"):
-        return text
-    return json.loads(text)
+    plain = ("robot", "observation", "digest")
+    return {name: text if name in plain else json.loads(text) for name, text in texts.items()}
 
 
 SHIPPABLE = ("public-domain", "permissive", "attribution", "share-alike")
@@ -120,11 +115,9 @@ def shipping(manifest: dict[str, Any] | None) -> Shipping:
     if strictest in SHIPPABLE:
         return Shipping(allowed=True, reason=str(stated.get("allowed_use", "")), strictest=strictest)
     forbidding = sorted(text for text, kind in stated.get("licences", {}).items() if kind not in SHIPPABLE)
-    why = f"the strictest licence of its database is {strictest}"
     detail = f" ({'; '.join(forbidding)})" if forbidding else ""
-    return Shipping(
-        allowed=False, reason=f"{why}{detail}. {stated.get('allowed_use', '')}".strip(), strictest=strictest
-    )
+    why = f"the strictest licence of its database is {strictest}{detail}. {stated.get('allowed_use', '')}"
+    return Shipping(allowed=False, reason=why.strip(), strictest=strictest)
 
 
 def refuse_unless_allowed(found: Shipping, policy: str) -> None:

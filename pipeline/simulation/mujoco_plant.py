@@ -22,7 +22,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.robot.kinematics import compiled
-from pipeline.simulation.plant import NoBallError, PlantState, standing_state
+from pipeline.simulation.plant import NoBallError, Plant, PlantState, standing_state
 from pipeline.simulation.terrain import FlatGround, Ground
 
 INTEGRATORS = {
@@ -64,7 +64,7 @@ class MujocoOptions:
     ball: Ball | None = None
 
 
-class MujocoPlant:
+class MujocoPlant(Plant):
     """See `Plant`; it also has accelerations, and throws a ball if the options have one."""
 
     def __init__(self, robot: Robot, options: MujocoOptions | None = None):
@@ -133,13 +133,12 @@ class MujocoPlant:
         return self.data.qacc[: self._qvel.stop].copy()
 
     def throw(self, direction_w: Float[np.ndarray, " 3"], speed: float) -> None:
-        """From `BALL_DISTANCE` before the root link's centre of mass, at its height and towards it."""
+        """Throw the ball at the root link's centre of mass, from `BALL_DISTANCE` before it and at its height."""
         if self.options.ball is None:
             raise NoBallError(self)
         self._place_ball(self.data.xipos[1] - BALL_DISTANCE * direction_w, speed * direction_w)
 
     def remove_ball(self) -> None:
-        """Back to where it waits."""
         if self.options.ball is not None:
             self._place_ball(PARKED_W, np.zeros(3))
 

@@ -18,7 +18,8 @@ from pathlib import Path
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # torch's threads must not spin while MuJoCo's threads work
 
-from pipeline.learning.run_command import exit_status
+from pipeline.learning.run_command import chosen_device, exit_status
+from pipeline.tracking.bundle import read_tracking_bundle
 from pipeline.tracking.task import ITERATIONS
 
 
@@ -29,11 +30,8 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _train(given: argparse.Namespace) -> None:
-    from pipeline.learning.arguments import chosen_device  # torch and mjlab take seconds to import
-    from pipeline.tracking.bundle import read_tracking_bundle
-
     bundle, device = read_tracking_bundle(given.bundle), chosen_device(given.device)
-    from pipeline.tracking.run import TrackingRequest, TrackingRun
+    from pipeline.tracking.run import TrackingRequest, TrackingRun  # torch and mjlab take seconds to import
 
     names = ("out", "num_envs", "seed", "iterations", "minutes", "resume")
     request = TrackingRequest(device=device, **{name: getattr(given, name) for name in names})

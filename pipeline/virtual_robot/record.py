@@ -180,8 +180,7 @@ def temperatures(rollout: Rollout, heat: Mapping[str, HeatModel]) -> Float[np.nd
 
 def _some(states: LowStates, kept: np.ndarray, rng: np.random.Generator, quality: LogQuality) -> LowStates:
     """The received messages, with jitter."""
-    values = {each.name: getattr(states, each.name) for each in dataclasses.fields(states)}
-    arrays = {name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)}
+    arrays = {name: value[kept] for name, value in vars(states).items() if isinstance(value, np.ndarray)}
     late = np.rint(np.abs(rng.normal(0.0, quality.jitter_s, int(kept.sum()))) * 1e9).astype(np.int64)
     late[0] = 0
     return dataclasses.replace(states, **{**arrays, "time_ns": np.maximum.accumulate(arrays["time_ns"] + late)})

@@ -112,13 +112,10 @@ def simulate(
         facts: facts of the log
         every: log one state in so many timesteps
     """
-    deviations = trial.deviations
+    deviations, gains = trial.deviations, trial.deviations.gain_scale
     task, command = controller.task, command_of(trial.command)
-    motors = PdControl(
-        kp=deviations.gain_scale * task.kp,
-        kd=deviations.gain_scale * task.kd,
-        envelope=envelope_of(robot, deviations, motor_envelope(robot)),
-    )
+    envelope = envelope_of(robot, deviations, motor_envelope(robot))
+    motors = PdControl(kp=gains * task.kp, kd=gains * task.kd, envelope=envelope)
     rollout = run(
         robot,
         _plant(robot, trial),
@@ -136,11 +133,10 @@ def simulate(
     quality = dataclasses.replace(SOUND, **{name: value for name, value in losses.items() if value is not None})
     heating = by_joint(robot, deviations.hot, 1.0)
     heat = {name: HeatModel(heating=float(each)) for name, each in zip(robot.joint_names, heating, strict=True)}
-    facts = dataclasses.replace(
-        facts,
-        events=(*facts.events, *_events(trial)),
-        notes={**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"},
-    )
+    # deliberate events only: pushes have to be detected by the reader of the log
+    stops = [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
+    notes = {**facts.notes, "simulated in": "MuJoCo", "differs from the model": "; ".join(trial.words()) or "no"}
+    facts = dataclasses.replace(facts, events=(*facts.events, *stops), notes=notes)
     log = record(rollout, task.kp, task.kd, facts, rng, quality=quality, heat=heat, every=every)
     return rollout, _stopped(log, trial.stop_s)
 
@@ -164,11 +160,6 @@ def _plant(robot: Robot, trial: VirtualTrial) -> MujocoPlant:
     return MujocoPlant(robot, options) if trial.hold is None else HeldPlant(robot, options, trial.hold)
 
 
-def _events(trial: VirtualTrial) -> list[OperatorEvent]:
-    """Operator events: deliberate ones only. Pushes have to be detected by the reader of the log."""
-    return [] if trial.stop_s is None else [OperatorEvent(time_s=trial.stop_s, kind="stop")]
-
-
 def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
     """The log with zero stiffness after the stop."""
     if stop_s is None or log.joint_ctrl is None:
@@ -180,14 +171,10 @@ def _stopped(log: RobotLog, stop_s: float | None) -> RobotLog:
 
 def command_of(waypoints: Sequence[Waypoint]) -> Callable[[float], np.ndarray]:
     """The command over time, rate-limited from standing to each waypoint."""
-    grid = np.arange(0.0, max(row[0] for row in waypoints) + 60.0, 0.02)
-    goals = np.array([row[1:] for row in sorted(waypoints)])
-    starts = np.array([row[0] for row in sorted(waypoints)])
-    values = np.zeros((len(grid), 3))
-    now = np.zeros(3)
-    for index, time_s in enumerate(grid):
-        place = int(np.searchsorted(starts, time_s, side="right")) - 1
-        goal = goals[place] if place >= 0 else np.zeros(3)
+    table = np.array([(-np.inf, 0.0, 0.0, 0.0), *sorted(waypoints)])
+    values, now = [], np.zeros(3)
+    for time_s in np.arange(0.0, table[-1, 0] + 60.0, 0.02):
+        goal = table[np.searchsorted(table[:, 0], time_s, side="right") - 1, 1:]
         now = now + np.clip(goal - now, -0.02 * COMMAND_SLEW, 0.02 * COMMAND_SLEW)
-        values[index] = now
+        values.append(now)
     return lambda time_s: values[min(round(time_s / 0.02), len(values) - 1)]

@@ -9,7 +9,7 @@ import shlex
 import pandas as pd
 import pytest
 
-from pipeline.learning.arguments import pairs
+from pipeline.learning.run_command import pairs
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.__main__ import _parser, main
 from pipeline.training.ablation_runs import COLUMNS, OPTION, read_runs
