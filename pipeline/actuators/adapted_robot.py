@@ -193,11 +193,8 @@ def motors_source(actuators: Sequence[JointActuator]) -> str:
     """Where the motor limits of a robot come from, for reports and cards: joints by kind of source."""
     synthetic = sum(each.synthetic for each in actuators)
     fitted = sum(not math.isnan(each.dc_motor_no_load_speed) for each in actuators)
-    counts = {
-        "measured": fitted - synthetic,
-        "synthetic sweep, never measured": synthetic,
-        "nominal": len(actuators) - fitted,
-    }
+    counts = {"measured": fitted - synthetic, "synthetic sweep, never measured": synthetic}
+    counts["nominal"] = len(actuators) - fitted
     return ", ".join(f"{count} of {len(actuators)} joints {kind}" for kind, count in counts.items() if count)
 
 
@@ -228,8 +225,7 @@ def actuators_text(actuators: Sequence[JointActuator]) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([field.name for field in fields(JointActuator)])
-    for each in actuators:
-        writer.writerow(["" if value != value else value for value in vars(each).values()])
+    writer.writerows(["" if value != value else value for value in vars(each).values()] for each in actuators)
     return stream.getvalue()
 
 

@@ -112,10 +112,7 @@ class _Profile:
         top = np.minimum(sagging.torque + reach, sagging.torque - sagging.slope * sagging.variance / sagging.covariance)
         bottom = sagging.torque - reach
         inside = (sagging.square_sum <= bound) & (bottom <= top)
-        return (
-            float(np.concatenate([low, bottom[inside]]).min()),
-            float(np.concatenate([high, top[inside]]).max()),
-        )
+        return (float(np.concatenate([low, bottom[inside]]).min()), float(np.concatenate([high, top[inside]]).max()))
 
 
 @dataclass(frozen=True, kw_only=True)

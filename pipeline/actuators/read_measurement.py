@@ -120,16 +120,11 @@ class _Rows:
 
 
 def read_measurement(text: str, file: str, motor: Motor, settings: ReadingSettings) -> Measurement:
-    """The sweep of `motor` in the text of a file. Raises FileError (AmbiguousFileError) with the reason.
-
-    Args:
-        file: what messages call the file
-    """
+    """The sweep of `motor` in the text of a file, which messages call `file`. Raises FileError (AmbiguousFileError)."""
     about, table = _split(text)
     rows = _read_table(table, file, motor.name, about.get("decimal"))
     speed_factor, torque_factor = _to_joint(about, file, motor)
-    _refuse_swapped(rows, file, settings)
-    _refuse_spread(rows, file, settings)
+    _check(rows, file, settings)
     speed, torque, notes = _driving(rows, file, settings)
     kept = np.isfinite(speed)
     speed, torque, forward = speed[kept] * speed_factor, torque[kept] * torque_factor, rows.forward[kept]
@@ -209,7 +204,12 @@ def _to_joint(about: dict[str, str], file: str, motor: Motor) -> tuple[float, fl
     return 1.0 / motor.gear_ratio, motor.gear_ratio * efficiency
 
 
-def _refuse_spread(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+def _check(rows: _Rows, file: str, settings: ReadingSettings) -> None:
+    """Refuse swapped columns (torques cluster on the plateau, speeds do not), and points of several curves."""
+    near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
+    if near[0] > settings.clustered and near[0] > near[1]:
+        problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."
+        raise AmbiguousFileError(file, problem, "Speed and torque seem to be swapped: correct the header.")
     voltage, temperature = rows.voltage, rows.temperature
     if np.ptp(voltage) > settings.voltage_spread * abs(float(voltage.mean())):
         problem = f"the supply voltage goes from {voltage.min():g} to {voltage.max():g} V: these are several curves."
@@ -228,24 +228,18 @@ def _driving(rows: _Rows, file: str, settings: ReadingSettings) -> tuple[np.ndar
         if {1.0, -1.0} <= set(signed.tolist()):
             name = "positive" if forward else "negative"
             raise FileError(file, f"rows of the {name} direction have speeds of both signs.", "Correct the direction.")
-    turning = np.where(speed != 0.0, np.sign(speed), _usual_sign(speed, rows.forward))
+    # points at rest turn as the others of their direction do
+    usual = {way: float(np.sign(speed[rows.forward == way].sum())) or 1.0 for way in (True, False)}
+    turning = np.where(speed != 0.0, np.sign(speed), np.where(rows.forward, usual[True], usual[False]))
     if np.any((turning < 0.0) & rows.forward):
         raise FileError(file, "rows of the positive direction have negative speeds.", "Correct the direction.")
-    along = torque * turning
-    standing = speed == 0.0
-    along = np.where(standing, np.abs(torque), along)
+    along = np.where(speed == 0.0, np.abs(torque), torque * turning)
     braking = along < -settings.braking_torque * largest
     if braking.mean() > 0.5:
         problem = f"{int(braking.sum())} of {len(braking)} rows have a torque against the motion."
         raise FileError(file, problem, "A sweep of a driving motor has speed and torque of the same sign.")
     notes = (f"{int(braking.sum())} braking points left out",) if braking.any() else ()
     return np.where(braking, np.nan, np.abs(speed)), along, notes
-
-
-def _usual_sign(speed: np.ndarray, forward: np.ndarray) -> np.ndarray:
-    """Sign of the speeds of each row's direction; 1 if none has a sign."""
-    signs = {way: float(np.sign(speed[forward == way].sum())) or 1.0 for way in (True, False)}
-    return np.where(forward, signs[True], signs[False])
 
 
 def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settings: ReadingSettings) -> None:
@@ -256,14 +250,6 @@ def _refuse_implausible(speed: np.ndarray, torque: np.ndarray, file: str, settin
     if strongest > settings.max_torque:
         problem = f"the joint would give {strongest:.0f} N m; at most {settings.max_torque:g} are possible."
         raise AmbiguousFileError(file, problem, "Correct the unit or the side.")
-
-
-def _refuse_swapped(rows: _Rows, file: str, settings: ReadingSettings) -> None:
-    """Detect swapped columns: torques cluster on the plateau, speeds do not."""
-    near = [float(np.mean(np.abs(each) > NEAR_LARGEST * np.abs(each).max())) for each in (rows.speed, rows.torque)]
-    if near[0] > settings.clustered and near[0] > near[1]:
-        problem = f"{100 * near[0]:.0f} % of the speeds are near the largest and {100 * near[1]:.0f} % of the torques."
-        raise AmbiguousFileError(file, problem, "Speed and torque seem to be swapped: correct the header.")
 
 
 DECIMALS = {"point": ".", "comma": ","}

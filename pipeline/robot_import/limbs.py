@@ -68,7 +68,7 @@ def find_body(model: MakerModel) -> Body:
         raise FileError(model.path, problem, do)
     legs, arms = pairs[0], pairs[1]
     used = {link for pair in (legs, arms) for limb in pair for link in limb.links}
-    trunk, pelvis = (_parent(model, pair) for pair in (arms, legs))
+    trunk, pelvis = (_common_parent(model, pair) for pair in (arms, legs))
     between = {*_path(model, trunk), *_path(model, pelvis)}
     others = tuple(index for index in range(len(model.links)) if index not in used | between)
     return Body(legs=legs, arms=arms, trunk=trunk, pelvis=pelvis, others=others)
@@ -98,7 +98,7 @@ def _limb(model: MakerModel, root: int) -> Limb:
     return Limb(links=tuple(links))
 
 
-def _parent(model: MakerModel, pair: tuple[Limb, Limb]) -> int:
+def _common_parent(model: MakerModel, pair: tuple[Limb, Limb]) -> int:
     """The link that both limbs of a pair hang on: the last that is above both."""
     left, right = (_path(model, model.links[limb.links[0]].parent) for limb in pair)
     return next(link for link in left if link in right)

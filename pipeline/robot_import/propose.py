@@ -130,7 +130,9 @@ def _joint_rows(model: MakerModel, body: Body, stated: Stated, todo: list[str]) 
             )
         )
     for column, names in proposed.items():
-        todo.append(f"joints.csv, {column}: {_HOW[column]} ({_several(names, len(rows))}).")
+        shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        joints = "all joints" if len(names) == len(rows) else shown
+        todo.append(f"joints.csv, {column}: {_HOW[column]} ({joints}).")
     held = [row.joint for row in rows if not row.controlled and row.joint not in stated.controlled]
     if held:
         todo.append(f"joints.csv, controlled: the policy is proposed not to move {', '.join(held)}.")
@@ -148,12 +150,6 @@ _HOW = {
     "kd": f"the file has no gains; kp times {DAMPING:g} s is written",
     "default_pos": "the zero pose is written; state a pose that stands",
 }
-
-
-def _several(names: list[str], count: int) -> str:
-    if len(names) == count:
-        return "all joints"
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def _config(model: MakerModel, body: Body, sites: ProposedSites) -> Config:

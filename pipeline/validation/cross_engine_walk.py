@@ -138,12 +138,7 @@ def walk_cell(deployed: Deployed, engine: str, cell: Cell, seed: int, settings: 
 
 
 def walk(
-    deployed: Deployed,
-    engine: str,
-    cell: Cell,
-    seed: int,
-    settings: SimulationSettings,
-    stop_on_fall: bool = True,
+    deployed: Deployed, engine: str, cell: Cell, seed: int, settings: SimulationSettings, stop_on_fall: bool = True
 ) -> Rollout:
     """Rollout of one cell, engine and seed."""
     robot = deployed.robot

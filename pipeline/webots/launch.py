@@ -71,10 +71,7 @@ def launch_webots(project: Project, settings: WebotsSettings) -> Outcome:
 
 
 def launch(
-    program: Sequence[str],
-    project: Project,
-    settings: WebotsSettings,
-    environment: Mapping[str, str] | None = None,
+    program: Sequence[str], project: Project, settings: WebotsSettings, environment: Mapping[str, str] | None = None
 ) -> Outcome:
     """Run the project in `program`, which takes Webots' flags; retry on another port if the port is taken."""
     outcome = Outcome(status=NO_START, reason="it was not tried")

@@ -43,12 +43,7 @@ class Simulation:
         """First message to a controller: devices, timestep, supervisor state."""
         motors = {hinge.motor: hinge.max_torque for _, hinge in self.scene.hinges}
         sensors = [*self.sensors, *self.scene.imu]
-        return {
-            "timestep_ms": self.scene.timestep_ms,
-            "motors": motors,
-            "sensors": sensors,
-            "truth": self.truth(),
-        }
+        return {"timestep_ms": self.scene.timestep_ms, "motors": motors, "sensors": sensors, "truth": self.truth()}
 
     def step(self, message: dict[str, Any]) -> dict[str, Any]:
         """Advance by the requested time and return the sensor values."""
