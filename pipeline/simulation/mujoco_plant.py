@@ -71,7 +71,7 @@ class MujocoPlant(Plant):
         self.robot, self.options = robot, options or MujocoOptions()
         self.ground: Ground = self.options.ground or FlatGround()
         self.timestep_s = self.options.timestep_s
-        self.model = _model(robot, self.options, self.ground)
+        self.model = simulated_model(robot, self.options, self.ground)
         self.data = mujoco.MjData(self.model)
         joints = len(robot.joint_names)
         self._pushed = False
@@ -152,7 +152,8 @@ class MujocoPlant(Plant):
         self.data.qvel[first_v : first_v + 3], self.data.qvel[first_v + 3 :] = lin_vel_w, 0.0
 
 
-def _model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjModel:
+def simulated_model(robot: Robot, options: MujocoOptions, ground: Ground) -> mujoco.MjModel:
+    """The robot on a ground, with the options. Raises UnknownNameError for an unknown integrator."""
     if options.integrator not in INTEGRATORS:
         raise UnknownNameError("integrator", options.integrator, tuple(INTEGRATORS))
     spec = mujoco.MjSpec.from_string(robot.mjcf)

@@ -47,7 +47,11 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
     The distance is mjlab's root-relative mean per-keybody position error (`compute_root_relative_mpkpe`): the reference
     is moved horizontally to the robot's root and turned to its heading; its height stays.
     """
-    here, there = (_key_links(each, robot) for each in (clip, reference))
+    links, kinematics = [robot.link(name) for name in robot.key_links], Kinematics(robot)
+    here, there = (
+        kinematics.forward(each.root_pos_w, each.root_quat_w, each.joint_pos).pos_w[:, links]
+        for each in (clip, reference)
+    )
     turn = rotation.about_z(rotation.yaw_of(clip.root_quat_w) - rotation.yaw_of(reference.root_quat_w))
     away = rotation.rotate(turn[:, None], there - reference.root_pos_w[:, None])
     anchor = np.concatenate([clip.root_pos_w[:, :2], reference.root_pos_w[:, 2:]], axis=1)
@@ -57,11 +61,6 @@ def tracking_error(clip: RobotClip, reference: RobotClip, robot: Robot) -> Track
         joint=np.abs(clip.joint_pos - reference.joint_pos)[:, moved].mean(axis=1),
         path=np.linalg.norm((clip.root_pos_w - reference.root_pos_w)[:, :2], axis=1),
     )
-
-
-def _key_links(clip: RobotClip, robot: Robot) -> Float[np.ndarray, "t k 3"]:
-    poses = Kinematics(robot).forward(clip.root_pos_w, clip.root_quat_w, clip.joint_pos)
-    return poses.pos_w[:, [robot.link(name) for name in robot.key_links]]
 
 
 def before_after(reference: RobotClip, rollout: RobotClip, robot: Robot) -> dict[str, Number]:

@@ -47,7 +47,12 @@ def compared_with_neighbours(rollouts: Manifest, references: Manifest) -> Manife
             # it failed itself, so it is not among the followed
             others = seen[skill] - _as_retargeted(facts[row.clip])
             fault = others > 0 and followed[skill] >= FOLLOWED_SHARE * others
-            row = _with_reason(row, _why(skill, followed[skill], others, fault))
+            why = _why(skill, followed[skill], others, fault)
+            reasons = tuple(
+                {**reason, "text": f"{reason['text']}. {why}"} if reason["code"] == NOT_TRACKED else reason
+                for reason in row.reasons
+            )
+            row = dataclasses.replace(row, reasons=reasons)
             if fault:
                 at_fault.add(row.clip)
                 row = dataclasses.replace(row, pieces=(), numbers={**row.numbers, "seconds_out": 0.0, AT_FAULT: True})
@@ -65,11 +70,3 @@ def _why(skill: str, followed: int, others: int, fault: bool) -> str:
         return f"No other motion of the skill '{skill}' was tracked, so it is open whether the reference is at fault"
     end = "so the reference is at fault" if fault else "so the tracker may be too weak for this skill"
     return f"It follows {followed} of {others} other motions of the skill '{skill}' and their mirror images, {end}"
-
-
-def _with_reason(row: Judged, why: str) -> Judged:
-    reasons = tuple(
-        {**reason, "text": f"{reason['text']}. {why}"} if reason["code"] == NOT_TRACKED else reason
-        for reason in row.reasons
-    )
-    return dataclasses.replace(row, reasons=reasons)

@@ -46,7 +46,8 @@ def reference_states(
     """
     data = mujoco.MjData(model)
     joints = joint_pos.shape[1]
-    links = slice(1, 1 + _link_count(model))
+    # the robot's bodies: those below the free joint's body, itself included
+    links = slice(1, 1 + int(np.count_nonzero(model.body_rootid == model.jnt_bodyid[0])))
     body_pos_w = np.empty((len(joint_pos), links.stop - 1, 3))
     body_quat_w = np.empty((len(joint_pos), links.stop - 1, 4))
     for frame in range(len(joint_pos)):
@@ -63,9 +64,3 @@ def reference_states(
         body_lin_vel_w=time_series.derivative(body_pos_w, CONTROL_HZ),
         body_ang_vel_w=rotation.angular_velocity_w(body_quat_w, CONTROL_HZ),
     )
-
-
-def _link_count(model: mujoco.MjModel) -> int:
-    """Bodies that belong to the robot: those below the free joint's body, itself included."""
-    root = int(model.jnt_bodyid[0])
-    return int(np.count_nonzero(model.body_rootid == root))

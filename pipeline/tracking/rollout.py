@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +12,8 @@ from pipeline import rotation
 from pipeline.clips.robot_clip import RobotClip, SimulatedForces
 from pipeline.physics import GRAVITY
 from pipeline.robot import Robot
-from pipeline.robot.kinematics import compiled
+from pipeline.simulation.mujoco_plant import MujocoOptions, simulated_model
+from pipeline.simulation.terrain import FlatGround
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
 from pipeline.tracking.observation import key_link_index, observe
@@ -82,9 +81,15 @@ class _World:
     def __init__(self, reference: RobotClip, plant: Plant, tracker: Tracker, disturbance: Disturbance):
         robot = plant.robot
         self._clip, self._robot, self._tracker, self._disturbance = reference, robot, tracker, disturbance
-        base = _model(robot.mjcf)
-        self._reference = reference_states(base, reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
-        self._model = _disturbed(base, disturbance)
+        options = MujocoOptions(
+            timestep_s=PHYSICS_S,
+            integrator="implicitfast",
+            friction=disturbance.friction,
+            root_mass_factor=disturbance.trunk_mass,
+        )
+        self._model = simulated_model(robot, options, FlatGround())
+        motion = (reference.root_pos_w, reference.root_quat_w, reference.joint_pos)
+        self._reference = reference_states(self._model, *motion)
         self._data = mujoco.MjData(self._model)
         self._motors = PdControl(kp=disturbance.kp * robot.kp, kd=disturbance.kd * robot.kd, envelope=plant.envelope)
         self._links = 1 + key_link_index(robot.link_names, tracker.key_links)
@@ -249,23 +254,3 @@ class _Record:
             other_force_w=self._other[rows],
             push_w=self._push[rows],
         )
-
-
-@functools.lru_cache(maxsize=4)
-def _model(mjcf: str) -> mujoco.MjModel:
-    """The robot on a plane, as mjlab's tracking task steps it."""
-    model = compiled(mjcf, ground=True, timestep=PHYSICS_S)
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # a simulation that diverges would otherwise start again in the default pose and count as one that never fell
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    return model
-
-
-def _disturbed(base: mujoco.MjModel, disturbance: Disturbance) -> mujoco.MjModel:
-    model = copy.copy(base)
-    model.geom_friction[:, 0] = disturbance.friction
-    if disturbance.trunk_mass != 1.0:
-        model.body_mass[1] *= disturbance.trunk_mass
-        model.body_inertia[1] *= disturbance.trunk_mass
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-    return model

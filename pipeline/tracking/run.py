@@ -187,9 +187,12 @@ class TrackingRun:
         self._curves.add(row)
         if self.iteration % 10 == 0 or self.iteration < 10:
             self._curves.write()
-        left = _time_left(self.request, self.iteration, seconds, took)
+        left_s = (self.request.iterations - self.iteration) * took
+        if self.request.minutes is not None:
+            left_s = min(left_s, 60.0 * self.request.minutes - seconds)
+        left = f"{max(left_s, 0.0) / 60.0:.1f} min left"
         print(
-            f"iteration {self.iteration} of {self.request.iterations}, {seconds:.0f} s, {left} left: "
+            f"iteration {self.iteration} of {self.request.iterations}, {seconds:.0f} s, {left}: "
             f"reward {row['reward']:.4f}, episodes {row['episode_s']:.1f} s, "
             f"failures {row['failures_per_min']:.2f}/min, body error {100 * row['error_body_pos']:.1f} cm, "
             f"deviation {row['action_std']:.2f}, {row['steps_per_s']:.0f} steps/s",
@@ -245,10 +248,3 @@ def runner_cfg() -> dict[str, Any]:
             "symmetry_cfg": None,
         },
     }
-
-
-def _time_left(request: TrackingRequest, iteration: int, seconds: float, took: float) -> str:
-    left = (request.iterations - iteration) * took
-    if request.minutes is not None:
-        left = min(left, 60.0 * request.minutes - seconds)
-    return f"{max(left, 0.0) / 60.0:.1f} min"

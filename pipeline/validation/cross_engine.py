@@ -241,34 +241,24 @@ def differences(name: str, figures: dict[str, tuple[Figures, ...]], agreement: A
     if not both:
         return []
     stood = {engine: each for engine, each in figures.items() if not any(each[seed].fell for seed in both)}
+    means = {
+        engine: {name: float(np.mean([getattr(each[seed], name) for seed in both])) for name, _, _ in COMPARED}
+        for engine, each in stood.items()
+    }
+    speed = math.hypot(means[MUJOCO]["forward_m_s"], means[MUJOCO]["lateral_m_s"])
     found = []
-    for figure, (bar, what, unit) in _tolerances(figures, both, agreement).items():
-        mean = {engine: float(np.mean([getattr(each[s], figure) for s in both])) for engine, each in stood.items()}
-        difference = mean[DART] - mean[MUJOCO]
-        if abs(difference) > bar:
-            text = (
-                f"cell '{name}': {what} {mean[MUJOCO]:.3f} {unit} in MuJoCo and {mean[DART]:.3f} in DART, "
-                f"{abs(difference):.3f} apart, allowed is {bar:.3f}{_attribution(mean)}"
-            )
+    for figure, kind, what in COMPARED:
+        tolerance: Tolerance = getattr(agreement, kind)
+        bar, mean = tolerance.of(speed), {engine: each[figure] for engine, each in means.items()}
+        difference = abs(mean[DART] - mean[MUJOCO])
+        if difference > bar:
+            engines = f"{mean[MUJOCO]:.3f} {tolerance.unit} in MuJoCo and {mean[DART]:.3f} in DART"
+            text = f"cell '{name}': {what} {engines}, {difference:.3f} apart, allowed is {bar:.3f}"
+            if BRIDGE in mean:
+                model, contact = mean[BRIDGE] - mean[MUJOCO], mean[DART] - mean[BRIDGE]
+                text += f" ({model:+.3f} from the armature on the links, {contact:+.3f} from contact and solver)"
             found.append((text, BRIDGE in mean and abs(mean[DART] - mean[BRIDGE]) <= bar))
     return found
-
-
-def _tolerances(
-    figures: dict[str, tuple[Figures, ...]], seeds: list[int], agreement: Agreement
-) -> dict[str, tuple[float, str, str]]:
-    """Tolerance, name and unit of each compared figure."""
-    ours = figures[MUJOCO]
-    speed = math.hypot(*(np.mean([getattr(ours[s], name) for s in seeds]) for name in ("forward_m_s", "lateral_m_s")))
-    kinds: dict[str, Tolerance] = vars(agreement)
-    return {figure: (kinds[kind].of(speed), what, kinds[kind].unit) for figure, kind, what in COMPARED}
-
-
-def _attribution(mean: dict[str, float]) -> str:
-    if BRIDGE not in mean:
-        return ""
-    model, contact = mean[BRIDGE] - mean[MUJOCO], mean[DART] - mean[BRIDGE]
-    return f" ({model:+.3f} from the armature on the links, {contact:+.3f} from contact and solver)"
 
 
 def _finite(value: Any) -> Any:

@@ -158,19 +158,14 @@ def remove_earlier(folder: Path, one: Deployed, kept: Iterable[Path]) -> tuple[P
 
 def _is_of(path: Path, one: Deployed) -> bool:
     """Whether a file was written by `write_failed_trials` for this policy and robot, under its own name."""
-    facts = _facts_of(path)
-    if facts is None or not facts.simulated:
-        return False
-    cell = facts.notes.get(CELL_NOTE, "")
-    mine = facts.robot == one.robot.name and facts.policy_digest == digest(one.policy)
-    return mine and "engine" not in facts.notes and path == log_path(path.parent, cell)
-
-
-def _facts_of(path: Path) -> LogFacts | None:
-    """The facts in a log's metadata; None if the file is not a log."""
     reader = McapReader(path, LogReport(path=path), Bounds())
     with suppress(LogError, OSError):
         for _ in reader.read():
             break
     stated = reader.metadata.get(METADATA)
-    return stated_facts(stated, None).facts if stated else None
+    facts = stated_facts(stated, None).facts if stated else None
+    if facts is None or not facts.simulated:
+        return False
+    cell = facts.notes.get(CELL_NOTE, "")
+    mine = facts.robot == one.robot.name and facts.policy_digest == digest(one.policy)
+    return mine and "engine" not in facts.notes and path == log_path(path.parent, cell)

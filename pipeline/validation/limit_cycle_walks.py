@@ -177,11 +177,10 @@ def walk_series(
     if walked.fell_s is not None:
         raise FellError(f"{engine} at {speed:g} m/s: fell after {walked.fell_s:.2f} s")
     kept = slice(round(settings.settled_s / walked.timestep_s), None)
-    joints, speeds = walked.qpos[kept, 7:], walked.qvel[kept, 6:]
-    legs = _leg_joints(deployed.robot)
+    joints, speeds, rate_hz = walked.qpos[kept, 7:], walked.qvel[kept, 6:], 1.0 / walked.timestep_s
+    robot = deployed.robot
     left, right = (
-        _series(f"{engine} {side}", side, joints, speeds, 1.0 / walked.timestep_s, deployed.robot.joint_names, legs)
-        for side in SIDES
+        _series(f"{engine} {side}", side, joints, speeds, rate_hz, robot.joint_names, robot) for side in SIDES
     )
     return left, right
 
@@ -204,7 +203,7 @@ def steady_span(trial: Trial, speed: float, settings: LimitCycleSettings) -> sli
 def trial_series(trial: Trial, span: slice, side: str, name: str, robot: Robot) -> JointSeries:
     """One leg of a span of a log. Raises UnknownNameError if the log lacks a joint of it."""
     joints, speeds = (array[span].astype(float) for array in (trial.joint_pos, trial.joint_vel))
-    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, _leg_joints(robot))
+    return _series(name, side, joints, speeds, trial.rate_hz, trial.joint_names, robot)
 
 
 def _series(
@@ -214,12 +213,14 @@ def _series(
     joint_vel: np.ndarray,
     rate_hz: float,
     joint_names: tuple[str, ...],
-    legs: Mapping[str, tuple[str, str]],
+    robot: Robot,
 ) -> JointSeries:
-    for joint in legs[side]:
+    legs, place = legs_of(robot), SIDES.index(side)
+    names = (robot.joint_names[legs.hip_pitch[place]], robot.joint_names[legs.knee[place]])
+    for joint in names:
         if joint not in joint_names:
             raise UnknownNameError("joint", joint, joint_names)
-    hip, knee = map(joint_names.index, legs[side])
+    hip, knee = map(joint_names.index, names)
     return JointSeries(
         name=name,
         rate_hz=rate_hz,
@@ -228,10 +229,3 @@ def _series(
         hip_vel=joint_vel[:, hip],
         knee_vel=joint_vel[:, knee],
     )
-
-
-def _leg_joints(robot: Robot) -> dict[str, tuple[str, str]]:
-    """Names of hip pitch and knee by side."""
-    legs = legs_of(robot)
-    pairs = zip(SIDES, legs.hip_pitch, legs.knee, strict=True)
-    return {side: (robot.joint_names[hip], robot.joint_names[knee]) for side, hip, knee in pairs}

@@ -64,16 +64,6 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contact:
-    """Contact properties of robot and floor."""
-
-    friction: float
-    bounce: float
-    soft_erp: float
-    soft_cfm: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class SceneModel:
     """A world with one robot on a floor at z = 0. Bodies follow their parents, the root is first."""
 
@@ -83,7 +73,11 @@ class SceneModel:
     gravity: float
     erp: float
     cfm: float
-    contact: Contact
+    friction: float
+    """Contact properties of robot and floor, as those below."""
+    bounce: float
+    soft_erp: float
+    soft_cfm: float
     bodies: tuple[Body, ...]
     imu: dict[str, tuple[str, Float[np.ndarray, " 3"]]]
     """Name of each inertial sensor of the root -> node type and position in the root's frame [m]."""
@@ -127,6 +121,9 @@ def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
     _add(bodies, proto.body, -1, None, values)
     sensors = [node for node in own["children"] if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
     floor = next(node for node in scene.nodes if node.kind == "Solid" and node.all("Plane"))
+    materials = {own["contactMaterial"], floor.fields["contactMaterial"]}
+    pairs = [each.fields for each in info["contactProperties"]]
+    contact = next(each for each in pairs if {each["material1"], each["material2"]} == materials)
     return SceneModel(
         name=values["name"],
         controller=values["controller"],
@@ -134,21 +131,13 @@ def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
         gravity=info["gravity"][0],
         erp=info["ERP"][0],
         cfm=info["CFM"][0],
-        contact=_contact(info["contactProperties"], own["contactMaterial"], floor.fields["contactMaterial"]),
+        friction=contact["coulombFriction"][0],
+        bounce=contact["bounce"][0],
+        soft_erp=contact["softERP"][0],
+        soft_cfm=contact["softCFM"][0],
         bodies=tuple(bodies),
         imu={node.fields["name"]: (node.kind, np.array(node.fields["translation"])) for node in sensors},
         self_collision=own.get("selfCollision", False),
-    )
-
-
-def _contact(properties: list[Node], robot: str, floor: str) -> Contact:
-    pairs = {frozenset((each.fields["material1"], each.fields["material2"])): each.fields for each in properties}
-    found = pairs[frozenset((robot, floor))]
-    return Contact(
-        friction=found["coulombFriction"][0],
-        bounce=found["bounce"][0],
-        soft_erp=found["softERP"][0],
-        soft_cfm=found["softCFM"][0],
     )
 
 

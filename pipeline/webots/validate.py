@@ -207,8 +207,8 @@ def _poses(scene: SceneModel, robot: Robot) -> Iterator[str]:
 
 
 def _world(scene: SceneModel) -> Iterator[str]:
-    if scene.contact.bounce != 0.0:
-        yield f"contacts of robot and floor bounce ({scene.contact.bounce:g}), wanted 0"
+    if scene.bounce != 0.0:
+        yield f"contacts of robot and floor bounce ({scene.bounce:g}), wanted 0"
     if scene.controller != CONTROLLER:
         yield f"the controller is '{scene.controller}', wanted '{CONTROLLER}'"
     wanted = {GYRO: "Gyro", INERTIAL_UNIT: "InertialUnit", ACCELEROMETER: "Accelerometer"}

@@ -101,7 +101,7 @@ def mujoco_scene(scene: SceneModel) -> mujoco.MjModel:
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0.0, 0.0, 0.05],
-        friction=[scene.contact.friction, 0.005, 0.0001],
+        friction=[scene.friction, 0.005, 0.0001],
     )
     made: list[mujoco.MjsBody] = []
     for body in scene.bodies:
@@ -139,7 +139,7 @@ def _add_body(parent: mujoco.MjsBody, body: Body, scene: SceneModel) -> mujoco.M
             size=_size(shape),
             pos=shape.pos,
             quat=shape.quat,
-            friction=[scene.contact.friction, 0.005, 0.0001],
+            friction=[scene.friction, 0.005, 0.0001],
             contype=bits,
             conaffinity=1,
         )

@@ -161,7 +161,7 @@ class OdeEngine:
             return
         for contact in ode.collide(one, two):
             contact.setMode(ode.ContactSoftERP | ode.ContactSoftCFM | ode.ContactApprox1)
-            contact.setMu(self.scene.contact.friction)
-            contact.setSoftERP(self.scene.contact.soft_erp)
-            contact.setSoftCFM(self.scene.contact.soft_cfm)
+            contact.setMu(self.scene.friction)
+            contact.setSoftERP(self.scene.soft_erp)
+            contact.setSoftCFM(self.scene.soft_cfm)
             ode.ContactJoint(self.world, self.contacts, contact).attach(first, second)

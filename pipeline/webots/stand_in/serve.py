@@ -96,16 +96,14 @@ def _velocity_at(place: np.ndarray, root: RootMotion) -> np.ndarray:
     return root.lin_vel_w + np.cross(root.ang_vel_w, rotation.rotate(root.quat_w, place))
 
 
-def make_engine(name: str, scene: SceneModel) -> Engine:
-    """The engine `mujoco` or `ode`. Raises OdeNotFoundError."""
-    return OdeEngine(scene) if name == "ode" else MujocoEngine(scene)
-
-
 def serve(world: Path, engine: str) -> int:
-    """Run a world until its controller ends it; the exit status. Raises FileError, OdeNotFoundError."""
+    """Run a world in the engine `mujoco` or `ode` until its controller ends it; the exit status.
+
+    Raises FileError, OdeNotFoundError.
+    """
     world = world.resolve()  # the controller has another working directory
     scene = read_scene(world)
-    simulation = Simulation(scene, make_engine(engine, scene))
+    simulation = Simulation(scene, OdeEngine(scene) if engine == "ode" else MujocoEngine(scene))
     program = world.parent.parent / "controllers" / scene.controller / f"{scene.controller}.py"
     if not program.is_file():
         raise FileError(program, "the controller that the world names is missing.")
