@@ -25,10 +25,10 @@ from pipeline.deployment import DeploymentTask, Policy, digest, load_policy
 from pipeline.errors import FileError
 from pipeline.export import booster_deploy, card
 from pipeline.export.metadata import (
+    SHIPPABLE,
     ExportError,
     metadata,
     read_json,
-    refuse_unless_allowed,
     shipping,
     trained_task,
     training_data,
@@ -123,9 +123,10 @@ def export_policy(
     Raises ExportError if the licence of its data forbids shipping and `shippable` is set, if the policy has no gains,
     and if an exported file does not reproduce the network's actions.
     """
-    allowed = shipping(source.data)
-    if shippable:
-        refuse_unless_allowed(allowed, name)
+    allowed, why = shipping(source.data)
+    if shippable and not allowed:
+        known = f"Allowed are {', '.join(SHIPPABLE)}. Train it on a database of such motions."
+        raise ExportError(f"policy '{name}' can't be marked shippable: {why} {known}")
     policy = load_policy(source.policy)
     task = trained_task(robot, policy)
     _clear(folder)
@@ -145,7 +146,7 @@ def export_policy(
         run=source.run,
         data=source.data,
         shippable=shippable,
-        why=allowed.reason,
+        why=why,
         network={"sizes": sizes, "activation": "ELU", "precision": "single"},
         parity=asdict(parity),
         task=metadata(task, policy),

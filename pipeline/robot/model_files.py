@@ -25,10 +25,12 @@ def to_text(root: Xml.Element) -> str:
 
 def _add(parent: Xml.Element, tag: str, **attributes: str | float | Iterable[float]) -> Xml.Element:
     """A new element below `parent`; attributes are texts, numbers or several numbers."""
-    texts = {}
+    element = Xml.SubElement(parent, tag)
     for name, value in attributes.items():
-        texts[name] = value if isinstance(value, str) else numbers([value] if isinstance(value, float) else value)
-    return Xml.SubElement(parent, tag, texts)
+        if not isinstance(value, str):
+            value = numbers([value] if isinstance(value, (int, float)) else value)
+        element.set(name, value)
+    return element
 
 
 COMMENT = "Rendered from the tables beside it by `python -m pipeline.robot.render`. Do not edit."

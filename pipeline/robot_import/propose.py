@@ -22,7 +22,7 @@ from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel
 from pipeline.robot_import.mirror_names import propose_pairs
 from pipeline.robot_import.numbers import columns, rounded, rpy_of
 from pipeline.robot_import.propose_shapes import COLOURS, propose_shapes
-from pipeline.robot_import.propose_sites import ProposedSites, propose_sites
+from pipeline.robot_import.propose_sites import FEET, HANDS, corner_names, propose_sites
 from pipeline.robot_import.stated import NOTHING, Stated
 
 STIFFNESS = 4.0
@@ -58,13 +58,13 @@ def propose(model: MakerModel, name: str, *, shapes: MakerModel | None = None, s
     body = find_body(model)
     source, todo = shapes or model, []
     joints = _joint_rows(model, body, stated, todo)
-    sites = propose_sites(source, model, body)
+    sites, sites_to_check = propose_sites(source, model, body)
     rows, fitted = propose_shapes(source, model, body)
-    config = _config(model, body, sites)
-    todo += _to_check(model, body, sites, fitted)
+    config = _config(model, body)
+    todo += _to_check(model, body, sites_to_check, fitted)
     links = tuple(_link_row(number, link, model) for number, link in enumerate(model.links, start=2))
     description = Description(
-        folder=Path(name), config=config, links=links, joints=joints, shapes=rows, sites=sites.rows, contents={}
+        folder=Path(name), config=config, links=links, joints=joints, shapes=rows, sites=sites, contents={}
     )
     refuse(faults_of(description))
     excludes = _overlapping(description)
@@ -152,32 +152,32 @@ _HOW = {
 }
 
 
-def _config(model: MakerModel, body: Body, sites: ProposedSites) -> Config:
+def _config(model: MakerModel, body: Body) -> Config:
     def name(index: int) -> str:
         return model.links[index].name
 
     human = {"trunk": name(body.trunk), "pelvis": name(body.pelvis)}
     for side, leg, arm in zip(SIDES, body.legs, body.arms, strict=True):
         human |= {
-            f"{side}_thigh": name(leg.links[BEND - 1]),
-            f"{side}_shank": name(leg.links[BEND]),
-            f"{side}_foot": name(leg.end),
-            f"{side}_upper_arm": name(arm.links[BEND - 1]),
-            f"{side}_forearm": name(arm.links[BEND]),
+            f"{side}_thigh": name(leg[BEND - 1]),
+            f"{side}_shank": name(leg[BEND]),
+            f"{side}_foot": name(leg[-1]),
+            f"{side}_upper_arm": name(arm[BEND - 1]),
+            f"{side}_forearm": name(arm[BEND]),
         }
     key = [
         name(0),
         name(body.trunk),
         name(body.pelvis),
-        *(name(leg.links[at]) for leg in body.legs for at in (1, BEND, -1)),
-        *(name(arm.links[at]) for arm in body.arms for at in (1, BEND - 1, -1)),
+        *(name(leg[at]) for leg in body.legs for at in (1, BEND, -1)),
+        *(name(arm[at]) for arm in body.arms for at in (1, BEND - 1, -1)),
     ]
     return Config(
         root_link=name(0),
         key_links=tuple(dict.fromkeys(key)),
-        hands=sites.hands,
-        feet=sites.feet,
-        sole_corners=sites.sole_corners,
+        hands=HANDS,
+        feet=FEET,
+        sole_corners=(corner_names("left"), corner_names("right")),
         mirror_names=propose_pairs(_partners(model, body)),
         contact_excludes=(),
         colours=COLOURS,
@@ -197,19 +197,19 @@ def _partners(model: MakerModel, body: Body) -> Iterator[tuple[str, str]]:
 
 
 def _with_fingers(model: MakerModel, limb: Limb) -> list[int]:
-    links = list(limb.links)
+    links = list(limb)
     for link in links:
         links += [child for child in model.children(link) if child not in links]
     return links
 
 
-def _to_check(model: MakerModel, body: Body, sites: ProposedSites, fitted: tuple[str, ...]) -> list[str]:
+def _to_check(model: MakerModel, body: Body, sites: tuple[str, ...], fitted: tuple[str, ...]) -> list[str]:
     trunk, pelvis = (model.links[index].name for index in (body.trunk, body.pelvis))
     meshes = [f"shapes.csv: primitives stand for the meshes of {', '.join(fitted)}: look at them."] if fitted else []
     return [
         f"robot.toml, human_links: trunk '{trunk}', pelvis '{pelvis}', thigh, shank, upper arm and forearm are "
         "proposed from the tree: look at them and at mirror_names.",
-        *sites.to_check,
+        *sites,
         *meshes,
         "standing.csv (optional): pose and gains the robot stands with on hardware.",
     ]

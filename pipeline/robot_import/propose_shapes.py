@@ -21,7 +21,7 @@ SUFFIXES = ("_collision", "_visual")
 def propose_shapes(source: MakerModel, model: MakerModel, body: Body) -> tuple[tuple[ShapeRow, ...], tuple[str, ...]]:
     """(rows, links that a primitive stands for the mesh of). Meshes that are only shown are used where a link has no
     other shape."""
-    feet = {model.links[leg.end].name for leg in body.legs}
+    feet = {model.links[leg[-1]].name for leg in body.legs}
     rows: list[ShapeRow] = []
     fitted: list[str] = []
     for link in (each.name for each in model.links):

@@ -188,3 +188,16 @@ def _conditions() -> dict[str, Conditions]:
         **{f"trunk mass x{value:g}": Conditions(root_mass_factor=value) for value in (0.8, 1.2)},
         **{f"gains x{value:g}": Conditions(gain_factor=value) for value in (0.9, 1.1)},
     }
+
+
+def unpushed_cells(seeds: Sequence[int], starts: int) -> tuple[Cell, ...]:
+    """All cells without a push."""
+    return (
+        *command_cells(seeds),
+        *turning_cells(seeds),
+        *step_cells(seeds),
+        *switch_cells(seeds),
+        *start_cells(starts),
+        *terrain_cells(seeds),
+        *condition_cells(seeds),
+    )

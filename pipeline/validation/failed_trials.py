@@ -89,7 +89,8 @@ def missed_by(cell: CellVerdict, rollout: Rollout, envelope: TorqueEnvelope) -> 
     trial, numbers = worst_trial(cell)
     found = []
     for reason in cell.reasons:
-        bar, measured = cell.bars.bars[reason.figure], None
+        bar = cell.bars.bars[reason.figure]
+        measured: dict[str, Any] = {}
         if numbers["fell"]:
             if reason.figure in OF_FALLS:
                 measured = {"got": reason.got, "from_s": numbers["fell_s"], "until_s": numbers["fell_s"]}

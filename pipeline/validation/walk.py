@@ -12,21 +12,12 @@ from pipeline import rotation
 from pipeline.deployment import PolicyController
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Kinematics
+from pipeline.simulation import terrain
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import PlantState
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.run import run
 from pipeline.simulation.sensors import NoisySensors
-from pipeline.simulation.terrain import (
-    Bump,
-    CrossSlope,
-    FlatGround,
-    Ground,
-    Slope,
-    gravel,
-    rough_ground,
-    stepping_stones,
-)
 from pipeline.simulation.torque_envelope import PdControl
 from pipeline.validation.deployed import Deployed
 from pipeline.validation.trial import Conditions, GroundSpec, Start, Trial
@@ -128,13 +119,13 @@ def _run(
         start=start,
         delay_s=conditions.delay_s,
         wrench_every=WRENCH_EVERY,
-        ground_height=None if isinstance(plant.ground, FlatGround) else plant.ground.height,
+        ground_height=None if isinstance(plant.ground, terrain.FlatGround) else plant.ground.height,
         stop_on_fall=stop_on_fall,
         resume_s=resume_s,
     )
 
 
-def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Generator) -> PlantState:
+def drawn_start(one: Deployed, start: Start, ground: terrain.Ground, rng: np.random.Generator) -> PlantState:
     """A random state near the default pose, with the lowest sole corner on the ground."""
     robot, joints = one.robot, len(one.robot.joint_names)
     joint_pos = one.task.default_joint_pos + rng.uniform(-start.joint_pos, start.joint_pos, joints)
@@ -154,21 +145,21 @@ def drawn_start(one: Deployed, start: Start, ground: Ground, rng: np.random.Gene
     )
 
 
-GROUNDS: dict[str, Callable[[float, np.random.Generator], Ground]] = {
-    "slope": lambda size, _: Slope(angle_deg=size),
-    "cross_slope": lambda size, _: CrossSlope(angle_deg=size),
-    "bump": lambda size, _: Bump(at_m=BUMP_AT_M, rise_m=size, width_m=BUMP_WIDTH_M),
-    "gravel": lambda size, rng: gravel(rng, step_m=size),
-    "stones": lambda size, rng: stepping_stones(rng, gap_m=STONE_GAP_M, step_m=size),
-    "rough": lambda size, rng: rough_ground(rng, amplitude_m=size),
+GROUNDS: dict[str, Callable[[float, np.random.Generator], terrain.Ground]] = {
+    "slope": lambda size, _: terrain.Slope(angle_deg=size),
+    "cross_slope": lambda size, _: terrain.CrossSlope(angle_deg=size),
+    "bump": lambda size, _: terrain.Bump(at_m=BUMP_AT_M, rise_m=size, width_m=BUMP_WIDTH_M),
+    "gravel": lambda size, rng: terrain.gravel(rng, step_m=size),
+    "stones": lambda size, rng: terrain.stepping_stones(rng, gap_m=STONE_GAP_M, step_m=size),
+    "rough": lambda size, rng: terrain.rough_ground(rng, amplitude_m=size),
 }
 """Terrain of a size by kind; see `GroundSpec`."""
 
 
-def ground_of(spec: GroundSpec | None) -> Ground:
+def ground_of(spec: GroundSpec | None) -> terrain.Ground:
     """The terrain of a specification. Raises UnknownNameError."""
     if spec is None:
-        return FlatGround()
+        return terrain.FlatGround()
     if spec.kind not in GROUNDS:
         raise UnknownNameError("terrain", spec.kind, tuple(GROUNDS))
     return GROUNDS[spec.kind](spec.size, np.random.default_rng(spec.seed))

@@ -18,17 +18,7 @@ from pipeline.robot.build import build_robot
 from pipeline.robot.description import Description
 from pipeline.simulation.run import FALL_TILT_COS, fall_height
 from pipeline.simulation.torque_envelope import TorqueEnvelope
-from pipeline.webots.proto import (
-    ACCELEROMETER,
-    CONTROLLER,
-    GYRO,
-    INERTIAL_UNIT,
-    MATERIAL,
-    SENSOR_SUFFIX,
-    VERSION,
-    proto_name,
-    robot_proto,
-)
+from pipeline.webots.proto import CONTROLLER, MATERIAL, SENSOR_SUFFIX, SENSORS, VERSION, proto_name, robot_proto
 from pipeline.webots.result import WebotsSettings
 from pipeline.webots.sources import JAXTYPING_SHIM, PROGRAM, needed_modules
 from pipeline.webots.vrml import Node, Scene, node, to_text
@@ -164,7 +154,8 @@ def run_plan(settings: WebotsSettings, run: str) -> dict[str, Any]:
 
 def _task(task: DeploymentTask, envelope: TorqueEnvelope, lowest: float) -> dict[str, Any]:
     """Content of `task.json`; read by `task_of` and `motors_of` of the controller."""
-    devices = {"gyro": GYRO, "inertial_unit": INERTIAL_UNIT, "accelerometer": ACCELEROMETER}
+    kinds = {"gyro": "Gyro", "inertial_unit": "InertialUnit", "accelerometer": "Accelerometer"}
+    devices = {name: SENSORS[kind] for name, kind in kinds.items()}
     return {
         **{each.name: _plain(getattr(task, each.name)) for each in fields(task)},
         "fall": {"height_m": lowest, "tilt_cos": FALL_TILT_COS},

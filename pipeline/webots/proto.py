@@ -22,7 +22,8 @@ VERSION = "R2023b"
 """The release whose node types are used; later ones read its files."""
 CONTROLLER = "booster_lab"
 IMU_SITE = "imu"
-GYRO, INERTIAL_UNIT, ACCELEROMETER = "imu_gyro", "imu_orientation", "imu_accelerometer"
+SENSORS = {"Gyro": "imu_gyro", "InertialUnit": "imu_orientation", "Accelerometer": "imu_accelerometer"}
+"""Names of the inertial sensors, by node type."""
 SENSOR_SUFFIX = "_sensor"
 MATERIAL = "robot"
 """Contact material of all links."""
@@ -60,12 +61,11 @@ class _Writer:
 
     def sensors(self, row: LinkRow) -> list[Node]:
         """The IMU's sensors, if its site is on this link."""
-        kinds = {"Gyro": GYRO, "InertialUnit": INERTIAL_UNIT, "Accelerometer": ACCELEROMETER}
         return [
             node(kind, translation=site.numbers("x", "y", "z"), name=name)
             for site in self.source.sites
             if site.site == IMU_SITE and site.link == row.link
-            for kind, name in kinds.items()
+            for kind, name in SENSORS.items()
         ]
 
     def children(self, row: LinkRow) -> list[Node]:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from pipeline import rotation
 from pipeline.errors import FileError
+from pipeline.webots.proto import SENSORS
 from pipeline.webots.vrml import Node, Proto, Scene, VrmlError, from_text
 
 
@@ -119,7 +120,7 @@ def _model(scene: Scene, proto: Proto, values: dict[str, Any]) -> SceneModel:
     own = proto.body.fields
     bodies: list[Body] = []
     _add(bodies, proto.body, -1, None, values)
-    sensors = [node for node in own["children"] if node.kind in ("Gyro", "InertialUnit", "Accelerometer")]
+    sensors = [node for node in own["children"] if node.kind in SENSORS]
     floor = next(node for node in scene.nodes if node.kind == "Solid" and node.all("Plane"))
     materials = {own["contactMaterial"], floor.fields["contactMaterial"]}
     pairs = [each.fields for each in info["contactProperties"]]

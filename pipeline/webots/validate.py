@@ -21,7 +21,7 @@ from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.webots.launch import FINISHED, NOT_RUN, Outcome, launch, launch_webots
 from pipeline.webots.project import Project
-from pipeline.webots.proto import ACCELEROMETER, CONTROLLER, GYRO, IMU_SITE, INERTIAL_UNIT, SENSOR_SUFFIX
+from pipeline.webots.proto import CONTROLLER, IMU_SITE, SENSOR_SUFFIX, SENSORS
 from pipeline.webots.result import Allowed, WalkResult, WalkSegment, WebotsSettings
 from pipeline.webots.scene_model import SceneModel, read_scene
 from pipeline.webots.sources import PIPELINE
@@ -211,7 +211,7 @@ def _world(scene: SceneModel) -> Iterator[str]:
         yield f"contacts of robot and floor bounce ({scene.bounce:g}), wanted 0"
     if scene.controller != CONTROLLER:
         yield f"the controller is '{scene.controller}', wanted '{CONTROLLER}'"
-    wanted = {GYRO: "Gyro", INERTIAL_UNIT: "InertialUnit", ACCELEROMETER: "Accelerometer"}
+    wanted = {name: kind for kind, name in SENSORS.items()}
     got = {name: kind for name, (kind, _) in scene.imu.items()}
     if got != wanted:
         yield f"the inertial sensors at site '{IMU_SITE}' are {got}, wanted {wanted}"
