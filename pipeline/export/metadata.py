@@ -64,19 +64,10 @@ def metadata(task: DeploymentTask, policy: Policy) -> dict[str, Any]:
 
     `digest` is that of the network's numbers and its gains (`pipeline.deployment.digest`).
     """
-    return {
-        "robot": task.robot,
-        "joint_names": list(task.joint_names),
-        "policy_joints": list(task.policy_joints),
-        "kp": task.kp.tolist(),
-        "kd": task.kd.tolist(),
-        "default_joint_pos": task.default_joint_pos.tolist(),
-        "action_scale": task.action_scale,
-        "history": task.history,
-        "control_hz": task.control_hz,
-        "observation": OBSERVATION,
-        "digest": digest(policy),
-    }
+    names = {name: list(getattr(task, name)) for name in ("joint_names", "policy_joints")}
+    arrays = {name: getattr(task, name).tolist() for name in ("kp", "kd", "default_joint_pos")}
+    rates = {name: getattr(task, name) for name in ("action_scale", "history", "control_hz")}
+    return {"robot": task.robot, **names, **arrays, **rates, "observation": OBSERVATION, "digest": digest(policy)}
 
 
 def as_texts(facts: dict[str, Any]) -> dict[str, str]:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite
+from pipeline.robot_import.maker_model import MakerJoint, MakerModel, MakerShape, MakerSite, link_of
 from pipeline.robot_import.numbers import quat_of
 
 KINDS = {
@@ -43,18 +43,9 @@ def read_mjcf(path: Path) -> MakerModel:
         inertia = _lumped(model, [each for each in owner if owner[each] == body], frames, stated)
         parent = model.body_parentid[body]
         placement = pinocchio.SE3.Identity() if body == root else frames[parent] * _placement(model, body)
-        links.append(
-            MakerLink(
-                name=model.body(body).name,
-                parent=-1 if body == root else index[owner[parent]],
-                joint=None if body == root else _joint(model, int(model.body_jntadr[body])),
-                pos=np.array(placement.translation),
-                quat=quat_of(np.array(placement.rotation)),
-                mass=float(inertia.mass),
-                com=np.array(inertia.lever),
-                inertia=np.array(inertia.inertia),
-            )
-        )
+        joint = None if body == root else _joint(model, int(model.body_jntadr[body]))
+        above = -1 if body == root else index[owner[parent]]
+        links.append(link_of(model.body(body).name, above, joint, placement, inertia))
     name_of = {body: model.body(owner[body]).name for body in owner}
     shapes, more = _shapes(model, name_of, frames)
     sites = tuple(

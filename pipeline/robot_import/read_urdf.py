@@ -10,9 +10,8 @@ import numpy as np
 import pinocchio
 from scipy.spatial.transform import Rotation
 
-from pipeline import rotation
 from pipeline.errors import FileError
-from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite
+from pipeline.robot_import.maker_model import MakerJoint, MakerLink, MakerModel, MakerShape, MakerSite, link_of
 from pipeline.robot_import.meshes import mesh_points
 from pipeline.robot_import.numbers import quat_of
 
@@ -36,21 +35,12 @@ def read_urdf(path: Path, root: Xml.Element) -> MakerModel:
     pinocchio.forwardKinematics(model, data, pinocchio.neutral(model), np.zeros(model.nv))
     links = []
     for joint in order:
-        inertia, placement = model.inertias[joint], model.jointPlacements[joint]
-        name = model.names[joint]
-        is_root = joint == ROOT_JOINT
-        links.append(
-            MakerLink(
-                name=_root_link(root) if is_root else _ref(elements[name], "child"),
-                parent=-1 if is_root else index[model.parents[joint]],
-                joint=None if is_root else _joint(elements[name], model, data, joint),
-                pos=np.zeros(3) if is_root else np.array(placement.translation),
-                quat=rotation.IDENTITY if is_root else quat_of(placement.rotation),
-                mass=float(inertia.mass),
-                com=np.array(inertia.lever),
-                inertia=np.array(inertia.inertia),
-            )
-        )
+        name, inertia = model.names[joint], model.inertias[joint]
+        if joint == ROOT_JOINT:
+            links.append(link_of(_root_link(root), -1, None, pinocchio.SE3.Identity(), inertia))
+        else:
+            hinge, parent = _joint(elements[name], model, data, joint), index[model.parents[joint]]
+            links.append(link_of(_ref(elements[name], "child"), parent, hinge, model.jointPlacements[joint], inertia))
     names = {joint: link.name for joint, link in zip(order, links, strict=True)}
     shapes, notes = _shapes(path, root, model, names)
     return MakerModel(

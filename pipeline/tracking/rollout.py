@@ -16,8 +16,7 @@ from pipeline.simulation.mujoco_plant import MujocoOptions, simulated_model
 from pipeline.simulation.terrain import FlatGround
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
 from pipeline.tracking.disturbance import NONE, Disturbance
-from pipeline.tracking.observation import key_link_index, observe
-from pipeline.tracking.reference import reference_states
+from pipeline.tracking.reference import key_link_index, observe, reference_states
 from pipeline.tracking.settings import FailureSettings
 from pipeline.tracking.task import ACTION_SCALE, CONTROL_HZ, DECIMATION, PHYSICS_S
 from pipeline.tracking.tracker import Tracker

@@ -20,11 +20,10 @@ from pipeline.errors import FileError
 from pipeline.robot import Kinematics, Robot
 from pipeline.simulation.mujoco_plant import added_moments
 from pipeline.webots.launch import FINISHED, NOT_RUN, Outcome, launch, launch_webots
-from pipeline.webots.project import Project
+from pipeline.webots.project import PIPELINE, Project
 from pipeline.webots.proto import CONTROLLER, IMU_SITE, SENSOR_SUFFIX, SENSORS
 from pipeline.webots.result import Allowed, WalkResult, WalkSegment, WebotsSettings
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.sources import PIPELINE
 from pipeline.webots.stand_in.mujoco_engine import start_poses
 from pipeline.webots.stand_in.ode_engine import NOT_FOUND, OdeNotFoundError, load_ode
 

@@ -66,8 +66,6 @@ def _with_worlds(module: Any) -> Any:
 class OdeEngine:
     """The bodies of a scene in ODE; a body's origin there is its centre of mass."""
 
-    label = "ode (Webots' engine family, upstream, stand-in, not Webots)"
-
     def __init__(self, scene: SceneModel, ode: Any | None = None):
         self.scene, self.ode = scene, ode or load_ode()
         self.timestep_s = scene.timestep_ms / 1000.0

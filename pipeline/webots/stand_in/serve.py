@@ -15,7 +15,7 @@ import numpy as np
 from pipeline import rotation
 from pipeline.errors import FileError
 from pipeline.webots.scene_model import SceneModel, read_scene
-from pipeline.webots.stand_in.mujoco_engine import Engine, MujocoEngine, RootMotion
+from pipeline.webots.stand_in.mujoco_engine import MujocoEngine, RootMotion
 from pipeline.webots.stand_in.ode_engine import OdeEngine
 
 API = Path(__file__).resolve().parent / "api"
@@ -28,7 +28,7 @@ GRACE_S = 5.0
 class Simulation:
     """An engine with the devices of a scene."""
 
-    def __init__(self, scene: SceneModel, engine: Engine):
+    def __init__(self, scene: SceneModel, engine: MujocoEngine | OdeEngine):
         self.scene, self.engine = scene, engine
         self.motors = {hinge.motor: index for index, (_, hinge) in enumerate(scene.hinges)}
         self.sensors = {hinge.sensor: index for index, (_, hinge) in enumerate(scene.hinges)}
