@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pipeline.actuators.calibrate import Calibration, calibrate
 from pipeline.actuators.motor_table import Motor, read_motors
 from pipeline.actuators.settings import ActuatorSettings
@@ -39,11 +41,7 @@ class PublishedCurve:
 
     def torque(self, speed: float) -> float:
         """Torque [N m] at a speed [rad/s]."""
-        if speed <= min(self.knee_speed, self.no_load_speed):
-            return self.peak_torque
-        if speed >= self.no_load_speed:
-            return 0.0
-        return self.peak_torque * (self.no_load_speed - speed) / (self.no_load_speed - self.knee_speed)
+        return float(np.interp(speed, *zip(*self.corners, strict=True)))
 
 
 def read_published(folder: Path) -> dict[str, PublishedCurve]:

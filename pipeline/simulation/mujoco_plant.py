@@ -142,10 +142,6 @@ class MujocoPlant(Plant):
         if self.options.ball is not None:
             self._place_ball(PARKED_W, np.zeros(3))
 
-    def ball_velocity_w(self) -> Float[np.ndarray, " 3"]:
-        """[m/s]"""
-        return self.data.qvel[self._qvel.stop : self._qvel.stop + 3].copy()
-
     def _place_ball(self, pos_w: np.ndarray, lin_vel_w: np.ndarray) -> None:
         first, first_v = self._qpos.stop, self._qvel.stop
         self.data.qpos[first : first + 3], self.data.qpos[first + 3 :] = pos_w, rotation.IDENTITY

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,12 +39,7 @@ class Figure:
 FIGURES = {
     each.name: each
     for each in (
-        Figure(
-            name="falls",
-            unit="trials",
-            lower_is_better=True,
-            definition="root below 66 % of its height in the default pose, or tilt > 60 deg",
-        ),
+        Figure(name="falls", unit="trials", lower_is_better=True, definition="root too low, or tilt > 60 deg"),
         Figure(name="survival", unit="share", lower_is_better=False, definition="trials that do not fall"),
         Figure(name="speed_error", unit="m/s", lower_is_better=True, definition="length of mean velocity less command"),
         Figure(name="yaw_rate_error", unit="rad/s", lower_is_better=True, definition="mean yaw rate less command"),
@@ -54,9 +50,7 @@ FIGURES = {
         Figure(name="steps", unit="steps", lower_is_better=True, definition="feet set down"),
         Figure(name="shape_distance", unit="of its size", lower_is_better=True, definition="between limit cycles"),
         Figure(name="period_difference", unit="share", lower_is_better=True, definition="of strides in two engines"),
-        Figure(
-            name="amplitude_difference", unit="share", lower_is_better=True, definition="hip or knee in two engines"
-        ),
+        Figure(name="amplitude_difference", unit="share", lower_is_better=True, definition="hip or knee, two engines"),
     )
 }
 
@@ -154,17 +148,15 @@ class Measured:
 
 def measure(one: Deployed, cells: Sequence[Cell], pool: ClipPool | None = None) -> tuple[Measured, ...]:
     """Run all trials of all cells. The numbers do not depend on the distribution over processes."""
-    jobs = [(number, trial) for number, cell in enumerate(cells) for trial in cell.trials]
+    jobs = [(number, place) for number, cell in enumerate(cells) for place in range(len(cell.trials))]
+    trials = {(number, place): cells[number].trials[place] for number, place in jobs}
     # keep trials that share a prefix together: models are compiled and prefixes simulated once per process
-    jobs.sort(key=lambda job: prefix_of(job[1]))
+    jobs.sort(key=lambda job: prefix_of(trials[job]))
     chunks = [jobs[first : first + CHUNK] for first in range(0, len(jobs), CHUNK)]
-    found: dict[tuple[int, int], Numbers] = {}
-    calls = [(one, tuple(trial for _, trial in chunk)) for chunk in chunks]
-    for chunk, numbers in zip(chunks, (pool or ClipPool()).map(measure_trials, calls), strict=True):
-        for (number, trial), each in zip(chunk, numbers, strict=True):
-            found[number, id(trial)] = each
+    calls = [(one, tuple(trials[job] for job in chunk)) for chunk in chunks]
+    found = dict(zip(jobs, itertools.chain(*(pool or ClipPool()).map(measure_trials, calls)), strict=True))
     return tuple(
-        Measured(cell=cell, trials=tuple(found[number, id(trial)] for trial in cell.trials))
+        Measured(cell=cell, trials=tuple(found[number, place] for place in range(len(cell.trials))))
         for number, cell in enumerate(cells)
     )
 

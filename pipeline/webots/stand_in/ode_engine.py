@@ -105,11 +105,6 @@ class OdeEngine:
             ang_vel_w=turning,
         )
 
-    def gap(self) -> float:
-        """Largest distance [m] between the two anchors of a hinge: the drift of the constraints."""
-        apart = [np.subtract(hinge.getAnchor(), hinge.getAnchor2()) for hinge in self.hinges]
-        return float(np.linalg.norm(apart, axis=1).max())
-
     def _body(self, body: Body, pos: np.ndarray, quat: np.ndarray) -> Any:
         made = self.ode.Body(self.world)
         mass, moment = self.ode.Mass(), body.moment
