@@ -20,7 +20,8 @@ from assets.reference_motions import motion_variants, reference_motions
 from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
-from assets.tracking_policy import no_tracker, tracking_policy
+from assets.tracker_choice import no_tracker
+from assets.tracking_policy import tracking_policy
 from pipeline.batch import Manifest, run_stage
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
 from pipeline.feasibility.command_space import by_command

@@ -244,7 +244,8 @@ def _write_clips(
             names.add(entry.clip.name)
         asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
         calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
-        written = (each for found in pool.map(_write_files, calls, shared=[part.parent]) for each in found)
+        stores = {entry.clip.store.root: None for entry in few if isinstance(entry.clip, StoredClip)}
+        written = (each for found in pool.map(_write_files, calls, shared=[part.parent, *stores]) for each in found)
         for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):
