@@ -80,7 +80,10 @@ def dc_motor_line(box: BoxLimits, no_load_speed: float) -> DcMotorLine:
 
 @dataclass(frozen=True, kw_only=True)
 class JointActuator:
-    """A joint's motor in the adapted robot. The fields are the columns of `actuators.csv`; NaN is an empty cell."""
+    """A joint's motor in the adapted robot. The fields are the columns of `actuators.csv`; NaN is an empty cell.
+
+    Torques in N m, speeds in rad/s, armature in kg m^2, kp in N m/rad, kd in N m s/rad.
+    """
 
     joint: str
     motor: str
@@ -88,35 +91,24 @@ class JointActuator:
     verdict: str
     """Which limits were confirmed or changed, or why the measurement was not used."""
     box_effort_limit: float
-    """[N m]"""
     box_velocity_limit: float
-    """[rad/s]"""
     dc_motor_effort_limit: float
-    """[N m]"""
     dc_motor_saturation_effort: float
-    """[N m]"""
     dc_motor_no_load_speed: float
-    """[rad/s]"""
     armature: float
-    """[kg m^2]"""
     kp: float
-    """[N m/rad]"""
     kd: float
-    """[N m s/rad]"""
     measured_torque: float
-    """Knee [N m], with its 95 % interval."""
+    """At the knee, with its 95 % interval."""
     measured_torque_low: float
     measured_torque_high: float
     measured_speed: float
-    """Knee [rad/s], with its 95 % interval."""
+    """At the knee, with its 95 % interval."""
     measured_speed_low: float
     measured_speed_high: float
     nominal_torque: float
-    """[N m]"""
     nominal_speed: float
-    """[rad/s]"""
     nominal_armature: float
-    """[kg m^2]"""
 
     @property
     def synthetic(self) -> bool:

@@ -93,14 +93,11 @@ SYNTHETIC = "synthetic: never measured"
 
 @dataclass(frozen=True, kw_only=True)
 class Knee:
-    """Result of a sweep, with 95 % intervals."""
+    """Result of a sweep, with 95 % intervals. Speeds in rad/s, torques in N m."""
 
     speed: Interval
-    """[rad/s]"""
     torque: Interval
-    """[N m]"""
     no_load_speed: float
-    """[rad/s]"""
     stall_torque: float
     """Torque of the plateau at rest [N m]."""
     noise: float

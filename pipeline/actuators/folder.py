@@ -24,14 +24,12 @@ COLUMNS = ("model", "peak_torque [N m]", "knee_speed [rad/s]", "no_load_speed [r
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedCurve:
-    """Constant torque up to a knee speed, then linear to 0; constant if the knee is above the no-load speed."""
+    """Constant torque [N m] up to a knee speed [rad/s], then linear to 0; constant if the knee is above the no-load
+    speed [rad/s]."""
 
     peak_torque: float
-    """[N m]"""
     knee_speed: float
-    """[rad/s]"""
     no_load_speed: float
-    """[rad/s]"""
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:

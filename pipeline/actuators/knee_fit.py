@@ -55,16 +55,12 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class KneeFit:
-    """Two lines through n points."""
+    """Two lines through n points. Speed in rad/s, torque in N m, slopes in N m s/rad."""
 
     knee_speed: Interval
-    """[rad/s]"""
     knee_torque: Interval
-    """[N m]"""
     plateau_slope: float
-    """[N m s/rad]"""
     fall_slope: float
-    """[N m s/rad]"""
     noise: float
     """Standard deviation of the points about the lines, outliers left out [N m]."""
     outlier: Bool[np.ndarray, " n"]

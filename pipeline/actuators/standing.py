@@ -27,14 +27,11 @@ FALLEN_DEG = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class StandingPose:
-    """Pose and gains in which the manufacturer's controller stands before a policy starts."""
+    """Pose [rad] and gains [N m/rad, N m s/rad] in which the maker's controller stands before a policy starts."""
 
     kp: Float[np.ndarray, " j"]
-    """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
-    """[N m s/rad]"""
     joint_pos: Float[np.ndarray, " j"]
-    """[rad]"""
     vendor_armature: Float[np.ndarray, " j"]
     """Armature in the manufacturer's MuJoCo model [kg m^2]."""
 

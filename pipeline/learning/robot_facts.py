@@ -79,9 +79,8 @@ def read_robot_facts(folder: Path) -> RobotFacts:
         facts = json.loads((folder / "robot.json").read_text())
         return robot_facts(facts, (folder / "robot.xml").read_text())
     except (OSError, ValueError, KeyError) as error:
-        raise TrainingError(
-            f"{folder}: robot.json or robot.xml of the bundle can't be read ({error}). Write the bundle again."
-        ) from error
+        problem = f"robot.json or robot.xml of the bundle can't be read ({error})"
+        raise TrainingError(f"{folder}: {problem}. Write the bundle again.") from error
 
 
 def robot_facts(facts: dict[str, Any], mjcf: str) -> RobotFacts:

@@ -22,12 +22,10 @@ from pipeline.robot.tables import JointRow, LinkRow, ShapeRow, SiteRow, table_te
 
 @dataclass(frozen=True, kw_only=True)
 class MotorLimits:
-    """Limits and armature of a joint's motor."""
+    """Limits [N m, rad/s] and armature [kg m^2] of a joint's motor."""
 
     torque: float
-    """[N m]"""
     speed: float
-    """[rad/s]"""
     armature: float
     """[kg m^2]"""
 

@@ -18,7 +18,7 @@ from pipeline.robot_import.numbers import quat_of
 
 @dataclass(frozen=True, kw_only=True)
 class MakerJoint:
-    """A hinge. None is what the file does not state."""
+    """A hinge: torque [N m], speed [rad/s], armature [kg m^2], kp [N m/rad], kd [N m s/rad]; None if not stated."""
 
     name: str
     axis: Float[np.ndarray, 3]
@@ -27,13 +27,9 @@ class MakerJoint:
     upper: float | None
     """Position limits [rad]."""
     torque: float | None
-    """[N m]"""
     speed: float | None
-    """[rad/s]"""
     armature: float | None
-    """[kg m^2]"""
     kp: float | None = None
-    """[N m/rad]"""
     kd: float | None = None
     """[N m s/rad]"""
 

@@ -42,12 +42,10 @@ class TorqueEnvelope:
 
 @dataclass(frozen=True, kw_only=True)
 class PdControl:
-    """kp (target - position) - kd velocity, cut to the envelope."""
+    """kp (target - position) - kd velocity, cut to the envelope; kp in N m/rad, kd in N m s/rad."""
 
     kp: Float[np.ndarray, " j"]
-    """[N m/rad]"""
     kd: Float[np.ndarray, " j"]
-    """[N m s/rad]"""
     envelope: TorqueEnvelope
 
     def torque(self, target: np.ndarray, joint_pos: np.ndarray, joint_vel: np.ndarray) -> Float[np.ndarray, " j"]:

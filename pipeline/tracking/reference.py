@@ -14,20 +14,17 @@ from pipeline.tracking.task import CONTROL_HZ
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceStates:
-    """T frames of a robot with J joints and L links, in the model's order. Names are those of mjlab's motion files."""
+    """T frames of a robot with J joints and L links, in the model's order. Names are those of mjlab's motion files,
+    units m, rad and s."""
 
     joint_pos: Float[np.ndarray, "t j"]
-    """[rad]"""
     joint_vel: Float[np.ndarray, "t j"]
-    """[rad/s]"""
     body_pos_w: Float[np.ndarray, "t l 3"]
     """Origins of the link frames [m]; the root link is the first."""
     body_quat_w: Float[np.ndarray, "t l 4"]
     """wxyz, sign-continuous."""
     body_lin_vel_w: Float[np.ndarray, "t l 3"]
-    """[m/s]"""
     body_ang_vel_w: Float[np.ndarray, "t l 3"]
-    """[rad/s]"""
 
     @property
     def frame_count(self) -> int:

@@ -164,10 +164,8 @@ class TrackingRun:
         try:
             self.runner.alg.load(state, None, strict=True)
         except (RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
-            first = str(error).splitlines()[0]
-            raise TrainingError(
-                f"{path}: is of another network or robot and can't be resumed ({first}). Give another --out."
-            ) from error
+            problem = f"is of another network or robot and can't be resumed ({str(error).splitlines()[0]})"
+            raise TrainingError(f"{path}: {problem}. Give another --out.") from error
         self.iteration = int(state["iteration"])
         self.env.unwrapped.common_step_counter = int(state["environment_steps"])
 

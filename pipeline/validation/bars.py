@@ -111,12 +111,6 @@ class CellBars:
     bars: Annotated[dict[str, Bar], Keys(keys=OneOf(tuple(FIGURES)))]
     """Bars by name of the figure, of `FIGURES`."""
 
-    def verdict(self, reasons: Sequence[object]) -> str:
-        """`passed`, `failed` or `not required`, from the reasons against the cell."""
-        if not self.required:
-            return "not required"
-        return "failed" if reasons else "passed"
-
 
 UNKNOWN = CellBars(required=False, why="the robot's validation.yaml has no bars for it", bars={})
 """For a cell that the file does not contain."""

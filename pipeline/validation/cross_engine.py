@@ -37,6 +37,7 @@ from pipeline.validation.cross_engine_walk import (
     walk_cell,
 )
 from pipeline.validation.deployed import Deployed
+from pipeline.validation.verdict import CellOutcome, SuiteOutcome
 
 NAMES = {"mujoco": "MuJoCo", "bridge": "MuJoCo with the armature on the links", "dart": "DART"}
 HELD = (MUJOCO, DART)
@@ -51,26 +52,14 @@ COMPARED = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellResult:
-    """A cell in every engine, one entry per seed."""
+class CellResult(CellOutcome):
+    """A cell in every engine, one entry per seed; the reasons are sentences."""
 
     name: str
-    bars: CellBars
     figures: dict[str, tuple[Figures, ...]]
     """By engine."""
-    reasons: tuple[str, ...]
-    """Everything that fails, whether or not the cell is required."""
     explained: tuple[str, ...] = ()
     """Differences of MuJoCo and DART that come from the armature on the links: bridge and DART agree."""
-
-    @property
-    def required(self) -> bool:
-        return self.bars.required
-
-    @property
-    def word(self) -> str:
-        """`passed`, `failed` or `not required`."""
-        return self.bars.verdict(self.reasons)
 
     def survival(self, engine: str) -> float:
         """Share of the seeds that did not fall."""
@@ -83,32 +72,12 @@ class CellResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrossEngineResult:
+class CrossEngineResult(SuiteOutcome[CellResult]):
     """The matrix of cells and engines, with its verdict."""
 
     robot: str
     """Its name."""
-    cells: tuple[CellResult, ...]
     robot_digest: str = ""
-    robot_of_bars: str = ""
-    """Digest of the robot that the bars were derived on."""
-    note: str = ""
-    """Note if the bars belong to another robot than the evaluated one; otherwise empty."""
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """Reasons of the required cells."""
-        return tuple(reason for cell in self.cells if cell.required for reason in cell.reasons)
-
-    @property
-    def passed(self) -> bool:
-        """Whether no required cell has a reason; False without any required cell."""
-        return not self.reasons and any(cell.required for cell in self.cells)
-
-    @property
-    def failed_cells(self) -> tuple[CellResult, ...]:
-        """Required cells that fail."""
-        return tuple(cell for cell in self.cells if cell.required and cell.reasons)
 
     @property
     def not_required(self) -> dict[str, str]:

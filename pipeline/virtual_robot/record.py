@@ -17,22 +17,16 @@ from pipeline.simulation.record import Rollout
 
 @dataclass(frozen=True, kw_only=True)
 class LogQuality:
-    """Standard deviations of normal noise, and losses. Judgement: no log of a T1 is published."""
+    """Standard deviations of normal noise (in m, rad, s and N m), and losses. Judgement: no T1 log is published."""
 
     attitude: float = 0.003
-    """[rad]"""
     gyro: float = 0.01
-    """[rad/s]"""
     acceleration: float = 0.15
-    """[m/s^2]"""
     joint_pos: float = 0.0005
-    """[rad]"""
     joint_vel: float = 0.03
-    """[rad/s]"""
     torque_share: float = 0.02
     """Relative torque noise: motor current is measured, gear losses are not."""
     torque: float = 0.3
-    """[N m]"""
     odometer_scale: float = 1.0 / 1.2
     """Ratio of odometer to true distance: Booster's demo rescales the T1's odometer by 1.2."""
     odometer_drift: float = 0.005
