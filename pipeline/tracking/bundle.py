@@ -17,6 +17,7 @@ import numpy as np
 
 from pipeline.learning.robot_facts import RobotFacts, read_robot_facts
 from pipeline.learning.training_error import TrainingError
+from pipeline.tracking.task import CONTROL_HZ
 
 SCHEMA = "booster-lab tracking bundle 1"
 CONFIG = "config.json"
@@ -39,7 +40,7 @@ class Motions:
 
     @property
     def seconds(self) -> float:
-        return len(self.root_pos_w) / 50.0
+        return len(self.root_pos_w) / CONTROL_HZ
 
 
 @dataclass(frozen=True, kw_only=True)

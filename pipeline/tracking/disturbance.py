@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.simulation.plant import Push
 from pipeline.tracking.settings import DisturbanceSettings
+from pipeline.tracking.task import PHYSICS_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,7 @@ class Disturbance:
             "trunk_mass": round(self.trunk_mass, 4),
             "kp_factor": round(self.kp, 4),
             "kd_factor": round(self.kd, 4),
-            "delay_s": self.delay_steps * 0.005,
+            "delay_s": self.delay_steps * PHYSICS_S,
             "start_offset_rad": round(self.start_offset, 4),
             "action_noise": round(self.action_noise, 4),
         }
@@ -51,13 +52,14 @@ NONE = Disturbance()
 
 def draw(settings: DisturbanceSettings, duration_s: float, rng: np.random.Generator) -> Disturbance:
     """A disturbance for a rollout of some length [s]."""
+    shortest, longest = (round(delay_s / PHYSICS_S) for delay_s in settings.delay_s)
     return Disturbance(
         pushes=_pushes(settings, duration_s, rng),
         friction=rng.uniform(*settings.friction),
         trunk_mass=rng.uniform(*settings.trunk_mass),
         kp=rng.uniform(*settings.gains),
         kd=rng.uniform(*settings.gains),
-        delay_steps=int(rng.integers(round(settings.delay_s[0] / 0.005), round(settings.delay_s[1] / 0.005) + 1)),
+        delay_steps=int(rng.integers(shortest, longest + 1)),
         start_offset=settings.start_offset,
         action_noise=rng.uniform(*settings.action_noise),
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from pipeline.actuators.synthesize import NO_LOAD_RATIO
 from pipeline.errors import UnknownNameError
 from pipeline.robot import Robot
 from pipeline.simulation.torque_envelope import PdControl, TorqueEnvelope
@@ -53,12 +54,8 @@ class Deviations:
         )
 
 
-NO_LOAD_RATIO = 1.25
-"""No-load speed over knee speed, as in the shipped torque-speed sweeps."""
-
-
 def motor_envelope(robot: Robot) -> TorqueEnvelope:
-    """The robot's torque limits, falling to 0 beyond the motors' speed limits, which bounds joint speeds."""
+    """The robot's torque limits, falling to 0 beyond the motors' speed limits as in the shipped torque-speed sweeps."""
     speed = np.array(robot.motor_speed_limit)
     return TorqueEnvelope(limit=np.array(robot.torque_limit), knee_speed=speed, no_load_speed=NO_LOAD_RATIO * speed)
 

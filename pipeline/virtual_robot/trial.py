@@ -14,7 +14,7 @@ from pipeline.robot import Robot
 from pipeline.simulation.mujoco_plant import MujocoOptions, MujocoPlant
 from pipeline.simulation.plant import Push
 from pipeline.simulation.record import Rollout
-from pipeline.simulation.run import Controller, run
+from pipeline.simulation.run import FALL_TILT_COS, Controller, run
 from pipeline.simulation.sensors import NoisySensors, SensorNoise
 from pipeline.simulation.torque_envelope import PdControl
 from pipeline.virtual_robot.deviations import (
@@ -29,12 +29,10 @@ from pipeline.virtual_robot.deviations import (
 from pipeline.virtual_robot.record import SOUND, HeatModel, record
 from pipeline.virtual_robot.scripted import HeldPlant, Hold
 
-FALLEN_COS = 0.5
-"""Cosine of the tilt at which booster_deploy stops its policy: 60 degrees."""
-
 
 class FallGuard:
-    """Forwards another controller until the trunk tilts too far; then commands the current joint positions."""
+    """Forwards another controller until the trunk tilts by 60 degrees, at which booster_deploy stops its policy; then
+    commands the current joint positions."""
 
     def __init__(self, inner: Controller):
         self.inner, self.task = inner, inner.task
@@ -54,7 +52,7 @@ class FallGuard:
         joint_vel: Float[np.ndarray, " j"],
     ) -> Float[np.ndarray, " j"]:
         """The inner controller's targets; after a fall the current positions [rad]."""
-        self.fallen = self.fallen or float(gravity_b[2]) > -FALLEN_COS
+        self.fallen = self.fallen or float(gravity_b[2]) > -FALL_TILT_COS
         if self.fallen:
             return np.array(joint_pos)
         targets = self.inner.targets(gyro_b, gravity_b, command, joint_pos, joint_vel)
