@@ -39,7 +39,8 @@ class PublishedCurve:
 
     def torque(self, speed: float) -> float:
         """Torque [N m] at a speed [rad/s]."""
-        return float(np.interp(speed, *zip(*self.corners, strict=True)))
+        speeds, torques = zip(*self.corners, strict=True)
+        return float(np.interp(speed, speeds, torques))
 
 
 def read_published(folder: Path) -> dict[str, PublishedCurve]:

@@ -51,15 +51,9 @@ def model_of(description: Description, rendered: bool = False) -> MakerModel:
         joint = None
         if row.joint:
             values = rows[row.joint]
-            joint = MakerJoint(
-                name=row.joint,
-                axis=tree.axis[place],
-                lower=values.lower,
-                upper=values.upper,
-                torque=values.torque,
-                speed=values.speed if rendered else values.urdf_speed,
-                armature=values.armature,
-            )
+            speed = values.speed if rendered else values.urdf_speed
+            stated = {name: getattr(values, name) for name in ("lower", "upper", "torque", "armature")}
+            joint = MakerJoint(name=row.joint, axis=tree.axis[place], speed=speed, **stated)
         links.append(
             MakerLink(
                 name=row.link,

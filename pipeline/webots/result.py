@@ -112,20 +112,19 @@ def parse_result(text: str, run: str, names: tuple[str, ...]) -> WalkResult:
     rows = value.get("segments")
     if not isinstance(rows, list) or [row.get("name") if isinstance(row, dict) else None for row in rows] != [*names]:
         raise ResultError("the result's segments are not those of the plan")
+    segments = []
+    for row in rows:
+        walked = row.get("walked") is True
+        figures = {name: _number(row, name) if walked else None for name in FIGURES}
+        segments.append(WalkedSegment(name=row["name"], walked=walked, **figures))
     return WalkResult(
         run=run,
         timestep_ms=_number(value, "timestep_ms"),
         seconds=_number(value, "seconds"),
         fell_s=None if value.get("fell_s") is None else _number(value, "fell_s"),
         policy=value.get("policy") is True,
-        segments=tuple(_segment(row) for row in rows),
+        segments=tuple(segments),
     )
-
-
-def _segment(row: dict[str, Any]) -> WalkedSegment:
-    walked = row.get("walked") is True
-    figures = {name: _number(row, name) if walked else None for name in FIGURES}
-    return WalkedSegment(name=row["name"], walked=walked, **figures)
 
 
 def _number(row: dict[str, Any], name: str) -> float:
