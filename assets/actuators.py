@@ -10,17 +10,11 @@ from assets.approved import approval_metadata, approved_key, approved_part
 from assets.plan import ROBOT, Plan, group_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import check_result, declared, picture, plain_errors, result_of, table_of
-from pipeline.actuators import (
-    ActuatorSettings,
-    Calibration,
-    adapt,
-    calibrate_folder,
-    read_standing_pose,
-    stand,
-    torque_envelope,
-    write_adapted_robot,
-)
-from pipeline.actuators.folder import read_published
+from pipeline.actuators.adapted_robot import adapt, torque_envelope, write_adapted_robot
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.folder import calibrate_folder, read_published
+from pipeline.actuators.settings import ActuatorSettings
+from pipeline.actuators.standing import read_standing_pose, stand
 from pipeline.batch import Manifest
 from pipeline.feedback.cell_weights import check_limits, lowered
 from pipeline.feedback.rules import FeedbackRules
@@ -186,7 +180,7 @@ def _standing(plan: Plan, robot: Any, actuators: Any) -> tuple[dict[str, Any], d
 
 
 def _difference(actuators: Any) -> dict[str, Any]:
-    from pipeline.actuators import motors_source
+    from pipeline.actuators.adapted_robot import motors_source
 
     table = pd.DataFrame([vars(each) for each in actuators])
     columns = {

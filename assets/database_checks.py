@@ -18,7 +18,7 @@ from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import check_result, table_of
 from assets.tracker_choice import tracker_file
-from pipeline.actuators import read_actuators, torque_envelope
+from pipeline.actuators.adapted_robot import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import FileError
 from pipeline.expert import DatabaseError, check_database

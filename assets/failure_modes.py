@@ -10,7 +10,9 @@ from assets.hardware import trials_of
 from assets.plan import FIELD, TRIALS, Plan, robot_plans
 from assets.project import PROJECT
 from assets.report import as_failure, check_result, declared, plain_errors, result_of, table_of
-from pipeline.actuators import ActuatorSettings, Calibration, adapt
+from pipeline.actuators.adapted_robot import adapt
+from pipeline.actuators.calibrate import Calibration
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.batch import Manifest
 from pipeline.deployment import find_policy, load_policy
 from pipeline.errors import PipelineError

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator
+from pipeline.actuators.adapted_robot import JointActuator
 from pipeline.failures.failure import DAMPED, MOTORS_OFF, Failure
 from pipeline.failures.held import Excuse
 from pipeline.failures.motors import asked_torque

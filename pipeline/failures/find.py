@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator
+from pipeline.actuators.adapted_robot import JointActuator
 from pipeline.failures.authority import OF_LEGS, damped_after, motor_outages, outage_excuses
 from pipeline.failures.failure import DAMPED, HELD, Failure
 from pipeline.failures.falls import falls, slips, stumbles

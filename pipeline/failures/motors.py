@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline import time_series
-from pipeline.actuators import JointActuator, log_envelope
+from pipeline.actuators.adapted_robot import JointActuator
+from pipeline.actuators.log_envelope import log_envelope
 from pipeline.failures.failure import Failure
 from pipeline.failures.falls import window_sum, windows_over
 from pipeline.failures.settings import HeatSettings, PacketSettings, SpeedSettings, TorqueSettings

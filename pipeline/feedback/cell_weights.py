@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pipeline.actuators import BoxLimits, JointActuator, dc_motor_line
+from pipeline.actuators.adapted_robot import BoxLimits, JointActuator, dc_motor_line
 from pipeline.feasibility.balance import BalanceSettings
 from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
 from pipeline.feedback.change import Change, ChangeError

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.actuators import JointActuator, torque_envelope
+from pipeline.actuators.adapted_robot import JointActuator, torque_envelope
 from pipeline.deployment import Policy, PolicyController, policy_task
 from pipeline.failures.failure import Failure
 from pipeline.failures.settings import FailureSettings

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import rotation
-from pipeline.actuators import ActuatorSettings, JointActuator, adapt, read_actuators
-from pipeline.actuators.adapted_robot import TABLE
+from pipeline.actuators.adapted_robot import TABLE, JointActuator, adapt, read_actuators
+from pipeline.actuators.settings import ActuatorSettings
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.deployment import Policy, find_policy, load_policy
 from pipeline.errors import FileError

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from pipeline.actuators import Calibration
+from pipeline.actuators.calibrate import Calibration
 from pipeline.actuators.folder import PublishedCurve
 
 SKILL_COLORS = {

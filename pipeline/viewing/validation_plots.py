@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from pipeline.robot.description import SIDES
 from pipeline.robot.legs import legs_of
 from pipeline.simulation.record import Rollout
 from pipeline.simulation.torque_envelope import TorqueEnvelope
 from pipeline.validation.cross_engine import NAMES, CrossEngineResult
-from pipeline.validation.limit_cycle_walks import SIDES, SpeedCycles
+from pipeline.validation.limit_cycle_walks import SpeedCycles
 from pipeline.validation.limit_cycles import PLANES
 from pipeline.validation.verdict import CellVerdict, Verdict
 from pipeline.viewing.plots import png

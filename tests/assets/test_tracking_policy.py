@@ -16,7 +16,7 @@ from assets.plan import SHARED, plans, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
-from pipeline.actuators import adapt, write_adapted_robot
+from pipeline.actuators.adapted_robot import adapt, write_adapted_robot
 from pipeline.batch import Entry, Manifest
 from pipeline.robot import Robot
 from pipeline.tracking.__main__ import main
