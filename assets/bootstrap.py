@@ -61,12 +61,6 @@ def _noted(instance: dg.DagsterInstance, key: dg.AssetKey) -> str | None:
     return (last_tags(instance, key) or {}).get(DATA_VERSION_TAG)
 
 
-OF_MOTIONS = (
-    *("retargeted_motions", "motion_variants", "reference_motions", "augmented_motions", "feasible_motions"),
-    "expert_db",
-)
-"""The stages of a robot that work on motions, and its database."""
-
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
 
@@ -121,17 +115,18 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
 
 
 def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
-    """Materialize the stages of motions and the databases in a run of their own, stale or not, and what they need.
+    """Materialize the databases and all between them and the motions in a run of their own, stale or not.
 
     Of the robots the default one's and those that have a database. Raises dg.Failure when that run fails.
     """
-    robots = [
-        robot
-        for robot in project.robots
-        if robot == DEFAULT_ROBOT or last_tags(instance, robot_plans(robot)["expert_db"].key) is not None
-    ]
-    stages = {plan.key for plan in SHARED} | {robot_plans(robot)[name].key for robot in robots for name in OF_MOTIONS}
-    needed = upstream(stages, made_for(_parents(), plans(project)))
+    databases = {robot: robot_plans(robot)["expert_db"].key for robot in project.robots}
+    there = {key for robot, key in databases.items() if robot == DEFAULT_ROBOT or last_tags(instance, key) is not None}
+    parents = made_for(_parents(), plans(project))
+    needed = upstream(there, parents)
+    stages = {SHARED[0].key}
+    for key in topological({key: parents.get(key, set()) & needed for key in needed}):
+        if parents.get(key, set()) & stages:
+            stages.add(key)
     stale = [key for key in stale_now(instance, project) if key in needed - stages]
     _materialize(instance, run, [*stale, *sorted(stages)], log, "not all stages could be materialized")
 
