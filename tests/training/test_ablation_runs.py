@@ -19,7 +19,7 @@ from tests.factories.ablation_runs import ARMS, change_config, write_arm_run, wr
 from tests.factories.training_bundle import small_bundle
 
 EXTRA = ("discriminator.style=0.4", "pushes.impulse_n_s=0.0,50.0")
-SMALL = ["schedule.iterations=2", "simulation.num_envs=4", "simulation.terrain=plane"]
+SMALL = ["schedule.iterations=1", "simulation.num_envs=4", "simulation.terrain=plane"]
 
 
 @pytest.fixture
