@@ -22,10 +22,13 @@ from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
-from pipeline.batch import Manifest, run_stage
-from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
+from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
+from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import by_command
 from pipeline.feasibility.criteria_table import split
+from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
+from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
@@ -166,8 +169,13 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         candidates = candidate_motions(augmented_motions, reference_motions, kind)
         tracked = references_of(candidates, reference_motions)
         function = partial(process, settings=values, robot=robot, references=tracked)
-        stage = stage_of(plan, function, values, robot_files=robot.digest)
-        manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
+        stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+        results = results_at_hand(references) if kind != "rollouts" else {}
+        rest, known = without_evaluated(candidates, stage, results)
+        if known:
+            context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
+        manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
+        manifest = with_evaluated(manifest, stage, known, results)
         manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
         damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
         manifest = _weighed(manifest, values, commands)
@@ -198,6 +206,15 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
     return feasible_motions
 
 
+def results_at_hand(references: Plan) -> Results:
+    """What KP5 found on each reference, by name; nothing where its table is not that of the stored references."""
+    manifest = PROJECT.store.manifest_path(references.key.to_user_string())
+    path = criteria_table.path_beside(manifest)
+    if not criteria_table.belongs(path, manifest):
+        return {}
+    return results_of_pieces(criteria_table.read(path, manifest, references.name))
+
+
 def untracked(rollouts: Manifest, references: Manifest) -> bool:
     """Whether no reference was rolled out, for want of a tracker."""
     return bool(references.entries) and not rollouts.judged
@@ -212,13 +229,13 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
     if kind == "rollouts":
         return rollouts
     at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
-    kept = tuple(entry for entry in references.entries if entry.clip not in at_fault)
+    kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
     references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(
         rollouts,
-        entries=(*rollouts.entries, *references.entries),
+        entries=Rows((*rollouts.entry_shards, *references.entry_shards)),
         settings={**references.settings, **rollouts.settings},
     )
 
@@ -241,12 +258,12 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
 
-    made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
-        index=False
-    )
+    made = balance(manifest.entry_table(READ), values.balance, commands)[["clip", "weight", "family"]]
     facts = {"stage": COMMANDS, **settings.plain(commands)}
     named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})
-    return named.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
+    return named.with_numbers(
+        {clip: {"weight": float(weight), "family": own} for clip, weight, own in made.itertuples(index=False)}
+    )
 
 
 def _reweighed(

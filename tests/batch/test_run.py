@@ -73,6 +73,16 @@ def test_named_clips_are_worked_on_again_and_nothing_else(store, tmp_path, monke
     assert run_stage(stage(), before, store, POOL, LOG).recomputed == 0
 
 
+def test_the_clips_of_a_named_source_are_worked_on_again(store, tmp_path, monkeypatch):
+    before = manifest_of(store, ["one/a", "one/b", "two/a", "two/one"])
+    first = run_stage(stage(), before, store, POOL, LOG)
+    listed = tmp_path / "again.json"
+    listed.write_text('["one/"]')
+    monkeypatch.setenv(AGAIN_VARIABLE, str(listed))
+    again = run_stage(stage(), before, store, POOL, LOG)
+    assert (again.recomputed, again.digest) == (2, first.digest)
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[1]", None])
 def test_a_list_of_clips_that_can_not_be_read_is_an_error_with_its_file(store, tmp_path, monkeypatch, text):
     listed = tmp_path / "again.json"
@@ -97,7 +107,7 @@ def test_another_version_or_setting_works_on_all(store, other):
 def test_a_lost_blob_is_made_again(store):
     before = manifest_of(store, ["a", "b"])
     made = run_stage(stage(add=1.0), before, store, POOL, LOG)
-    store.blobs.path(made.entries[0].blob).unlink()
+    store.own_blobs.path(made.entries[0].blob).unlink()
     again = run_stage(stage(add=1.0), before, store, POOL, LOG)
     assert again.recomputed == 1
     assert again.digest == made.digest
@@ -150,7 +160,7 @@ def test_two_clips_of_one_name_are_refused(store):
 
 def test_a_manifest_comes_back_from_its_text(store):
     found = run_stage(stage(), manifest_of(store, ["a", "bad"]), store, POOL, LOG)
-    again = Manifest.from_text(found.to_text())
+    again = Manifest.from_text(found.to_text(), store.shards)
     assert again.to_text() == found.to_text()
     assert again.judged[1].fate == "rejected"
 
@@ -182,5 +192,5 @@ def test_faults_of_frames_are_found_when_a_clip_is_made_and_remembered(store):
 def test_blobs_that_do_not_round_trip_are_named_by_their_clips(store):
     made = run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG)
     assert store.damaged(made, ClipPool(workers=2)) == []
-    store.blobs.path(made.entries[1].blob).write_bytes(b"damaged")
+    store.own_blobs.path(made.entries[1].blob).write_bytes(b"damaged")
     assert store.damaged(made, POOL) == ["b"]

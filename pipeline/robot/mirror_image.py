@@ -1,0 +1,38 @@
+"""The mirror image of a robot's motion: its reflection in the plane y = 0."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.clips.robot_clip import RobotClip
+from pipeline.robot.robot import Robot
+
+POSITION = np.array([1.0, -1.0, 1.0])
+"""Signs of a position's mirror image."""
+QUATERNION = np.array([1.0, -1.0, 1.0, -1.0])
+"""Reflecting y turns R into S R S with S = diag(1, -1, 1): rotations about x and z change sign, about y they stay."""
+MARK = "~mirror"
+"""What the name of a mirror image has and the name of the motion does not."""
+
+
+def mirror_clip(clip: RobotClip, robot: Robot, name: str) -> RobotClip:
+    """The clip in a mirror: left and right joints, hands and feet exchanged. Twice gives the clip again, exactly."""
+    return dataclasses.replace(
+        clip,
+        name=name,
+        root_pos_w=clip.root_pos_w * POSITION,
+        root_quat_w=clip.root_quat_w * QUATERNION,
+        joint_pos=clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign,
+        contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
+    )
+
+
+def mirror_corners(vectors_w: Float[np.ndarray, "t 2 4 3"], robot: Robot) -> Float[np.ndarray, "t 2 4 3"]:
+    """Places or velocities of the soles' corners in a mirror: each corner is the image of one of the other sole."""
+    sites = [[robot.tree.site_names.index(name) for name in names] for names in robot.sole_corners]
+    left, right = (robot.tree.site_pos[each] for each in sites)
+    partner = np.linalg.norm(right[:, None] - left * POSITION, axis=-1).argmin(axis=1)
+    return np.stack([vectors_w[:, 1, np.argsort(partner)], vectors_w[:, 0, partner]], axis=1) * POSITION
