@@ -90,7 +90,6 @@ def augmented_motions(plan: Plan, references: Plan, policy: Plan, adapted: Plan)
 def tracking_metadata(manifest: Manifest, worst: pd.DataFrame) -> dict[str, Any]:
     """Figures of the nominal rollouts, of which `worst` has a row each, and the share of disturbed ones that reached
     their end."""
-
     if worst.empty:
         return {"references tracked": 0}
     rows, speeds = worst.to_dict("records"), by_skill(worst)

@@ -1,7 +1,5 @@
 """`booster-lab import-robot` and `check-robot`: a robot folder from its maker's model file, and what it lacks."""
 
-from __future__ import annotations
-
 import re
 
 from pipeline.cli.arguments import CheckRobot, ImportRobot

@@ -1,7 +1,5 @@
 """`booster-lab simulate-robot OUT.mcap`: a walk in MuJoCo as the log that the robot would have recorded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

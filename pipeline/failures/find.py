@@ -1,7 +1,5 @@
 """Everything that went wrong in a trial, in the order of time."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

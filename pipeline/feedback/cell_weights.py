@@ -12,8 +12,6 @@ proportional fitting). Where the clips do not allow that, or no second may weigh
 compared with the rest and the shares that were reached are reported.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Plots as PNG bytes, small enough for a run's history, drawn without a display."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
