@@ -17,7 +17,7 @@ from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
-from pipeline.retarget.pelvis_path import fading_grip, held_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
@@ -53,23 +53,29 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
 
     Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
     zero-phase low pass, which takes the jitter out of what the targets leave free. Where the first pass lets the pelvis
-    go astray it is held, and the first pass is done again. Distances of the settings are scaled to the robot.
+    go astray it is held, where it jerks it its path is smoothed, and each time the first pass is done again. Distances
+    of the settings are scaled to the robot.
     """
     settings = scaled(settings, robot)
     solver, pelvis = solver_for(robot), robot.link(robot.human["pelvis"])
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
-    weights = settings.weights
+    weights, fps = settings.weights, settings.fps
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
-    poses = _poses(first, robot)
-    posture_weight, start = weights.posture_second, None
-    held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, settings.fps)
+    poses, start = _poses(first, robot), None
+    held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, fps)
     if held.any():
-        grip = fading_grip(targets.grip > 0.5, settings.pelvis, settings.fps)
+        grip = fading_grip(targets.grip > 0.5, settings.pelvis, fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
         first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
         poses = _poses(first, robot)
-        posture_weight = weights.posture_second_held
+    smoothed = smoothed_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, fps)
+    if smoothed.any():
+        path_w = smoothed_path(targets.pelvis_pos_w, poses.pos_w[:, pelvis], smoothed, settings.pelvis, fps)
+        targets = dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=smoothed)
+        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+        poses = _poses(first, robot)
+    posture_weight = weights.posture_second_held if held.any() else weights.posture_second
     smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
     targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
     return targets, solver.solve(human.name, targets, smooth, posture_weight, settings, start)
@@ -115,13 +121,15 @@ def changes_of(targets: Targets) -> dict[str, float]:
     """Where the plan departs from the human because the robot can't follow, each 0 (shares: 1) where it does not.
 
     Least share of the lateral motion that is kept, largest way that a foothold is moved outward [m], largest angle that
-    the trunk leans less than the chest [deg], and the share of the frames in which the pelvis is held to its path.
+    the trunk leans less than the chest [deg], and the shares of the frames in which the pelvis is held to the human's
+    path and to a smoothed one.
     """
     return {
         "lateral_share": targets.lateral_share,
         "foothold_moved_m": targets.foothold_moved,
         "lean_taken_off_deg": math.degrees(targets.lean_taken_off),
         "pelvis_held_share": float((targets.pelvis_held > 0.0).mean()),
+        "pelvis_smoothed_share": float((targets.pelvis_smoothed > 0.0).mean()),
     }
 
 
