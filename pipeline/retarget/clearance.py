@@ -89,22 +89,26 @@ def cleared(
     """Targets corrected by what the poses of the first pass show.
 
     Feet: the stance error and the depth of the lowest sole corner are added to the target, and swinging feet go further
-    apart where they come too close. Arms: turned about the shoulder, out of thigh and trunk.
+    apart where they come too close. Pelvis: raised by that depth where it follows a smoothed path, since legs at their
+    limits don't lift the soles alone. Arms: turned about the shoulder, out of thigh and trunk.
     """
     kinematics = Kinematics(robot)
     spread = settings.spread_s * fps
     foot_pos_w, limb_dir_w = targets.foot_pos_w.copy(), targets.limb_dir_w.copy()
+    pelvis_pos_w = targets.pelvis_pos_w.copy()
     apart_w = _swings_apart(targets, poses, robot, sole, settings, spread)
     for side in range(2):
         foot_pos_w[:, side] += _foot_correction(side, targets, poses, robot, settings)
         corners_w = kinematics.site_pos_w(poses, robot.sole_corners[side])
-        foot_pos_w[:, side, 2] += faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
+        sunk = faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
+        foot_pos_w[:, side, 2] += sunk
+        pelvis_pos_w[:, 2] += targets.pelvis_smoothed * sunk
         foot_pos_w[:, side] += apart_w[side]
         turn = rotation.from_rotvec(turn_of(side, kinematics, poses, robot, settings, spread))
         for limb, (name, _, _) in enumerate(LIMBS):
             if name in (f"{FEET[side]}_upper_arm", f"{FEET[side]}_forearm"):
                 limb_dir_w[:, limb] = rotation.rotate(turn, limb_dir_w[:, limb])
-    return dataclasses.replace(targets, foot_pos_w=foot_pos_w, limb_dir_w=limb_dir_w)
+    return dataclasses.replace(targets, foot_pos_w=foot_pos_w, pelvis_pos_w=pelvis_pos_w, limb_dir_w=limb_dir_w)
 
 
 def _foot_correction(
