@@ -44,7 +44,8 @@ def turn_of(
     for share in ARM_POINTS:
         point_w = elbow_w + share * (hand_w - elbow_w)
         away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
-        ways = [way_out(away_w, outward_w, settings.arm_distance)[:, None] * outward_w]
+        direction_w = _sideways_or_shortest(away_w, outward_w, settings.arm_distance / 2.0)
+        ways = [way_out(away_w, direction_w, settings.arm_distance)[:, None] * direction_w]
         if share > 0.5:
             away_w = point_w - _closest_on_segment(point_w, bottom_w, top_w)
             direction_w = rotation.normalize(away_w)
@@ -62,6 +63,18 @@ def way_out(
     along = np.sum(away * direction, axis=-1)
     lacking = distance**2 - np.sum(away * away, axis=-1)
     return np.where(lacking > 0.0, np.sqrt(np.maximum(along**2 + lacking, 0.0)) - along, 0.0)
+
+
+def _sideways_or_shortest(
+    away_w: Float[np.ndarray, "t 3"], outward_w: Float[np.ndarray, "t 3"], beside: float
+) -> Float[np.ndarray, "t 3"]:
+    """Direction out of the thigh: outward at `beside` [m] or more outside its line, along `away_w` on its inside.
+
+    A hand over a raised thigh would have to pass through it on its way outward.
+    """
+    share = np.clip(np.sum(away_w * outward_w, axis=1) / beside, 0.0, 1.0)[:, None]
+    mixed_w = rotation.normalize(share * outward_w + (1.0 - share) * rotation.normalize(away_w))
+    return np.where(share < 1.0, mixed_w, outward_w)
 
 
 def _turn_by(arm: Float[np.ndarray, "t 3"], way: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
