@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
@@ -21,7 +22,7 @@ from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
-from pipeline.robot import Kinematics, LinkPoses, Robot
+from pipeline.robot import Kinematics, Robot
 from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
 
@@ -53,36 +54,61 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
 
     Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
     zero-phase low pass, which takes the jitter out of what the targets leave free. Where the first pass lets the pelvis
-    go astray it is held, where it jerks it its path is smoothed, and each time the first pass is done again. Distances
-    of the settings are scaled to the robot.
+    go astray it is held, and the first pass is done again; where a pass jerks the pelvis its path is smoothed, and that
+    pass is done again. Distances of the settings are scaled to the robot.
     """
     settings = scaled(settings, robot)
-    solver, pelvis = solver_for(robot), robot.link(robot.human["pelvis"])
+    weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
+    planned_w, start = targets.pelvis_pos_w, None
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
-    weights, fps = settings.weights, settings.fps
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
-    poses, start = _poses(first, robot), None
-    held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, fps)
+    held = held_share(planned_w, _pelvis_pos_w(first, robot), settings.pelvis, fps)
     if held.any():
         grip = fading_grip(targets.grip > 0.5, settings.pelvis, fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
         first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
-        poses = _poses(first, robot)
-    smoothed = smoothed_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, fps)
-    if smoothed.any():
-        path_w = smoothed_path(targets.pelvis_pos_w, poses.pos_w[:, pelvis], smoothed, settings.pelvis, fps)
-        targets = dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=smoothed)
+    smoother = _with_smoothed_path(targets, planned_w, first, settings, robot)
+    if smoother is not None:
+        targets = smoother
         first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
-        poses = _poses(first, robot)
+    posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
     posture_weight = weights.posture_second_held if held.any() else weights.posture_second
-    smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
-    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
-    return targets, solver.solve(human.name, targets, smooth, posture_weight, settings, start)
+    poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
+    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
+    second = solver.solve(human.name, targets, posture, posture_weight, settings, start)
+    smoother = _with_smoothed_path(targets, planned_w, second, settings, robot)
+    if smoother is not None:
+        targets = smoother
+        second = solver.solve(human.name, targets, posture, posture_weight, settings, second)
+    return targets, second
 
 
-def _poses(trajectory: Trajectory, robot: Robot) -> LinkPoses:
-    return Kinematics(robot).forward(trajectory.root_pos_w, trajectory.root_quat_w, trajectory.joint_pos)
+def _with_smoothed_path(
+    targets: Targets,
+    planned_w: Float[np.ndarray, "t 3"],
+    reached: Trajectory,
+    settings: RetargetSettings,
+    robot: Robot,
+) -> Targets | None:
+    """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not.
+
+    Args:
+        planned_w: the human's path, scaled [m]
+        reached: what the pass found
+    """
+    reached_w = _pelvis_pos_w(reached, robot)
+    share = smoothed_share(planned_w, reached_w, settings.pelvis, settings.fps)
+    if not share.any():
+        return None
+    share = np.maximum(targets.pelvis_smoothed, share)
+    path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, settings.fps)
+    return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
+
+
+def _pelvis_pos_w(trajectory: Trajectory, robot: Robot) -> Float[np.ndarray, "t 3"]:
+    link = robot.link(robot.human["pelvis"])
+    return Kinematics(robot).link_pos_w(trajectory.root_pos_w, trajectory.root_quat_w, trajectory.joint_pos, link)
 
 
 def _refuse_missing(clip: HumanClip) -> None:
