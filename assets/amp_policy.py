@@ -14,7 +14,7 @@ from assets.policy import result_of
 from assets.project import DEFAULT_ROBOT, PROJECT, Project
 from assets.report import as_failure
 from assets.resources import store_left_to_others
-from assets.tracking_policy import tracker_file
+from assets.tracker_choice import tracker_file
 from assets.training_process import (
     Run,
     TrainingConfig,

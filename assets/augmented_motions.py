@@ -16,7 +16,7 @@ from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, stage_of
-from assets.tracking_policy import no_tracker, tracker_file
+from assets.tracker_choice import no_tracker, tracker_file
 from pipeline.actuators import read_actuators, torque_envelope
 from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.clips.outcome import Outcome

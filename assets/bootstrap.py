@@ -6,17 +6,19 @@ second run with what was missing or stale. Versions of what comes from outside t
 
 import logging
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import stale_reasons
+from assets.freshness import stale_reasons, topological
 from assets.hardware import HARDWARE_LOGS, logs_version
 from assets.plan import SHARED, plans
 from assets.project import Project
 from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, find_motions, motions_version, remember_sources
+from assets.tracker_choice import trackers_for
 from pipeline.errors import PipelineError
 
 
@@ -90,12 +92,14 @@ def stale_now(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKe
 def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger | None):
     """Materialize what is stale upstream of the run's assets and not in the run itself.
 
+    A policy that is trained on a GPU has its tracker trained first where it needs one.
+
     Raises dg.Failure when that run fails, SourceLostError where motions are needed and a source of an earlier run is
     gone.
     """
-    graph_parents = _parents()
     selected = assets_of(run)
-    wanted = _upstream(selected, _made_for_children(graph_parents, project), set(plans(project))) - selected
+    made_for_children = _made_for_children(_parents(), project)
+    wanted = _upstream(selected, made_for_children, set(plans(project))) - selected
     motions = find_motions(project) if SHARED[0].key in wanted | selected else None
     if motions and log:
         for sentence in motions.warnings():
@@ -104,6 +108,8 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     if motions and SHARED[0].key not in every_stale:
         remember_sources(project, motions)
     stale = {key: why for key, why in every_stale.items() if key in wanted}
+    trackers = trackers_for(selected, run.run_config, stale, project)
+    stale |= _after_trackers(set(trackers) - set(stale), made_for_children, wanted)
     if not stale:
         return
     if log:
@@ -115,7 +121,10 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     result = job.execute_in_process(
         instance=instance,
         asset_selection=list(stale),
-        run_config={name: value for name, value in run.run_config.items() if name == "resources"},
+        run_config={
+            **{name: value for name, value in run.run_config.items() if name == "resources"},
+            "ops": {key.to_python_identifier(): {"config": config} for key, config in trackers.items() if key in stale},
+        },
         tags={BOOTSTRAP_TAG: run.run_id},
         raise_on_error=False,
     )
@@ -125,6 +134,18 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
             f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
             allow_retries=False,
         )
+
+
+def _after_trackers(
+    trackers: set[dg.AssetKey], parents: Mapping[dg.AssetKey, set[dg.AssetKey]], wanted: set[dg.AssetKey]
+) -> dict[dg.AssetKey, str]:
+    """Trackers that are up to date but were trained on other clips, and what of the wanted assets is made with them."""
+    found = dict.fromkeys(sorted(trackers), "the policy needs a tracker that was trained on these references")
+    for key in topological({key: parents[key] & wanted for key in wanted}):
+        new = sorted(parents[key] & set(found))
+        if key not in found and new:
+            found[key] = f"'{new[0].to_user_string()}' is trained first"
+    return found
 
 
 def _progress(log: logging.Logger, stages: int) -> dg.HookDefinition:

@@ -17,7 +17,7 @@ from assets.motions import short_of_wanted
 from assets.plan import Plan, robot_plans
 from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import table_of
-from assets.tracking_policy import tracker_file
+from assets.tracker_choice import tracker_file
 from pipeline.actuators import read_actuators, torque_envelope
 from pipeline.batch import Manifest, Stage
 from pipeline.errors import FileError

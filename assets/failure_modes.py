@@ -82,8 +82,10 @@ def failure_modes(context: dg.AssetExecutionContext, hardware_trials: Manifest):
 
 
 def _answer(name: str, path: Path, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The findings on a trial. What goes wrong with one must not stop the others, but for a store that cannot be read or
-    written: that is no fault of the log, and stops all. Raises dagster.Failure with its sentence."""
+    """The findings on a trial. What goes wrong with one must not stop the others.
+
+    Raises dagster.Failure where the store cannot be read or written: that is no fault of the log.
+    """
     try:
         return _looked_at(name, path, numbers)
     except dg.Failure:

@@ -101,7 +101,7 @@ def _ask(project: Project, file: LogFile, values: LogSettings) -> tuple[Answer, 
         robots = [load_robot(project.robot_folder(robot)) for robot in project.robots]
         made = ingest(file.path, file.name, aside, layouts=layouts(robots), settings=values, sidecar=file.sidecar)
         pieces = [
-            {"clip": each.name, "blob": project.store.blobs.take(each.path), "numbers": each.numbers}
+            {"clip": each.name, "blob": project.store.own_blobs.take(each.path), "numbers": each.numbers}
             for each in made.trials
         ]
         facts = {"integrity": made.integrity, "messages": made.messages, "notes": list(made.notes)}
@@ -230,7 +230,7 @@ def hardware_trials(context: dg.AssetExecutionContext):
 def trials_of(manifest: Manifest) -> Iterator[tuple[str, Path, dict[str, Any]]]:
     """Name, Parquet file (`pipeline.hardware_logs.read_trial`) and numbers of each trial that was ingested."""
     for entry in manifest.entries:
-        yield entry.clip, PROJECT.store.blobs.path(entry.blob), entry.numbers
+        yield entry.clip, PROJECT.store.own_blobs.path(entry.blob), entry.numbers
 
 
 def _check(name: str, found: list[str], count: int) -> dg.AssetCheckResult:

@@ -21,10 +21,12 @@ from pipeline.batch import Entry, Manifest, run_stage
 from pipeline.feasibility import FeasibilitySettings
 from pipeline.feasibility import process as feasibility
 from pipeline.feasibility.criteria_table import split
+from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.approved import further_variants
 from pipeline.feedback.change import Change
 from pipeline.files import settings
 from pipeline.robot import load_robot
+from pipeline.robot.size import scaled
 
 MakeVariants = Callable[[Any, Sequence[Entry]], Manifest]
 """`make(settings, entries)`: the stage with these settings on these entries, on all where there are none."""
@@ -124,9 +126,9 @@ def reference_motions(plan: Plan, variants: Plan, adapted: Plan) -> Any:
         from pipeline.viewing.contact_sheet import worst_clips
 
         robot = load_robot(PROJECT.adapted_robot(plan.robot or DEFAULT_ROBOT))
-        values = settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings)
+        values = scaled(settings.read(PROJECT.settings("feasibility.yaml"), FeasibilitySettings), robot)
         function = partial(feasibility, settings=values, robot=robot, references=references_of(motion_variants))
-        stage = stage_of(plan, function, values, robot_files=robot.digest)
+        stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
         manifest = run_stage(stage, motion_variants, PROJECT.store, clip_pool.pool(), context.log)
         manifest, criteria = split(manifest, thresholds())
         metadata = stage_metadata(manifest, ["variant", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s"])

@@ -20,11 +20,14 @@ from assets.reference_motions import motion_variants, reference_motions
 from assets.report import as_failure, joint_table, models_agree, picture, plain_errors, stage_metadata, table_of
 from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
-from assets.tracking_policy import no_tracker, tracking_policy
+from assets.tracker_choice import no_tracker
+from assets.tracking_policy import tracking_policy
 from pipeline.batch import Manifest, run_stage
-from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, process
+from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
 from pipeline.feasibility.command_space import by_command
 from pipeline.feasibility.criteria_table import split
+from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
+from pipeline.feasibility.image import nothing_assessed, pair
 from pipeline.feedback.cell_weights import reweigh
 from pipeline.files import digest, settings
 from pipeline.robot import load_robot
@@ -165,8 +168,13 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         candidates = candidate_motions(augmented_motions, reference_motions, kind)
         tracked = references_of(candidates, reference_motions)
         function = partial(process, settings=values, robot=robot, references=tracked)
-        stage = stage_of(plan, function, values, robot_files=robot.digest)
-        manifest = run_stage(stage, candidates, PROJECT.store, clip_pool.pool(), context.log)
+        stage = stage_of(plan, function, values, prepare=nothing_assessed, together=pair, robot_files=robot.digest)
+        results = results_at_hand(references) if kind != "rollouts" else {}
+        rest, known = without_evaluated(candidates, stage, results)
+        if known:
+            context.log.info(f"{plan.name}: {len(known)} references were evaluated by {references.name}")
+        manifest = run_stage(stage, rest, PROJECT.store, clip_pool.pool(), context.log)
+        manifest = with_evaluated(manifest, stage, known, results)
         manifest, criteria = split(without_excluded(manifest, curation.decisions), thresholds())
         damaged = PROJECT.store.damaged(manifest, clip_pool.pool())
         manifest = _weighed(manifest, values, commands)
@@ -195,6 +203,15 @@ def _feasible_motions(plan: Plan, rollouts: Plan, references: Plan, adapted: Pla
         return result._replace(check_results=[*result.check_results, check])
 
     return feasible_motions
+
+
+def results_at_hand(references: Plan) -> Results:
+    """What KP5 found on each reference, by name; nothing where its table is not that of the stored references."""
+    manifest = PROJECT.store.manifest_path(references.key.to_user_string())
+    path = criteria_table.path_beside(manifest)
+    if not criteria_table.belongs(path, manifest):
+        return {}
+    return results_of_pieces(criteria_table.read(path, manifest, references.name))
 
 
 def untracked(rollouts: Manifest, references: Manifest) -> bool:

@@ -27,6 +27,7 @@ def stage_of(
     values: Any,
     *,
     prepare: Callable[..., Any] | None = None,
+    together: Callable[[str], str] | None = None,
     name: str = "",
     robot_files: str | None = None,
 ) -> Stage:
@@ -42,6 +43,7 @@ def stage_of(
         version=plan.code_version(),
         function=function,
         prepare=prepare,
+        together=together,
         settings=settings.plain(values) if values is not None else {},
         depends={"robot_files": robot_files} if robot_files else {},
         robot=plan.robot or "",

@@ -1,18 +1,19 @@
-"""KP4's tracking policy of a robot: the one that ships, or one trained here when a person asks."""
+"""KP4's tracking policy of a robot: the one that ships, or one trained here, by request or before a policy."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import dagster as dg
 
 from assets.plan import Plan
 from assets.policy import result_of
-from assets.project import DEFAULT_ROBOT, PROJECT, Project
+from assets.project import DEFAULT_ROBOT, PROJECT
 from assets.report import plain_errors
 from assets.resources import ClipPoolResource, store_left_to_others
 from assets.stage import declared_motions, inputs_of
+from assets.tracker_choice import ALWAYS, CHANGED, NEVER, job_of, no_tracker, served_tracker, unknown_references
 from assets.training_process import (
     TRIAL_ENVS,
     TRIAL_ITERATIONS,
@@ -30,14 +31,13 @@ from pipeline.tracking.task import ITERATIONS
 from pipeline.tracking.tracker_folder import read_card
 from pipeline.tracking.write_bundle import write_tracking_bundle
 
-TRAINED, SHIPPED = "trained here", "ships with the project"
-
 
 class TrackerConfig(dg.Config):
     """Whether a tracker is trained, and how."""
 
-    train: bool = False
-    """Train one on this machine's references; otherwise the newest trained here is served, or the one that ships."""
+    train: Literal["never", "changed", "always"] = NEVER
+    """Whether one is trained on this machine's references first; `changed`: if the served one was trained on others.
+    Served is the newest trained here, or the one that ships."""
     device: str = "auto"
     """`cuda`, `cpu` (a trial of two iterations), or `auto`: the GPU where there is one."""
     gpus: int = 1
@@ -95,13 +95,14 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         reference_motions: Manifest,
         adapted_robot: Manifest,
     ):
-        """The policy that tracks references in simulation: trained here when a person asks, or the one that ships.
+        """The policy that tracks references in simulation: trained here, or the one that ships.
 
         A robot without any has an empty result; its database is then made of references.
         """
 
         robot = plan.robot or DEFAULT_ROBOT
-        if config.train:
+        new = unknown_references(PROJECT, robot, reference_motions)
+        if config.train == ALWAYS or (config.train == CHANGED and new):
             _train(plan, config, reference_motions, robot, clip_pool, context.log)
         served = served_tracker(PROJECT, robot)
         if served is None:
@@ -110,8 +111,7 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
             return result_of(plan, Manifest(stage=plan.name, entries=(), judged=()), {"origin": why}, [])
         folder, origin = served
         card = read_card(folder)
-        known = set(card.clips)
-        unknown = sorted(entry.clip for entry in reference_motions.entries if entry.clip not in known)
+        unknown = unknown_references(PROJECT, robot, reference_motions)
         facts = {
             "stage": plan.name,
             "robot": robot,
@@ -133,43 +133,12 @@ def tracking_policy(plan: Plan, references: Plan, adapted: Plan) -> Any:
         if unknown:
             context.log.warning(
                 f"{len(unknown)} of {len(reference_motions.entries)} references are not among the tracker's clips, as "
-                f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job train_tracker."
+                f"'{unknown[0]}'. Where it does not follow them well, train one with a GPU: run the job "
+                f"{job_of('train_tracker', robot)}. Before a policy is trained on a GPU, that happens by itself."
             )
         return result_of(plan, manifest, metadata, [])
 
     return tracking_policy
-
-
-def served_tracker(project: Project, robot: str) -> tuple[Path, str] | None:
-    """Folder of the tracker to use, and where it comes from; None where there is none."""
-    trained = project.policies(robot) / "tracker"
-    if (trained / "card.json").is_file():
-        return trained, TRAINED
-    shipped = project.shipped_policies(robot) / "tracker"
-    if (shipped / "card.json").is_file():
-        return shipped, SHIPPED
-    return None
-
-
-def no_tracker(robot: str) -> str:
-    """The message where a robot has no tracker."""
-    job = job_of("train_tracker", robot)
-    return (
-        f"there is no tracker of '{robot}': none ships, and none was trained here. The database is made of references "
-        f"that no simulation has tested. To make it of rollouts, run the job {job} on a machine with a GPU."
-    )
-
-
-def job_of(name: str, robot: str) -> str:
-    """Name of a robot's job; those of the default robot are bare."""
-    return name if robot == DEFAULT_ROBOT else f"{name}_{robot}"
-
-
-def tracker_file(project: Project, tracking_policy: Manifest) -> tuple[Path, str] | None:
-    """The network of a stored `tracking_policy` and its digest; None where the robot has none."""
-    for facts in tracking_policy.settings.values():
-        return project.root / facts["folder"] / "tracker.npz", facts["files"]["tracker.npz"]
-    return None
 
 
 def _train(
@@ -229,7 +198,7 @@ def tracker_jobs(robots: tuple[str, ...], plans: Mapping[str, Plan]) -> list[Any
         dg.define_asset_job(
             job_of("train_tracker", robot),
             selection=dg.AssetSelection.assets(plans[robot].key),
-            config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": True}}}},
+            config={"ops": {plans[robot].key.to_python_identifier(): {"config": {"train": ALWAYS}}}},
             description="Trains a tracking policy on the references, which are brought up to date first. Needs a GPU.",
         )
         for robot in robots

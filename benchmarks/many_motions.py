@@ -17,11 +17,13 @@ START_STEP = 7
 SHIFT_CM = 0.1
 """Two clips of one motion lie this far apart, or a multiple of it (the shipped files are in cm)."""
 ROOT_CHANNELS = "CHANNELS 6 Xposition Yposition Zposition"
+COPY_SHIFT_CM = 10.0
+"""Two copies of a recording lie this far apart, or a multiple of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A shipped BVH file as text."""
+    """A BVH file as text."""
 
     name: str
     head: str
@@ -46,6 +48,22 @@ def write_moved(motion: Motion, folder: Path) -> None:
     lines = [_moved(line, SHIFT_CM) for line in motion.frames]
     head = f"{motion.head}Frames: {len(lines)}\nFrame Time: {motion.frame_time_s:.9f}\n"
     (folder / f"{motion.name}.bvh").write_text(head + "\n".join(lines) + "\n")
+
+
+def write_copies(recordings: Path, seconds: float, folder: Path) -> tuple[int, float]:
+    """Write all BVH recordings of a folder again and again, each copy moved, until they are so long together [s].
+
+    The number of files, and their length [s].
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    motions, written, count = [_read(path) for path in sorted(recordings.glob("*.bvh"))], 0.0, 0
+    while written < seconds:
+        motion, copy = motions[count % len(motions)], count // len(motions)
+        lines = [_moved(line, COPY_SHIFT_CM * copy) for line in motion.frames]
+        head = f"{motion.head}Frames: {len(lines)}\nFrame Time: {motion.frame_time_s:.9f}\n"
+        (folder / f"{motion.name.lower()}_{copy:03d}.bvh").write_text(head + "\n".join(lines) + "\n")
+        written, count = written + len(lines) * motion.frame_time_s, count + 1
+    return count, written
 
 
 def sound_motions(folder: Path) -> list[Motion]:
@@ -78,7 +96,7 @@ def write_clips(motions: list[Motion], count: int, folder: Path) -> float:
 def _read(path: Path) -> Motion:
     head, found, rest = path.read_text().partition("Frames:")
     if not found or ROOT_CHANNELS not in head:
-        raise ValueError(f"{path}: wanted '{ROOT_CHANNELS}' at the root, as the generator writes it")
+        raise ValueError(f"{path}: wanted '{ROOT_CHANNELS}' at the root")
     lines = rest.splitlines()
     frame_time_s = float(lines[1].partition(":")[2])
     return Motion(

@@ -1,10 +1,13 @@
 """Time and memory of the README's command, stage by stage, over few and many clips.
 
     python benchmarks/pipeline.py [--sizes 10,100] [--repeat 1] [--no-shipped] [--json] [--keep FOLDER]
+    python benchmarks/pipeline.py --recordings ../shared/mocap/lafan1_60fps [--minutes 60] [--no-rollouts]
 
 In a checkout of its own the command `dagster asset materialize --select expert_db` runs over so many different clips,
 cut from the shipped sound motions: cold, repeated with nothing changed, and with one clip changed. Durations are those
-of Dagster's history, memory is sampled over all processes. docs/benchmarks.md tells what the numbers mean.
+of Dagster's history, memory and processor time are sampled over all processes. docs/benchmarks.md tells what the
+numbers mean. With `--recordings` the command runs cold, once, over copies of the BVH files of a folder, with
+`--no-rollouts` in a checkout without a tracker.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.many_motions import file_name, sound_motions, write_clip, write_clips, write_moved  # noqa: E402
+from benchmarks.many_motions import file_name, sound_motions, write_clip, write_clips, write_copies, write_moved  # noqa: E402
 from benchmarks.process_tree import clean_environment, watch  # noqa: E402
 from benchmarks.report import Bar, machine, report  # noqa: E402
 from benchmarks.stage_runs import BETWEEN, STAGES, CommandRun, read_run  # noqa: E402
@@ -29,6 +32,7 @@ from tests.factories.checkout import Checkout  # noqa: E402
 COMMAND = ("dagster", "asset", "materialize", "--select", "expert_db")
 COLD, UNCHANGED, ONE_CHANGED = "cold", "unchanged", "one changed"
 SHIPPED = "shipped"
+RECORDED, ROLLED_OUT = "recorded", "recorded, with rollouts"
 SHIPPED_CHANGED = "curve_left"
 """The shipped motion that is moved in the run with one changed clip."""
 
@@ -38,6 +42,11 @@ MOST_UNCHANGED_S = 15.0
 """[s] The command repeated with nothing changed."""
 MOST_MAIN_MB_PER_CLIP = 1.0
 """[MB] What the command's process may grow by for each further clip: names, numbers and reasons, never frames."""
+
+MOST_CPU_PER_SECOND = 0.05
+"""[s] Processor time of all stages for each second of recorded motion, without rollouts."""
+MOST_HOURS_FOR_40 = 1.0
+"""[h] Wall time of 40 hours of recordings on two cores, extrapolated from what was measured."""
 
 LEAST_ARRIVED = 90.0
 """[%] Of the clips, all sound: a stage that drops them would look fast."""
@@ -61,6 +70,9 @@ def main() -> None:
     arguments = _arguments()
     cases: list[Case] = []
     for _ in range(arguments.repeat):
+        if arguments.recordings:
+            cases += in_checkout(arguments.keep, recorded=Recorded.of(arguments))
+            continue
         if arguments.shipped:
             cases += in_checkout(arguments.keep, shipped=True)
         for size in arguments.sizes:
@@ -73,12 +85,31 @@ def main() -> None:
     sys.exit(0 if holds else 1)
 
 
-def in_checkout(keep: Path | None, *, size: int = 0, shipped: bool = False) -> list[Case]:
-    """The three runs over `size` clips, or over the shipped motions, in a fresh checkout."""
+@dataclass(frozen=True, kw_only=True)
+class Recorded:
+    """How much recorded motion, and whether references are rolled out."""
+
+    folder: Path
+    """With BVH files."""
+    seconds: float
+    rollouts: bool
+
+    @staticmethod
+    def of(arguments: argparse.Namespace) -> Recorded:
+        folder = arguments.recordings.resolve()
+        return Recorded(folder=folder, seconds=60.0 * arguments.minutes, rollouts=arguments.rollouts)
+
+
+def in_checkout(
+    keep: Path | None, *, size: int = 0, shipped: bool = False, recorded: Recorded | None = None
+) -> list[Case]:
+    """The three runs over `size` clips or over the shipped motions, or a run over recordings, in a fresh checkout."""
     folder = keep or Path(tempfile.mkdtemp(prefix="booster_lab_benchmark_"))
-    root = folder / (SHIPPED if shipped else f"{size}_clips")
+    root = folder / (SHIPPED if shipped else RECORDED if recorded else f"{size}_clips")
     shutil.rmtree(root, ignore_errors=True)
     try:
+        if recorded:
+            return _recorded_cases(root, recorded)
         return _shipped_cases(root) if shipped else _sized_cases(root, size)
     finally:
         if keep is None:
@@ -104,6 +135,14 @@ def _shipped_cases(root: Path) -> list[Case]:
     (changed,) = (motion for motion in motions if motion.name == SHIPPED_CHANGED)
     write_moved(changed, root / "data/motions")
     return [*cases, _case(root, len(names), seconds, f"{SHIPPED}, {ONE_CHANGED}", f"booster_lab/{changed.name}")]
+
+
+def _recorded_cases(root: Path, recorded: Recorded) -> list[Case]:
+    Checkout.make(ROOT, root, ())
+    if not recorded.rollouts:
+        shutil.rmtree(root / "robots/t1/policies/tracker")
+    files, seconds = write_copies(recorded.folder, recorded.seconds, root / "data/motions")
+    return [_case(root, files, seconds, ROLLED_OUT if recorded.rollouts else RECORDED)]
 
 
 def _case(root: Path, clips: int, clip_seconds: float, scenario: str, changed: str = "") -> Case:
@@ -145,15 +184,23 @@ def _bars_of(same: list[Case]) -> list[Bar]:
         arrived = 100.0 * min(run.arrived for run in runs) / first.clips
         name = f"{first.name}: clips with something in the database"
         found.append(Bar(name=name, value=arrived, unit="%", sense=">=", bound=LEAST_ARRIVED))
-    if COLD in first.scenario:
+    if RECORDED in first.scenario:
+        most = MOST_CPU_PER_SECOND if first.scenario == RECORDED else None
+        cpu, unit = _median(run.cpu_s for run in runs) / first.clip_seconds, "s per recorded second"
+        found.append(Bar(name=f"{first.name}: processor time", value=cpu, unit=unit, sense="<=", bound=most))
+        hours = 40.0 * _median(walls) / first.clip_seconds
+        most = MOST_HOURS_FOR_40 if first.scenario == RECORDED else None
+        found.append(Bar(name=f"{first.name}: 40 h of it", value=hours, unit="h", sense="<=", bound=most))
+    if COLD in first.scenario or RECORDED in first.scenario:
         found += [
             Bar(
-                name=f"{first.name}: {stage}",
-                value=_median(run.stages[stage].seconds for run in runs) / first.clip_seconds,
+                name=f"{first.name}: {stage}, {kind}",
+                value=_median(getattr(run.stages[stage], field) for run in runs) / first.clip_seconds,
                 unit="s per clip-second",
             )
             for stage in (*STAGES, BETWEEN)
             if all(stage in run.stages for run in runs)
+            for kind, field in (("wall time", "seconds"), ("processor time", "cpu_s"))
         ]
     return found
 
@@ -179,14 +226,18 @@ def _growth(cases: list[Case]) -> list[Bar]:
 def print_stages(case: Case) -> None:
     """One row a stage."""
     print(f"\n{case.name}: {case.clip_seconds:.0f} s of motion, {case.run.wall_s:.1f} s, {case.run.cpu_s:.1f} s of CPU")
-    print(f"{'':20} {'s':>8} {'s / clip-s':>11} {'recomputed':>11} {'main MB':>8} {'tree MB':>8}")
+    print(
+        f"{'':20} {'s':>8} {'s / clip-s':>11} {'CPU s':>8} {'/ clip-s':>9} {'recomputed':>11} {'main MB':>8} "
+        f"{'tree MB':>8}"
+    )
     for name in (*STAGES, BETWEEN):
         stage = case.run.stages.get(name)
         if stage is not None:
             again = "" if stage.recomputed is None else str(stage.recomputed)
             per_second = stage.seconds / case.clip_seconds
             memory = f"{stage.main_mb:8.0f} {stage.tree_mb:8.0f}"
-            print(f"{name:20} {stage.seconds:8.2f} {per_second:11.4f} {again:>11} {memory}")
+            cpu = f"{stage.cpu_s:8.2f} {stage.cpu_s / case.clip_seconds:9.4f}"
+            print(f"{name:20} {stage.seconds:8.2f} {per_second:11.4f} {cpu} {again:>11} {memory}")
 
 
 def _median(values) -> float:
@@ -199,6 +250,11 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--repeat", type=int, default=1, help="all of it so many times")
     parser.add_argument(
         "--shipped", action=argparse.BooleanOptionalAction, default=True, help="the shipped motions, too"
+    )
+    parser.add_argument("--recordings", type=Path, help="a folder of BVH files, of which copies are worked on instead")
+    parser.add_argument("--minutes", type=float, default=60.0, help="length of the copies together")
+    parser.add_argument(
+        "--rollouts", action=argparse.BooleanOptionalAction, default=True, help="roll out the recordings' references"
     )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     parser.add_argument("--keep", type=Path, help="leave the checkouts and their logs in this folder")

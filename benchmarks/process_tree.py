@@ -25,6 +25,8 @@ class Sample:
     """Of the command's own process."""
     tree_mb: float
     """Of it and all processes below it."""
+    cpu_s: float
+    """Processor time, user and system, of all processes so far, those that have ended included [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,14 @@ class Watched:
         if not inside:
             inside = [min(self.samples, key=lambda each: abs(each.time_s - start_s))]
         return max(each.main_mb for each in inside), max(each.tree_mb for each in inside)
+
+    def cpu_between(self, start_s: float, stop_s: float) -> float:
+        """Processor time of all processes between two times (epoch) [s], to the period of the samples."""
+        before, after = (
+            max((each.cpu_s for each in self.samples if each.time_s <= time_s), default=0.0)
+            for time_s in (start_s, stop_s)
+        )
+        return after - before
 
 
 def watch(command: Sequence[str], *, folder: Path, environment: Mapping[str, str], log: Path) -> Watched:
@@ -88,4 +98,6 @@ def _sample(main: psutil.Process, cpu_s: dict[int, float]) -> list[Sample]:
                 cpu_s[process.pid] = times.user + times.system
         except psutil.NoSuchProcess:
             continue
-    return [Sample(time_s=time.time(), main_mb=memory[0], tree_mb=sum(memory))] if memory else []
+    if not memory:
+        return []
+    return [Sample(time_s=time.time(), main_mb=memory[0], tree_mb=sum(memory), cpu_s=sum(cpu_s.values()))]

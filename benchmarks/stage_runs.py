@@ -35,6 +35,8 @@ class StageRun:
 
     seconds: float
     """Wall time of its step; of `start and between` what is left of the command's."""
+    cpu_s: float
+    """Processor time of all processes meanwhile [s]."""
     main_mb: float
     """Largest resident memory of the command's process meanwhile [MB]; of `start and between` that before the steps."""
     tree_mb: float
@@ -78,14 +80,16 @@ def read_run(root: Path, watched: Watched, changed: str = "") -> CommandRun:
             expected = _clips_of(root, name, changed) if changed and name in CLIP_STAGES else None
             stages[name] = StageRun(
                 seconds=stop_s - start_s,
+                cpu_s=watched.cpu_between(start_s, stop_s),
                 main_mb=main_mb,
                 tree_mb=tree_mb,
                 recomputed=recomputed,
                 unexpected=None if expected is None or recomputed is None else recomputed - expected,
             )
     between_s = watched.wall_s - sum(stage.seconds for stage in stages.values())
+    between_cpu_s = watched.cpu_s - sum(stage.cpu_s for stage in stages.values())
     before = watched.peak(0.0, min(start_s for start_s, _ in spans.values()))
-    stages[BETWEEN] = StageRun(seconds=between_s, main_mb=before[0], tree_mb=before[1])
+    stages[BETWEEN] = StageRun(seconds=between_s, cpu_s=between_cpu_s, main_mb=before[0], tree_mb=before[1])
     main_mb, tree_mb = watched.peak()
     return CommandRun(
         wall_s=watched.wall_s,
@@ -119,12 +123,15 @@ def _spans(instance: dg.DagsterInstance, since_s: float) -> dict[str, tuple[floa
     return dict(sorted(spans.items(), key=lambda span: span[1]))
 
 
-def _recomputed(instance: dg.DagsterInstance, name: str) -> int:
+def _recomputed(instance: dg.DagsterInstance, name: str) -> int | None:
+    """Clips that a stage worked on; None where it had none to look at."""
     event = instance.get_latest_materialization_event(dg.AssetKey([name]))
     assert event is not None and event.asset_materialization is not None
-    recomputed = event.asset_materialization.metadata["clips recomputed"].value
-    assert isinstance(recomputed, int)
-    return recomputed
+    recomputed = event.asset_materialization.metadata.get("clips recomputed")
+    if recomputed is None:
+        return None
+    assert isinstance(recomputed.value, int)
+    return recomputed.value
 
 
 def _clips_of(root: Path, stage: str, clip: str) -> int:

@@ -1,11 +1,18 @@
 """What all tests share: the robot, and where the things are that are not in the repository."""
 
+import os
 from pathlib import Path
 
 import hypothesis
 import pytest
 
-from pipeline.robot import Robot, load_robot
+from tests.factories.repeated_checks import check_each_kind_of_call_once
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # tests run side by side, one a core
+check_each_kind_of_call_once()  # before the first import of what is checked
+
+from pipeline.robot import Robot, load_robot  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -1,4 +1,4 @@
-"""The reflection of a robot motion, and of its numbers, in the plane y = 0."""
+"""A robot motion at another speed, and numbers of earlier stages as they are then and in a mirror."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from pipeline import time_series
 from pipeline.clips.outcome import Number, Numbers
 from pipeline.clips.robot_clip import RobotClip
-from pipeline.robot import Robot
 
 _SPEEDS = ("forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "slip_m_s", "stance_slip_m_s", "pelvis_velocity_error_m_s")
 
@@ -44,24 +43,8 @@ def time_scale_numbers(numbers: Numbers, scale: float) -> dict[str, Number]:
     return scaled
 
 
-_MIRRORED_POS = np.array([1.0, -1.0, 1.0])
-_MIRRORED_QUAT = np.array([1.0, -1.0, 1.0, -1.0])
-"""Reflecting y turns R into S R S with S = diag(1, -1, 1): rotations about x and z change sign, about y they stay."""
-
 _ODD_NUMBERS = ("lateral_m_s", "yaw_rate_rad_s", "heading_rad")
 """Numbers that change their sign in a mirror."""
-
-
-def mirror_clip(clip: RobotClip, robot: Robot, name: str) -> RobotClip:
-    """The clip seen in a mirror: left and right joints, hands and feet exchanged. Twice gives the clip again."""
-    return dataclasses.replace(
-        clip,
-        name=name,
-        root_pos_w=clip.root_pos_w * _MIRRORED_POS,
-        root_quat_w=clip.root_quat_w * _MIRRORED_QUAT,
-        joint_pos=clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign,
-        contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
-    )
 
 
 def mirror_skill(skill: str) -> str:

@@ -9,13 +9,14 @@ from typing import Annotated
 
 import numpy as np
 
-from pipeline.augment.mirror import mirror_clip, mirror_numbers, time_scale_clip, time_scale_numbers
+from pipeline.augment.mirror import mirror_numbers, time_scale_clip, time_scale_numbers
 from pipeline.augment.perturb import perturb
 from pipeline.clips.outcome import LABELS, Number, Numbers, Outcome, Piece, Reason
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.files.ranges import OneOf, Range
 from pipeline.quality.sole import ContactSettings
 from pipeline.robot import Robot
+from pipeline.robot.mirror_image import MARK, mirror_clip
 
 _SPEEDS = ("forward_m_s", "lateral_m_s")
 """Numbers that go with the length of the steps."""
@@ -110,7 +111,7 @@ def process(clip: RobotClip, numbers: Numbers, *, settings: AugmentSettings, rob
     """
     originals = [_piece(clip, numbers, clip.name, mirrored=False, scale=1.0)]
     if settings.mirror:
-        image = mirror_clip(clip, robot, f"{clip.name}~mirror")
+        image = mirror_clip(clip, robot, f"{clip.name}{MARK}")
         originals.append(_piece(image, mirror_numbers(numbers), clip.name, mirrored=True, scale=1.0))
     pieces = list(originals)
     if numbers.get("skill") not in settings.unscaled_skills:

@@ -1,7 +1,9 @@
 """Clips spread over the workers of a Dask cluster: one at an address, or worker processes on this machine.
 
-Tasks of a worker that dies go to the others. Results are gathered as they come and handed on in order; few calls are
-at the scheduler at a time, so its memory does not grow with the number of clips.
+A task is several calls, as each task costs the scheduler some milliseconds; towards the end tasks are single calls, so
+that workers finish together. Tasks of a worker that dies go to the others; the calls of a task that several workers
+died of are tried one by one. Results are gathered as they come and passed on in order; few tasks are at the scheduler
+at a time, so its memory does not grow with the number of clips.
 """
 
 from __future__ import annotations
@@ -9,7 +11,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import functools
-import itertools
 import logging
 import operator
 import runpy
@@ -22,8 +23,10 @@ from typing import Any
 from pipeline.batch.code_version import LIBRARIES, PACKAGE, installed
 from pipeline.errors import PipelineError
 
-CALLS_PER_WORKER = 8
-"""Calls at the scheduler at a time, for each worker."""
+TASKS_PER_WORKER = 4
+"""Tasks at the scheduler at a time, for each worker."""
+MOST_A_TASK = 8
+"""Calls of a task."""
 CONNECT_S = 20.0
 """How long a scheduler, and then its first worker, may take to answer [s]."""
 
@@ -66,48 +69,84 @@ class Cluster:
     ) -> Iterator[Any]:
         """`ClipPool.map` on the cluster."""
         import cloudpickle
-        import distributed
 
         with _probes(shared) as probes:
             alike = (cloudpickle.dumps(function), self.digest, probes)
             work = self.client.submit(self.code["load"], *alike, pure=False, retries=2)
-            todo, done = iter(enumerate(calls)), {}
-            running = distributed.as_completed(loop=self.client.loop)
-            index_of: dict[Any, int] = {}
-
-            def submit(count: int) -> None:
-                for index, call in itertools.islice(todo, count):
-                    # Bytes, as the scheduler looks inside; and a function that pickles by name, as each call sends it.
-                    future = self.client.submit(operator.call, work, cloudpickle.dumps(call), pure=False)
-                    index_of[future] = index
-                    running.add(future)
-
+            tasks = _Tasks(self.client, work, calls)
+            most = TASKS_PER_WORKER * max(self.workers, 1)
+            done: dict[int, Any] = {}
             try:
-                submit(CALLS_PER_WORKER * max(self.workers, 1))
                 for wanted in range(len(calls)):
                     while wanted not in done:
-                        future = next(running)
-                        done[index_of.pop(future)] = _result(future, on_lost)
-                        submit(1)
+                        tasks.submit_up_to(most)
+                        indices, results = tasks.next_done()
+                        if not isinstance(results, str):
+                            done.update(zip(indices, results, strict=True))
+                        elif len(indices) > 1:
+                            tasks.submit_each(indices)
+                        elif on_lost is None:
+                            raise ClusterError(f"a task is lost: {results}")
+                        else:
+                            done[indices[0]] = on_lost(results)
                     yield done.pop(wanted)
             finally:
-                self.client.cancel(list(index_of), force=True)
+                tasks.cancel()
 
 
-def _result(future: Any, on_lost: Callable[[str], Any] | None) -> Any:
-    """What a call returned; `on_lost` of a sentence where each worker that it was given to died."""
-    from distributed import KilledWorker
+class _Tasks:
+    """Calls at the scheduler, several to a task."""
 
-    try:
-        unfit, result = future.result()
+    def __init__(self, client: Any, work: Any, calls: Sequence[tuple]):
+        import distributed
+
+        self._client, self._work, self._calls = client, work, calls
+        self._futures = distributed.as_completed(loop=client.loop)
+        self._indices: dict[Any, range] = {}
+        self._begun = 0
+
+    def submit_up_to(self, most: int) -> None:
+        """Submit the next calls until `most` tasks are at the scheduler; the fewer are left, the fewer are a task."""
+        while len(self._indices) < most and self._begun < len(self._calls):
+            count = min(max((len(self._calls) - self._begun) // most, 1), MOST_A_TASK)
+            self._submit(range(self._begun, self._begun + count))
+            self._begun += count
+
+    def submit_each(self, indices: range) -> None:
+        """Submit calls as tasks of their own."""
+        for index in indices:
+            self._submit(range(index, index + 1))
+
+    def _submit(self, indices: range) -> None:
+        import cloudpickle
+
+        # Bytes, as the scheduler looks inside; and a function that pickles by name, as each task sends it.
+        calls = cloudpickle.dumps([self._calls[index] for index in indices])
+        future = self._client.submit(operator.call, self._work, calls, pure=False)
+        self._indices[future] = indices
+        self._futures.add(future)
+
+    def next_done(self) -> tuple[range, list[Any] | str]:
+        """Indices of the calls of a finished task, and what they returned or a sentence that says that they are lost.
+
+        Raises ClusterError for a worker that can't work for this run, and what a call raised.
+        """
+        from distributed import KilledWorker
+
+        future = next(self._futures)
+        indices = self._indices.pop(future)
+        try:
+            unfit, results = future.result()
+        except KilledWorker as error:
+            workers = error.allowed_failures + 1
+            return indices, f"each of {workers} worker processes that worked on it died (out of memory?)."
         if unfit:
             raise ClusterError(unfit)
-        return result
-    except KilledWorker as error:
-        text = f"each of {error.allowed_failures + 1} worker processes that worked on it died (out of memory?)."
-        if on_lost is None:
-            raise ClusterError(f"a task is lost: {text}") from error
-        return on_lost(text)
+        return indices, results
+
+    def cancel(self) -> None:
+        """Withdraw what is not finished."""
+        self._client.cancel(list(self._indices), force=True)
 
 
 @functools.cache

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from pipeline.batch.store import LOCK, STAGE, Store
 from pipeline.errors import FileError, PipelineError
+from pipeline.files.remote_blobs import RemoteBlobs
 
 _DIGEST = re.compile(rb"\b[0-9a-f]{64}\b")
 
@@ -36,8 +37,8 @@ class Part:
     files: int
     size: int
     """[bytes]"""
-    old: tuple[Path, ...]
-    """Those that no run needs."""
+    old: tuple[Path, ...] | tuple[str, ...]
+    """Those that no run needs; of a URL their names."""
     old_size: int
     """[bytes]"""
 
@@ -55,16 +56,17 @@ def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
         answers, needed = _answers(store, keep)
         for path in (store.root / "manifests").rglob("*.json"):
             needed |= _named(path.read_bytes())
-        blobs = list(_files(store.blobs.root))
+        blobs = list(_files(store.own_blobs.root))
         old_blobs = [path for path in blobs if path.name.encode() not in needed]
         parts = (
             _part("answers", [path for path, _ in answers], [path for path, is_kept in answers if not is_kept]),
             _part("blobs of clips", blobs, old_blobs),
             *(_part(name, list(_files(store.root / name)), []) for name in ("manifests", "thumbnails")),
+            *_at_url(store.own_blobs.remote, needed),
         )
         if delete:
-            for path in (path for part in parts for path in part.old):
-                _remove(path)
+            for each in (each for part in parts for each in part.old):
+                _remove(each, store.own_blobs.remote)
     return parts
 
 
@@ -107,7 +109,22 @@ def _part(what: str, files: Iterable[Path], old: Iterable[Path]) -> Part:
     )
 
 
-def _remove(path: Path) -> None:
+def _at_url(remote: RemoteBlobs | None, needed: set[bytes]) -> tuple[Part, ...]:
+    """The blobs at the store's URL; none without one."""
+    if remote is None:
+        return ()
+    size = remote.sizes()
+    old = tuple(blob for blob in size if blob.encode() not in needed)
+    old_size = sum(size[blob] for blob in old)
+    return (Part(what=f"blobs at {remote.url}", files=len(size), size=sum(size.values()), old=old, old_size=old_size),)
+
+
+def _remove(path: Path | str, remote: RemoteBlobs | None) -> None:
+    """Delete a file, or the blob of a name at the URL."""
+    if isinstance(path, str):
+        assert remote is not None
+        remote.remove(path)
+        return
     try:
         path.unlink(missing_ok=True)
     except OSError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import threading
 import time
@@ -41,6 +42,12 @@ class ClipPool:
             raise UnknownNameError("backend of clip_pool", self.backend, BACKENDS)
         if self.address and self.backend != DASK:
             raise PipelineError(f"clip_pool: the address {self.address} is one of a Dask cluster; set backend to dask.")
+
+    def on_this_machine(self) -> ClipPool:
+        """The pool, or processes of this machine in place of a cluster."""
+        if self.backend != DASK:
+            return self
+        return dataclasses.replace(self, backend=LOKY, workers=0 if self.address else self.workers, address="")
 
     def where(self) -> str:
         """Where a cluster is and the link to its dashboard; empty where calls run on this machine without one."""

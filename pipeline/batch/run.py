@@ -39,6 +39,8 @@ class Stage:
     prepare: Callable[..., Any] | None = None
     """`prepare(clip)`: what is alike for all windows of a clip. It is worked out once for clips of the same motion,
     which then go to one process, and `function` gets it as `prepared`. Must be importable."""
+    together: Callable[[str], str] | None = None
+    """Of a clip's name: what the names of clips that `prepare` is for have in common; without it, their motion."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Plain settings, for key and provenance."""
     depends: dict[str, str] = field(default_factory=dict)
@@ -54,6 +56,12 @@ class Stage:
     @property
     def settings_digest(self) -> str:
         return digest.of_json({"settings": self.settings, "depends": self.depends})
+
+    def group_of(self, entry: Entry) -> str:
+        """What clips that are worked on one after the other in one process have in common."""
+        if self.together is not None:
+            return self.together(entry.clip)
+        return entry.blob if self.prepare else entry.clip
 
     def key(self, *question: Any) -> str:
         """Memo key of a question (JSON values)."""
@@ -82,7 +90,7 @@ def run_stage(
             clip=entry.clip,
             key=stage.key(entry.clip, entry.blob, entry.numbers),
             about=entry,
-            group=entry.blob if stage.prepare else entry.clip,
+            group=stage.group_of(entry),
             numbers=entry.numbers,
             record=entry.record,
         )
@@ -109,7 +117,8 @@ def run_files(
         )
         for name, path, content, arguments in sorted(files, key=lambda file: file[0])
     ]
-    return _gather(stage, jobs, partial(_work_on_files, stage.function, store), store, pool, log, {})
+    work = partial(_work_on_files, stage.function, store)
+    return _gather(stage, jobs, work, store, store.pool_of_files(pool), log, {})
 
 
 def _gather(
@@ -172,7 +181,7 @@ def _worked_on(
     for job in jobs:
         groups.setdefault(job.group, []).append(job)
     calls = [([job.about for job in group],) for group in groups.values()]
-    found = pool.map(work, calls, shared=[store.root], on_lost=_Lost)
+    found = pool.map(work, calls, shared=store.shared_folders, on_lost=_Lost)
     for group, answers in zip(groups.values(), found, strict=True):
         if isinstance(answers, _Lost):
             answers = [_rejection("failed", f"clip '{job.clip}': {answers.why}", None, failed=True) for job in group]

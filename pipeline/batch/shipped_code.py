@@ -97,7 +97,7 @@ def _installed(library: str) -> str:
         return ""
 
 
-def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes], tuple[str, Any]]:
+def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes], tuple[str, list[Any]]]:
     """`work` with what is alike for all calls, which a worker keeps: what the function caches is made once.
 
     Args:
@@ -108,13 +108,13 @@ def load(function: bytes, code: str, probes: Sequence[str]) -> Callable[[bytes],
     return functools.partial(work, cloudpickle.loads(function), code, probes)
 
 
-def work(function: Callable[..., Any], code: str, probes: Sequence[str], call: bytes) -> tuple[str, Any]:
-    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)`."""
+def work(function: Callable[..., Any], code: str, probes: Sequence[str], calls: bytes) -> tuple[str, list[Any]]:
+    """A sentence that says why this worker can't work for the run, or empty, and `function(*call)` of each call."""
     worker = get_worker()
     if getattr(worker, CODE, None) != code:
-        return f"another run gave worker {worker.address} other code; let one run at a time use a cluster.", None
+        return f"another run gave worker {worker.address} other code; let one run at a time use a cluster.", []
     for probe in map(Path, probes):
         if not probe.is_file():
             do = f"does not see the folder {probe.parent}; mount it there under the same path."
-            return f"worker {worker.address} {do}", None
-    return "", function(*cloudpickle.loads(call))
+            return f"worker {worker.address} {do}", []
+    return "", [function(*call) for call in cloudpickle.loads(calls)]

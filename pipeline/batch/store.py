@@ -7,7 +7,7 @@ import json
 import os
 import re
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,13 @@ from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
 from pipeline.files import atomic
 from pipeline.files.blob_store import BlobStore, DigestMemory
+from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 LOCK = "lock"
 """File in the store that who works on it holds locked."""
+
+BLOBS_VARIABLE = "BOOSTER_LAB_BLOBS"
+"""URL of a folder that machines without a common one share blobs in, as fsspec names it."""
 
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
@@ -38,27 +42,51 @@ _BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """`blobs/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder."""
+    """`blobs/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder.
+
+    With a URL, blobs are there too: processes that are given the store read and write them there alone, and this one
+    keeps a copy of each that it looks at.
+    """
 
     root: Path
+    blobs_url: str = field(default_factory=lambda: os.environ.get(BLOBS_VARIABLE, "").rstrip("/"))
+    given: bool = field(default=False, repr=False, compare=False)
+    """Whether another process made it, so that its folder may be that of another machine."""
 
     @property
-    def blobs(self) -> BlobStore:
-        return BlobStore(root=self.root / "blobs")
+    def blobs(self) -> BlobStore | RemoteBlobs:
+        """Where clips are read and written."""
+        return RemoteBlobs(url=self.blobs_url) if self.blobs_url and self.given else self.own_blobs
+
+    @cached_property
+    def own_blobs(self) -> BlobStore:
+        """Blobs in this store's folder, with those at its URL behind them."""
+        remote = RemoteBlobs(url=self.blobs_url) if self.blobs_url else None
+        return BlobStore(root=self.root / "blobs", remote=remote)
+
+    @property
+    def shared_folders(self) -> tuple[Path, ...]:
+        """Folders that a cluster's workers must see."""
+        return () if self.blobs_url else (self.root,)
+
+    def pool_of_files(self, pool: ClipPool) -> ClipPool:
+        """The pool for work on files of this machine, which workers see only where they see the store."""
+        return pool.on_this_machine() if self.blobs_url else pool
 
     @cached_property
     def _digests(self) -> DigestMemory:
         return DigestMemory(self.root / "blob_digests.json")
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"root": self.root}  # worker processes need not know which blobs were looked at
+        # Worker processes need not know which blobs were looked at.
+        return {"root": self.root, "blobs_url": self.blobs_url, "given": True}
 
     def holds(self, blob: str) -> bool:
         """Whether a blob is there and its content is its name; one that nobody touched is read once."""
         try:
             return self._digests.of(f"{self.root}/blobs/{blob[:2]}/{blob}") == blob
         except OSError:
-            return False
+            return self.own_blobs.copied(blob)
 
     def holds_blobs_of(self, asset: str) -> bool:
         """Whether every blob that the current manifest of an asset names is there and unchanged. Raises OSError."""
@@ -82,7 +110,7 @@ class Store:
         try:
             data = self.blobs.get(blob)
             return codec.encode(codec.decode(data, blob)) == data
-        except (FileError, codec.CodecError):
+        except (FileError, BlobGoneError, codec.CodecError):
             return False
 
     @cached_property
@@ -114,7 +142,7 @@ class Store:
         """Clips of a manifest whose blobs do not round-trip."""
         entries = manifest.entries
         calls = [([each.blob for each in entries[first : first + A_CALL]],) for first in range(0, len(entries), A_CALL)]
-        whole = (each for found in pool.map(self._all_round_trip, calls, shared=[self.root]) for each in found)
+        whole = (each for found in pool.map(self._all_round_trip, calls, shared=self.shared_folders) for each in found)
         return [entry.clip for entry, is_whole in zip(entries, whole, strict=True) if not is_whole]
 
     def _all_round_trip(self, blobs: list[str]) -> list[bool]:

@@ -244,7 +244,10 @@ def _write_clips(
             names.add(entry.clip.name)
         asked = [(dataclasses.replace(entry, numbers={}, stages={}), known.written.get(_blob(entry))) for entry in few]
         calls = [(part, asked[first : first + A_CALL], robot, known.folder) for first in range(0, len(asked), A_CALL)]
-        written = (each for found in pool.map(_write_files, calls, shared=[part.parent]) for each in found)
+        stores = [entry.clip.store for entry in few if isinstance(entry.clip, StoredClip)]
+        shared = dict.fromkeys((part.parent, *(folder for store in stores for folder in store.shared_folders)))
+        own = stores[0].pool_of_files(pool) if stores else pool
+        written = (each for found in own.map(_write_files, calls, shared=tuple(shared)) for each in found)
         for entry, (own, sha256, own_faults) in zip(few, written, strict=True):
             faults += own_faults
             if isinstance(entry.clip, StoredClip):

@@ -13,7 +13,7 @@ The file states the same unit (`pipeline.files.sourced`); a `Section` checks the
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -155,18 +155,20 @@ def criterion(*criteria: Criterion) -> Callable[[Any], Any]:
     return register
 
 
-def results(evidence: Any, settings: Any, of: str) -> Iterator[Result]:
+def results(evidence: Any, settings: Any, of: str, only: Collection[str] = ()) -> Iterator[Result]:
     """Results of all registered criteria of one kind, in the order of the settings' sections.
 
     Args:
         evidence: the motion, or the numbers, as `of` says
         settings: `FeasibilitySettings`; each function gets its section
         of: `MOTION` or `NUMBERS`
+        only: codes of the criteria that are wanted; empty for all
     """
     sections = [each.name for each in dataclasses.fields(settings)]
     for section in sections:
         for function, criteria in tuple(MEASURES.items()):
-            if criteria[0].of == of and criteria[0].section == section:
+            wanted = not only or any(each.code in only for each in criteria)
+            if wanted and criteria[0].of == of and criteria[0].section == section:
                 found = function(evidence, getattr(settings, section))
                 assert [each.code for each in found] == [each.code for each in criteria], function.__name__
                 yield from found

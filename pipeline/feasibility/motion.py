@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from dataclasses import dataclass
 from typing import Annotated, Protocol, runtime_checkable
@@ -16,7 +17,7 @@ from pipeline.files.ranges import Range
 from pipeline.files.sourced import Unit
 from pipeline.quality.planar_motion import CommandVelocity, command_velocity, command_velocity_over_time
 from pipeline.quality.sole import ContactSettings, SoleMotion, contact_from_sole, sole_motion
-from pipeline.robot import Robot
+from pipeline.robot import Robot, mirror_image
 
 FPS = 50.0
 """Rate at which motions are judged and stored [Hz]."""
@@ -119,6 +120,26 @@ class Motion:
         reference = None if self.reference is None else self.reference.cut(start, stop, self.reference.name)
         clip = self.clip.cut(start, stop, self.clip.name)
         return motion_of(clip, self.robot, settings, reference, self.no_reference)
+
+    def mirrored(self, image: RobotClip) -> Motion:
+        """The motion of `image`, the mirror image of this clip, for a robot that is symmetric; no tracked rollout."""
+        assert self.reference is None
+        sole = dataclasses.replace(
+            self.sole,
+            corner_pos_w=self.sole.corner_pos_w[:, ::-1] * mirror_image.POSITION,
+            corner_vel_w=self.sole.corner_vel_w[:, ::-1] * mirror_image.POSITION,
+        )
+        root = (image.root_pos_w, image.root_quat_w, image.fps)
+        return dataclasses.replace(
+            self,
+            clip=image,
+            sole=sole,
+            contacts=self.contacts[:, ::-1],
+            velocity=command_velocity(*root),
+            commands=command_velocity_over_time(*root),
+            smooth_root_pos_w=self.smooth_root_pos_w * mirror_image.POSITION,
+            smooth_root_quat_w=self.smooth_root_quat_w * mirror_image.QUATERNION,
+        )
 
 
 def motion_of(

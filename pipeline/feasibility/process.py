@@ -15,6 +15,7 @@ from pipeline.errors import ClipError
 from pipeline.feasibility.assess import Assessment, assess, parted
 from pipeline.feasibility.clip_criteria import length
 from pipeline.feasibility.criterion import NUMBERS, Result, results
+from pipeline.feasibility.image import LastAssessed, assess_clip, assess_image, is_image, is_rollout
 from pipeline.feasibility.judgement import NUMBER, Judgement, judge, to_text
 from pipeline.feasibility.motion import CutSettings, Motion, at_database_rate, motion_of
 from pipeline.feasibility.reference import CLIP, FRAME, References, no_references, reference_of, why_none
@@ -49,6 +50,7 @@ def process(
     settings: FeasibilitySettings,
     robot: Robot,
     references: References = no_references,
+    prepared: LastAssessed | None = None,
 ) -> Outcome:
     """What of a clip the robot can do, with a number a criterion and every reason against the rest.
 
@@ -57,14 +59,21 @@ def process(
     those that hold go on as `<name>+<n>`. So everything that goes on satisfies all criteria by itself. A clip
     that KP3 could not bring close enough to the human does not go on at all. All criteria on every stretch that was
     judged are one of the numbers, as text (`judgement.NUMBER`). `references` has the motions that rollouts tracked.
-    Thresholds are scaled to the robot (`pipeline.robot.size`).
+    Thresholds are scaled to the robot (`pipeline.robot.size`). A mirror image is evaluated by the motion that it shows,
+    which `prepared` may have (`pipeline.feasibility.image`).
     Raises ClipError where the clip is not this robot's or holds numbers that are not finite.
     """
     _check(clip, robot)
     settings = scaled(settings, robot)
-    reference = reference_of(at_database_rate(clip), numbers, robot, references)
-    motion = motion_of(clip, robot, settings, reference, why_none(numbers))
-    whole = assess(motion, settings)
+    last = prepared or LastAssessed()
+    if is_image(clip, numbers, robot):
+        whole = assess_image(clip, robot, settings, last)
+    elif is_rollout(clip, numbers):
+        reference = reference_of(at_database_rate(clip), numbers, robot, references)
+        whole = assess(motion_of(clip, robot, settings, reference, why_none(numbers)), settings)
+    else:
+        whole = assess_clip(clip, robot, settings, last)
+    motion = whole.motion
     of_clip = tuple(results(numbers, settings, NUMBERS))
     gathered = _Gathered(reasons=[], judgements=[], of_clip=of_clip)
     stretches = _judge(whole, 0, settings, gathered, settings.cut.max_cuts)

@@ -21,6 +21,7 @@ from pipeline.clips.robot_clip import RobotClip
 from pipeline.errors import PipelineError
 from pipeline.feasibility.motion import NO_ROLLOUT
 from pipeline.robot import Robot
+from pipeline.robot.mirror_image import mirror_clip
 
 CLIP = "reference"
 """Number of a rollout of KP4 that names the clip it tracked."""
@@ -100,7 +101,10 @@ def reference_of(clip: RobotClip, numbers: Numbers, robot: Robot, references: Re
         root_quat_w=time_series.resample_quat_cubic(reference.root_quat_w, reference.fps, times_s),
         joint_pos=time_series.resample_cubic(reference.joint_pos, reference.fps, times_s),
     )
-    return _mirrored(found, robot) if numbers.get("mirrored") else found
+    if not numbers.get("mirrored"):
+        return found
+    image = mirror_clip(found, robot, clip.name)
+    return dataclasses.replace(image, root_quat_w=rotation.make_continuous(image.root_quat_w))
 
 
 def why_none(numbers: Numbers) -> str:
@@ -118,13 +122,3 @@ def is_perturbed(numbers: Numbers) -> bool:
     """Whether a variant moves otherwise than what was recorded, not just mirrored or at another speed."""
     parts = str(numbers.get("variant") or "original").split("~")
     return not all(_OWN_VARIANT.fullmatch(part) for part in parts)
-
-
-def _mirrored(clip: RobotClip, robot: Robot) -> RobotClip:
-    """Seen in the plane y = 0."""
-    return dataclasses.replace(
-        clip,
-        root_pos_w=clip.root_pos_w * np.array([1.0, -1.0, 1.0]),
-        root_quat_w=rotation.make_continuous(clip.root_quat_w * np.array([1.0, -1.0, 1.0, -1.0])),
-        joint_pos=clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign,
-    )

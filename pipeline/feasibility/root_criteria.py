@@ -103,7 +103,7 @@ def root_speeds(motion: Motion, settings: RootSettings) -> tuple[Verdict, Verdic
 )
 def root_jerk(motion: Motion, settings: RootSettings) -> tuple[Verdict, ...]:
     """Mean jerk of the root."""
-    value = mean_jerk(motion.clip.root_pos_w, motion.clip.fps, settings.cutoff_hz)
+    value = mean_jerk(motion.smooth_root_pos_w, motion.clip.fps)
     text = f"the mean jerk of the {motion.robot.root_link} is {value:.0f} m/s^3"
     return (Verdict(code="root_jerk", value=value, limit=settings.jerk, text=text),)
 

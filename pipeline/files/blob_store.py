@@ -14,6 +14,7 @@ from pathlib import Path
 
 from pipeline.errors import FileError
 from pipeline.files import atomic, digest
+from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
 SETTLED_NS = 2_000_000_000
 """A file that changed less than this ago [ns] is not remembered: it could change again within one tick of the clock."""
@@ -60,9 +61,11 @@ def _state(stat: os.stat_result) -> list[int]:
 
 @dataclass(frozen=True, kw_only=True)
 class BlobStore:
-    """Blobs below `root`, as `<first two hex digits>/<digest>`."""
+    """Blobs below `root`, as `<first two hex digits>/<digest>`; of those at a URL, copies."""
 
     root: Path
+    remote: RemoteBlobs | None = None
+    """Where other machines read and write blobs, too; None where `root` is all there is."""
 
     def path(self, blob: str) -> Path:
         return self.root / blob[:2] / blob
@@ -82,11 +85,15 @@ class BlobStore:
         blob = digest.of_bytes(data)
         if not self.is_whole(blob):
             atomic.write_bytes(self.path(blob), data)
+        if self.remote is not None:
+            self.remote.put(data)
         return blob
 
     def take(self, path: Path) -> str:
         """Move a file of the same disk into the store, whole and synced already; its digest."""
         blob = digest.of_file(path)
+        if self.remote is not None:
+            self.remote.put(path.read_bytes())
         if self.is_whole(blob):
             path.unlink()
         else:
@@ -98,9 +105,21 @@ class BlobStore:
         """Bytes of a blob. Raises FileError when it is missing or its content is not its name."""
         path = self.path(blob)
         do = "Materialize again: what is damaged or gone is made again."
-        if not path.is_file():
-            raise FileError(path, "the blob is missing.", do)
+        if not path.is_file() and not self.copied(blob):
+            where = f" here and at {self.remote.url}" if self.remote else ""
+            raise FileError(path, f"the blob is missing{where}.", do)
         data = path.read_bytes()
         if digest.of_bytes(data) != blob:
             raise FileError(path, "the blob's content does not match its name.", do)
         return data
+
+    def copied(self, blob: str) -> bool:
+        """Copy a blob from the URL; False where it is not there, or there is none."""
+        if self.remote is None:
+            return False
+        try:
+            data = self.remote.get(blob)
+        except BlobGoneError:
+            return False
+        atomic.write_bytes(self.path(blob), data)
+        return True

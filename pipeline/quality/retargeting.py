@@ -110,11 +110,11 @@ def percentile_of_least(values: Float[np.ndarray, " n"], percent: float, least: 
     return float(np.percentile(np.concatenate([values.ravel(), np.zeros(missing)]), percent))
 
 
-def mean_jerk(pos_w: Float[np.ndarray, "t 3"], fps: float, cutoff_hz: float) -> float:
-    """Mean length of the third derivative of a position [m/s^3], low-passed at `cutoff_hz` (zero-phase) first."""
-    if len(pos_w) < 4:
+def mean_jerk(smooth_pos_w: Float[np.ndarray, "t 3"], fps: float) -> float:
+    """Mean length of the third derivative of a position that was low-passed [m/s^3]."""
+    if len(smooth_pos_w) < 4:
         return 0.0
-    jerk = np.diff(time_series.smooth(pos_w, fps, cutoff_hz), n=3, axis=0) * fps**3
+    jerk = np.diff(smooth_pos_w, n=3, axis=0) * fps**3
     return float(np.linalg.norm(jerk, axis=1).mean())
 
 

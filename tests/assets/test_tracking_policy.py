@@ -1,4 +1,4 @@
-"""`tracking_policy`: serves what ships, trains when a person asks, serves a full training and no trial."""
+"""`tracking_policy`: serves what ships, trains by request or before a policy, serves a full training and no trial."""
 
 import csv
 import dataclasses
@@ -11,8 +11,8 @@ from typing import Any
 import dagster as dg
 import pytest
 
-from assets import resources, tracking_policy
-from assets.plan import robot_plans
+from assets import bootstrap, definitions, resources, tracker_choice, tracking_policy
+from assets.plan import SHARED, robot_plans
 from assets.project import Project
 from assets.resources import ClipPoolResource, StoreIOManager
 from assets.training_process import TrainingFailedError
@@ -61,10 +61,10 @@ def materialized(**config: Any) -> dict[str, Any]:
 
 
 def test_the_shipped_tracker_is_served_and_a_trial_is_not(project: Project):
-    assert materialized()["origin"] == tracking_policy.SHIPPED
-    assert not (project.policies("t1") / "tracker_runs").exists(), "nothing is trained unless a person asks"
-    found = materialized(train=True, num_envs=2)
-    assert (found["origin"], found["references that it was not trained on"]) == (tracking_policy.SHIPPED, 2)
+    assert materialized()["origin"] == tracker_choice.SHIPPED
+    assert not (project.policies("t1") / "tracker_runs").exists(), "nothing is trained without a request"
+    found = materialized(train=tracker_choice.ALWAYS, num_envs=2)
+    assert (found["origin"], found["references that it was not trained on"]) == (tracker_choice.SHIPPED, 2)
     (run,) = (project.policies("t1") / "tracker_runs").iterdir()
     assert run.name.startswith("trial-seed1-")
     assert json.loads((run / "config.json").read_text())["num_envs"] == 2
@@ -85,16 +85,16 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
 
     monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
     monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
-    found = materialized(train=True, num_envs=2, iterations=1)
+    found = materialized(train=tracker_choice.ALWAYS, num_envs=2, iterations=1)
     (command,) = ran
     assert command[:2] == ["-m", "pipeline.tracking"] and command[-1] == "--resume"
     assert command[command.index("--device") + 1] == "cuda" and command[command.index("--minutes") + 1] == "30"
-    assert (found["origin"], found["trained on"]) == (tracking_policy.TRAINED, "2 clips")
+    assert (found["origin"], found["trained on"]) == (tracker_choice.TRAINED, "2 clips")
     assert found["references that it was not trained on"] == 0
     card = read_card(project.policies("t1") / "tracker")
     assert (card.clips, card.licences, card.training["iterations"]) == (("test/a", "test/b"), ("CC0-1.0",), 1)
     assert card.training["command"].startswith("python -m pipeline.tracking --bundle data/policies/t1/tracking_bundle")
-    stored = tracking_policy.tracker_file(project, project.store.load("tracking_policy"))
+    stored = tracker_choice.tracker_file(project, project.store.load("tracking_policy"))
     assert stored is not None
     assert load_tracker(stored[0], robot).controlled == robot.controlled
     assert stored[0] == project.policies("t1") / "tracker" / "tracker.npz"
@@ -102,14 +102,14 @@ def test_what_is_trained_on_a_gpu_is_exported_and_served(project: Project, robot
 
 def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Project, monkeypatch):
     monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 2)
-    config = tracking_policy.TrackerConfig(train=True, gpus=2)
+    config = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, gpus=2)
     run = tracking_policy._run_of(config, project.root, project.root / "bundle", "content")
     assert run.command[:4] == ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     assert (run.num_envs, run.iterations) == (4096, tracking_policy.ITERATIONS)
     other = tracking_policy._run_of(config, project.root, project.root / "bundle", "other content")
     assert other.folder != run.folder, "other references begin another run"
     for device in ("auto", "cuda"):
-        asked = tracking_policy.TrackerConfig(train=True, device=device, gpus=4)
+        asked = tracking_policy.TrackerConfig(train=tracker_choice.ALWAYS, device=device, gpus=4)
         with pytest.raises(TrainingFailedError, match="4 GPUs are asked for, 2 are here"):
             tracking_policy._run_of(asked, project.root, project.root / "bundle", "content")
 
@@ -117,4 +117,52 @@ def test_several_gpus_are_used_by_torchrun_and_missing_ones_refused(project: Pro
 def test_a_robot_without_a_tracker_has_none_and_the_page_says_so(project: Project):
     shutil.rmtree(project.shipped_policies("t1") / "tracker")
     assert materialized()["origin"].startswith("there is no tracker of 't1'")
-    assert tracking_policy.tracker_file(project, project.store.load("tracking_policy")) is None
+    assert tracker_choice.tracker_file(project, project.store.load("tracking_policy")) is None
+
+
+def test_before_a_policy_a_tracker_is_trained_once_on_other_clips(project: Project, monkeypatch):
+    trained: list[Path] = []
+
+    def on_the_cpu(run: tracking_policy.TrackerRun, root: Path, lock: Path, log: logging.Logger) -> None:
+        trained.append(run.folder)
+        command = dataclasses.replace(run, device="cpu").command
+        assert main(command[command.index("pipeline.tracking") + 1 :]) == 0
+
+    monkeypatch.setattr(tracking_policy, "gpus_here", lambda: 1)
+    monkeypatch.setattr(tracking_policy, "train", on_the_cpu)
+    for _ in range(2):
+        found = materialized(train=tracker_choice.CHANGED, num_envs=2, iterations=1)
+        assert (found["origin"], found["references that it was not trained on"]) == (tracker_choice.TRAINED, 0)
+    assert len(trained) == 1
+
+
+def test_a_tracker_is_needed_for_a_policy_on_a_gpu_whose_clips_it_was_not_trained_on(project: Project, monkeypatch):
+    policy, tracker, references = (PLANS[name].key for name in ("amp_policy", "tracking_policy", "reference_motions"))
+
+    def needed(selected: set[dg.AssetKey], stale: set[dg.AssetKey], **config: Any) -> Any:
+        run_config = {"ops": {"t1__amp_policy": {"config": config}}}
+        return tracker_choice.trackers_for(selected, run_config, stale, project)
+
+    assert needed({policy}, set()) == {}, "no GPU"
+    monkeypatch.setattr(tracker_choice, "gpus_here", lambda: 2)
+    assert needed({policy}, set(), gpus=2, seed=3) == {tracker: {"train": "changed", "gpus": 2}}
+    assert needed({policy}, set(), device="cpu") == {}
+    assert needed({PLANS["expert_db"].key}, set()) == {}, "the database alone trains nothing"
+    assert needed({policy, SHARED[0].key}, set()) == {}, "nor does a run of everything"
+    served = read_card(project.shipped_policies("t1") / "tracker")
+    entries = tuple(Entry(clip=name, blob="", numbers={}) for name in served.clips[:2])
+    project.store.save("reference_motions", Manifest(stage="reference_motions", entries=entries, judged=()))
+    assert needed({policy}, set()) == {}, "the served tracker knows these clips"
+    assert needed({policy}, {references}) == {tracker: {"train": "changed"}}, "known once they are made"
+
+
+def test_the_database_is_made_again_with_a_new_tracker():
+    bootstrap.serve(definitions.defs)
+    made_for = bootstrap._made_for_children(bootstrap._parents(), Project(Path.cwd()))
+    wanted = {PLANS[name].key for name in ("reference_motions", "tracking_policy", "augmented_motions", "expert_db")}
+    found = bootstrap._after_trackers(
+        {PLANS["tracking_policy"].key}, made_for, wanted | {PLANS["feasible_motions"].key}
+    )
+    names = {key.path[-1]: why for key, why in found.items()}
+    assert list(names) == ["tracking_policy", "augmented_motions", "feasible_motions", "expert_db"]
+    assert names["augmented_motions"] == "'tracking_policy' is trained first"

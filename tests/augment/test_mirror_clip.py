@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.augment.mirror import mirror_clip, mirror_numbers, mirror_skill
+from pipeline.augment.mirror import mirror_numbers, mirror_skill
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.robot import Kinematics, Robot
+from pipeline.robot.mirror_image import mirror_clip
 from tests.factories.robot_clips import wandering
 
 

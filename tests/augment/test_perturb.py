@@ -8,7 +8,6 @@ import pytest
 
 from pipeline import rotation, time_series
 from pipeline.augment import AugmentSettings, process
-from pipeline.augment.mirror import mirror_clip
 from pipeline.augment.perturb import perturb
 from pipeline.augment.process import KINDS, Strengths
 from pipeline.clips.outcome import Reason
@@ -22,6 +21,7 @@ from pipeline.quality.sole import sole_motion
 from pipeline.retarget import RetargetSettings
 from pipeline.retarget import process as retarget
 from pipeline.robot import Kinematics, load_robot
+from pipeline.robot.mirror_image import mirror_clip
 from tests.conftest import ROOT
 from tests.factories.human_clips import Gait, walker
 from tests.factories.robot_clips import standing

@@ -145,6 +145,25 @@ def test_a_clip_that_kills_its_workers_costs_only_itself(tmp_path, root):
             list(pool.map(lambda: os.kill(os.getpid(), signal.SIGKILL), [()]))
 
 
+def test_calls_of_a_task_that_is_lost_are_tried_one_by_one(tmp_path):
+    first = tmp_path / "died"
+
+    def deadly_once(number):
+        if number == 3 and not first.exists():
+            first.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return number, os.getpid()
+
+    alone = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_SATURATION": "1.0"}  # a worker has one task at a time
+    with two_workers(tmp_path, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0", **alone) as (address, workers):
+        count = 2 * cluster.TASKS_PER_WORKER * cluster.MOST_A_TASK
+        pool = ClipPool(backend="dask", address=address)
+        done = list(pool.map(deadly_once, [(number,) for number in range(count)]))
+        assert [number for number, _ in done] == list(range(count))
+        lost = [process for process in workers if process.poll() is not None]
+        assert len(lost) == 1 and lost[0].pid not in {pid for _, pid in done[: cluster.MOST_A_TASK]}
+
+
 def test_a_worker_without_the_store_is_an_error_and_a_missing_file_is_tried_again(tmp_path, root, monkeypatch):
     clip = wandering(load_robot(root / "robots/t1"), seconds=0.2)
 

@@ -141,7 +141,7 @@ def test_a_blob_that_is_gone_or_was_changed_is_made_again(tmp_path, damage):
     first = run_stage(stage(raise_a_little), before, store, pool, LOG)
     store.save("made", first)
     assert store.holds_blobs_of("made")
-    path = store.blobs.path(first.entries[0].blob)
+    path = store.own_blobs.path(first.entries[0].blob)
     data = path.read_bytes()
     if damage == "gone":
         path.unlink()

@@ -19,6 +19,6 @@ def test_a_damaged_missing_or_foreign_blob_does_not(tmp_path: Path, robot):
     blob = store.put_clip(standing(robot))
     other = store.blobs.put(codec.encode(standing(robot, 3.0)) + b" ")
     assert not store.round_trips(other), "bytes that no clip encodes to"
-    store.blobs.path(blob).write_bytes(b"damaged")
+    store.own_blobs.path(blob).write_bytes(b"damaged")
     assert not store.round_trips(blob)
     assert not store.round_trips("0" * 64)

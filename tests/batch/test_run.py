@@ -97,7 +97,7 @@ def test_another_version_or_setting_works_on_all(store, other):
 def test_a_lost_blob_is_made_again(store):
     before = manifest_of(store, ["a", "b"])
     made = run_stage(stage(add=1.0), before, store, POOL, LOG)
-    store.blobs.path(made.entries[0].blob).unlink()
+    store.own_blobs.path(made.entries[0].blob).unlink()
     again = run_stage(stage(add=1.0), before, store, POOL, LOG)
     assert again.recomputed == 1
     assert again.digest == made.digest
@@ -182,5 +182,5 @@ def test_faults_of_frames_are_found_when_a_clip_is_made_and_remembered(store):
 def test_blobs_that_do_not_round_trip_are_named_by_their_clips(store):
     made = run_stage(stage(), manifest_of(store, ["a", "b", "c"]), store, POOL, LOG)
     assert store.damaged(made, ClipPool(workers=2)) == []
-    store.blobs.path(made.entries[1].blob).write_bytes(b"damaged")
+    store.own_blobs.path(made.entries[1].blob).write_bytes(b"damaged")
     assert store.damaged(made, POOL) == ["b"]

@@ -92,7 +92,7 @@ def test_thumbnails_are_made_once_and_named_by_what_they_show(thumbnails):
 def test_a_clip_whose_blob_is_gone_has_an_empty_thumbnail(thumbnails):
     table = read_table(thumbnails.store, "t1")
     source = MotionSources(table).of(table.row(made.NOT_TAKEN))
-    thumbnails.store.blobs.path(source.human.blob).unlink()
+    thumbnails.store.own_blobs.path(source.human.blob).unlink()
     assert thumbnails.make(source) == b""
 
 

@@ -82,6 +82,21 @@ def test_two_processes_write_the_bytes_of_one(robot: Robot, tmp_path: Path):
     assert _bytes(tmp_path / "two") == _bytes(tmp_path / "one")
 
 
+def test_processes_that_write_are_to_see_the_store_and_the_database(robot: Robot, tmp_path: Path):
+    seen = []
+
+    class NotingPool(ClipPool):
+        def map(self, function, calls, *, shared=(), **options):
+            seen.extend(shared)
+            return super().map(function, calls, shared=shared, **options)
+
+    (entry,), store = _entries(robot, 1), Store(root=tmp_path / "store")
+    clip = StoredClip(name=entry.clip.name, blob=store.put_clip(_motion(entry)), store=store)
+    pool = NotingPool(backend="sequential")
+    write_database(tmp_path / "t1", [dataclasses.replace(entry, clip=clip)], robot, stages={}, pool=pool)
+    assert store.root in seen and tmp_path in seen
+
+
 def test_frames_that_did_not_change_are_copied_not_encoded(robot: Robot, tmp_path: Path, monkeypatch):
     store = Store(root=tmp_path / "store")
     clips = [StoredClip(name=e.clip.name, blob=store.put_clip(_motion(e)), store=store) for e in _entries(robot, 3)]

@@ -104,7 +104,7 @@ def _fault_texts(manifest: Manifest) -> list[str]:
 
 def _check_ingest(folder: Path) -> str:
     store = Project(folder).store
-    assert all(store.blobs.is_whole(path.name) for path in (store.root / "blobs").glob("*/[0-9a-f]*"))
+    assert all(store.own_blobs.is_whole(path.name) for path in (store.root / "blobs").glob("*/[0-9a-f]*"))
     if not store.manifest_path("hardware_trials").is_file():
         return "before"
     manifest = store.load("hardware_trials")

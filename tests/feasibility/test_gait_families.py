@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.augment.mirror import mirror_clip, time_scale_clip
+from pipeline.augment.mirror import time_scale_clip
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage
 from pipeline.feasibility.gait_signature import gait_signature, gait_signature_text
 from pipeline.files import settings
 from pipeline.robot import load_robot
+from pipeline.robot.mirror_image import mirror_clip
 from tests.factories.robot_clips import standing
 
 ROOT = Path(__file__).resolve().parents[2]

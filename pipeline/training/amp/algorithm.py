@@ -6,7 +6,7 @@ import functools
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
 import torch
 from rsl_rl.modules.distribution import GaussianDistribution
@@ -14,7 +14,7 @@ from rsl_rl.modules.distribution import GaussianDistribution
 from pipeline.learning.ppo import StepwisePpo
 from pipeline.learning.training_error import TrainingError
 from pipeline.training.amp.discriminator import Discriminator, style_reward
-from pipeline.training.amp.symmetry import MirroredSamples
+from pipeline.training.amp.symmetry import Mirror, MirroredSamples
 from pipeline.training.config import Config
 
 REFINEMENT = (0.7, 1.0)
@@ -136,10 +136,24 @@ class AmpPpo(StepwisePpo):
                 self.discriminator.update(self._mean_gradients if self.is_multi_gpu else None)
             self.explained = explained(self.storage.returns, self.storage.values)
             self._warm_critic_up()
+            own = self.storage.actions_log_prob
+            if self.symmetry is not None:
+                mirror: Mirror = cast(Any, self.symmetry.env).mirror
+                self.storage.actions_log_prob = torch.cat([own, self._mirrored_log_prob(mirror)], dim=-1)
             figures = super().update()
+            self.storage.actions_log_prob = own
         self._std.data.clamp_(max=self.largest_deviation())
         self.update_s = self._now() - started
         return figures
+
+    @torch.no_grad()
+    def _mirrored_log_prob(self, mirror: Mirror) -> torch.Tensor:
+        """Logarithm of the probability of each mirrored action at its mirrored observation (t, n, 1)."""
+        found = []
+        for step, actions in enumerate(self.storage.actions):
+            self.actor(mirror.observations(self.storage.observations[step]), stochastic_output=True)
+            found.append(self.actor.get_output_log_prob(mirror.actions(actions))[:, None])
+        return torch.stack(found)
 
     def _warm_critic_up(self) -> None:
         """Freeze the actor until the critic has learned; then start it at a small learning rate, as Adam's first steps

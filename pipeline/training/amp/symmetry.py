@@ -57,10 +57,21 @@ def _mirrored(value: torch.Tensor, how: tuple[torch.Tensor, torch.Tensor]) -> to
 
 
 class MirroredSamples(Symmetry):
-    """rsl_rl's symmetry without its figure, for which the network would be evaluated once more a mini-batch."""
+    """rsl_rl's mirrored samples, each with its own old probability.
+
+    rsl_rl gives a mirror image the probability of the original. That holds only for a symmetric policy: beside a
+    distilled one, whose mean differs from its mirror image's by half a deviation and more, the ratios of nearly all
+    mirrored samples lie beyond the clip, the largest at e^50, and they decide the update.
+    """
+
+    def augment_batch(self, batch: Any, original_batch_size: int) -> None:
+        """Append the mirrored samples; `batch.old_actions_log_prob` has a column of the originals and one of these."""
+        both = batch.old_actions_log_prob
+        super().augment_batch(batch, original_batch_size)
+        batch.old_actions_log_prob = torch.cat([both[:, :1], both[:, 1:]])
 
     def compute_loss(self, actor: Any, batch: Any, original_batch_size: int) -> torch.Tensor:
-        """0: samples are mirrored, there is no mirror loss."""
+        """0: there is no mirror loss. For rsl_rl's figure the network would be evaluated once more a mini-batch."""
         return torch.zeros((), device=batch.actions.device)
 
 

@@ -1,0 +1,41 @@
+"""Mirrored samples in PPO: an update begins at a ratio of 1 for originals and mirror images, whatever the policy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+from pipeline.training.amp.symmetry import MirroredSamples
+from pipeline.training.bundle import read_bundle
+from pipeline.training.config import RECIPE
+from pipeline.training.runner import FROZEN, AmpStage
+from pipeline.training.stage import Request
+from tests.factories.training_bundle import small_bundle
+
+
+def test_ratios_are_1_before_the_update(tmp_path, root, robot, monkeypatch):
+    bundle = read_bundle(small_bundle(tmp_path, root, robot))
+    config = RECIPE.changed({"simulation.num_envs": 4})
+    request = Request(out=tmp_path, preset="recipe", config=config, device="cpu", seed=1, physics="plain")
+    stage = AmpStage(bundle, request, tmp_path / "amp")
+    actor, found = stage.algorithm.get_policy(), []
+    actor.obs_normalizer.count.fill_(FROZEN)  # otherwise it moves between steps, and ratios with it
+    append = MirroredSamples.augment_batch
+
+    def append_and_compare(self: Any, batch: Any, count: int) -> None:
+        originals = batch.old_actions_log_prob[:, 0]
+        append(self, batch, count)
+        if not found:  # the first mini-batch, before any step
+            with torch.no_grad():
+                actor(batch.observations, stochastic_output=True)
+            found.append((actor.get_output_log_prob(batch.actions), batch.old_actions_log_prob[:, 0], originals))
+
+    monkeypatch.setattr(MirroredSamples, "augment_batch", append_and_compare)
+    stage.iterate(0.5)
+    ((now, old, originals),) = found
+    count = len(originals)
+    torch.testing.assert_close(now, old, rtol=0.0, atol=1e-3)
+    assert torch.equal(old[:count], originals)
+    assert (old[count:] - originals).abs().max() > 0.1, "a network drawn at random is not symmetric"
+    assert stage.algorithm.storage.actions_log_prob.shape[-1] == 1, "the storage is as rsl_rl made it"
