@@ -1,10 +1,13 @@
 """Feet that would pass through each other are moved apart along the pelvis's lateral axis.
 
 A sole seen from above is a row of discs. Two discs whose distance along the heading is less than the sum R of their
-radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left.
+radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left. Corners, which the
+discs miss, are measured on the rectangles.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -58,8 +61,8 @@ def corner_overlap(
 ) -> Float[np.ndarray, " t"]:
     """Lateral way [m], 0 or more, by which two rectangular soles must move apart for `gap` between them.
 
-    Discs miss the corners, which meet where feet are turned against each other. Seen along the heading, the outline of a
-    rectangle is straight between corners, so the way is largest beside a corner of one or the other.
+    Discs miss the corners, which meet where feet are turned against each other. The outline of a rectangle over the
+    heading is straight between corners, so the way is largest beside a corner of one or the other.
     """
     along, across = zip(*(_corners(foot, heading, sole, gap / 2.0) for foot in (left, right)), strict=True)
     lacking = np.zeros(len(left))
@@ -70,7 +73,7 @@ def corner_overlap(
     places = np.concatenate(along, axis=1)
     inner = _outline(along[0], across[0], places, np.min)
     outer = _outline(along[1], across[1], places, np.max)
-    lacking[near] = np.maximum(np.nanmax(np.concatenate([outer - inner, np.zeros_like(inner[:, :1])], axis=1), axis=1), 0.0)
+    lacking[near] = np.nan_to_num(outer - inner, nan=0.0).max(axis=1).clip(min=0.0)
     return lacking
 
 
@@ -104,6 +107,17 @@ def _outline(
     return np.where(outside, np.nan, found)
 
 
+def lateral_way(
+    left: Float[np.ndarray, "t 5"],
+    right: Float[np.ndarray, "t 5"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+) -> Float[np.ndarray, " t"]:
+    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, half between corners."""
+    return np.maximum(overlap(left, right, heading, sole, gap), corner_overlap(left, right, heading, sole, gap / 2.0))
+
+
 def space_footholds(
     locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
     contacts: Bool[np.ndarray, "t 2"],
@@ -120,7 +134,7 @@ def space_footholds(
     for _ in range(SPACING_ROUNDS):
         held = [_held(foot, contacts[:, side], spread) for side, foot in enumerate(locked)]
         stands = held[0][1] & held[1][1]
-        lacking = np.where(stands, overlap(held[0][0], held[1][0], heading, sole, gap), 0.0)
+        lacking = np.where(stands, lateral_way(held[0][0], held[1][0], heading, sole, gap), 0.0)
         if not lacking.any():
             return
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -159,7 +173,7 @@ def space_swings(
     Args:
         spread: frames over which a push comes and goes
     """
-    lacking = overlap(*plans, heading, sole, gap)
+    lacking = lateral_way(*plans, heading, sole, gap)
     if not lacking.any():
         return
     swings = ~contacts
