@@ -43,8 +43,9 @@ expert_db: setup
 	dagster asset materialize --select expert_db
 	@booster-lab database summary
 
+# Files in the order of their folders: else those with few tests, which are the long ones, come last.
 test: setup $(LEROBOT)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .

@@ -13,11 +13,18 @@ import dagster as dg
 
 from assets.actuators import measurements_key, measurements_version
 from assets.approved import approved_versions
-from assets.freshness import stale_reasons, topological
+from assets.freshness import last_tags, stale_reasons, topological
 from assets.hardware import HARDWARE_LOGS, logs_version
-from assets.plan import SHARED, plans
-from assets.project import Project
-from assets.sources import DATA_VERSION_TAG, RAW_MOTIONS, find_motions, motions_version, remember_sources
+from assets.plan import SHARED, plans, robot_plans
+from assets.project import DEFAULT_ROBOT, Project
+from assets.sources import (
+    DATA_VERSION_TAG,
+    RAW_MOTIONS,
+    find_motions,
+    motions_version,
+    note_sources,
+    remember_sources,
+)
 from assets.tracker_choice import trackers_for
 from pipeline.errors import PipelineError
 
@@ -49,6 +56,7 @@ def _motions(instance: dg.DagsterInstance, project: Project) -> dict[dg.AssetKey
         noted = _noted(instance, RAW_MOTIONS)
         return {} if noted is None else {RAW_MOTIONS: noted}
     _note(instance, RAW_MOTIONS, version, facts)
+    note_sources(instance, [source.name for source in project.sources().all])
     return {RAW_MOTIONS: version}
 
 
@@ -65,6 +73,12 @@ def _note(instance: dg.DagsterInstance, key: dg.AssetKey, version: str, facts: d
         event = dg.AssetMaterialization(asset_key=key, tags={DATA_VERSION_TAG: version}, metadata=facts)
         instance.report_runless_asset_event(event)
 
+
+OF_MOTIONS = (
+    *("retargeted_motions", "motion_variants", "reference_motions", "augmented_motions", "feasible_motions"),
+    "expert_db",
+)
+"""The stages of a robot that work on motions, and its database."""
 
 BOOTSTRAP_TAG = "booster_lab/bootstrap_for"
 """Tag of a run that was started to bring inputs up to date; its value is the run it was started for."""
@@ -115,25 +129,51 @@ def bring_up_to_date(instance: dg.DagsterInstance, run: dg.DagsterRun, project: 
     if log:
         for key, why in stale.items():
             log.info(f"'{key.to_user_string()}' is brought up to date first: {why}")
+    configs = {key: config for key, config in trackers.items() if key in stale}
+    _materialize(instance, run, list(stale), log, "what lies upstream could not be brought up to date", configs)
+
+
+def work_again(instance: dg.DagsterInstance, run: dg.DagsterRun, project: Project, log: logging.Logger) -> None:
+    """Materialize the stages of motions and the databases in a run of their own, stale or not, and what they need.
+
+    Of the robots the default one's and those that have a database. Raises dg.Failure when that run fails.
+    """
+    robots = [
+        robot
+        for robot in project.robots
+        if robot == DEFAULT_ROBOT or last_tags(instance, robot_plans(robot)["expert_db"].key) is not None
+    ]
+    stages = {plan.key for plan in SHARED} | {robot_plans(robot)[name].key for robot in robots for name in OF_MOTIONS}
+    needed = _upstream(stages, _made_for_children(_parents(), project), set(plans(project)))
+    stale = [key for key in stale_now(instance, project) if key in needed - stages]
+    _materialize(instance, run, [*stale, *sorted(stages)], log, "not all stages could be materialized")
+
+
+def _materialize(
+    instance: dg.DagsterInstance,
+    run: dg.DagsterRun,
+    keys: list[dg.AssetKey],
+    log: logging.Logger | None,
+    failure: str,
+    configs: Mapping[dg.AssetKey, dict[str, Any]] | None = None,
+) -> None:
+    """Materialize assets in a run that belongs to another one. Raises dg.Failure, which begins with `failure`."""
     job = _graph().resolve_implicit_global_asset_job_def()
     if log:
-        job = job.with_hooks({_progress(log, len(stale))})
+        job = job.with_hooks({_progress(log, len(keys))})
     result = job.execute_in_process(
         instance=instance,
-        asset_selection=list(stale),
+        asset_selection=keys,
         run_config={
             **{name: value for name, value in run.run_config.items() if name == "resources"},
-            "ops": {key.to_python_identifier(): {"config": config} for key, config in trackers.items() if key in stale},
+            "ops": {key.to_python_identifier(): {"config": config} for key, config in (configs or {}).items()},
         },
         tags={BOOTSTRAP_TAG: run.run_id},
         raise_on_error=False,
     )
     if not result.success:
         failed = [f"'{event.step_key}': {cause(event)}" for event in result.all_events if event.is_step_failure]
-        raise dg.Failure(
-            f"what lies upstream could not be brought up to date (run {result.run_id}). {'; '.join(failed)}",
-            allow_retries=False,
-        )
+        raise dg.Failure(f"{failure} (run {result.run_id}). {'; '.join(failed)}", allow_retries=False)
 
 
 def _after_trackers(

@@ -30,6 +30,7 @@ from assets.sensors import (
     recurate,
     renew_feedback_page,
 )
+from assets.source_jobs import rerun_source
 from assets.sources import raw_motions
 from assets.tracking_policy import tracker_jobs
 from assets.validation import mujoco_validation
@@ -103,6 +104,7 @@ defs = serve(
             renew_feedback_page,
             approve_feedback,
             take_back_feedback,
+            rerun_source,
             *training_jobs(PROJECT.robots),
             *tracker_jobs(PROJECT.robots, {robot: robot_plans(robot)["tracking_policy"] for robot in PROJECT.robots}),
         ],

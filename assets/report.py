@@ -30,21 +30,21 @@ def stage_metadata(manifest: Manifest, columns: Sequence[str], highest_first: st
 
     Clips that are kept are in the manifest's order, or those with the largest number `highest_first` come first.
     """
-    fates = [row.fate for row in manifest.judged]
-    table = manifest.judged_table()
+    fates, table = manifest.fates(), manifest.judged_table([])
     metadata: dict[str, Any] = {
-        "clips in": len(fates),
+        "clips in": fates.total(),
         "clips out": len(manifest.entries),
-        "clips accepted": fates.count("accepted"),
-        "clips partly accepted": fates.count("partly"),
-        "clips rejected": fates.count("rejected"),
+        "clips accepted": fates["accepted"],
+        "clips partly accepted": fates["partly"],
+        "clips rejected": fates["rejected"],
         "seconds in": round(manifest.seconds("seconds_in"), 2),
         "seconds out": round(manifest.seconds("seconds_out"), 2),
         "clips recomputed": manifest.recomputed,
         "dagster/row_count": len(manifest.entries),
         "verdict on each clip": table_of(_worst_first(table), ["clip", "fate", "seconds_in", "seconds_out", "reasons"]),
         "what went on": table_of(
-            _highest_first(manifest.entry_table(), highest_first), ["clip", "skill", "seconds", *columns]
+            _highest_first(manifest.entry_table(["skill", "seconds", *columns, highest_first]), highest_first),
+            ["clip", "skill", "seconds", *columns],
         ),
     }
     for effect in ("rejected", "repaired", "noted"):

@@ -22,8 +22,9 @@ from assets.resources import ClipPoolResource
 from assets.stage import declared_motions, inputs_of, materialized, references_of, stage_of, thresholds, write_table
 from assets.tracker_choice import no_tracker
 from assets.tracking_policy import tracking_policy
-from pipeline.batch import Manifest, run_stage
+from pipeline.batch import Entry, Manifest, Rows, changed, run_stage
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance, coverage, criteria_table, process
+from pipeline.feasibility.balance import READ
 from pipeline.feasibility.command_space import by_command
 from pipeline.feasibility.criteria_table import split
 from pipeline.feasibility.evaluated import Results, results_of_pieces, with_evaluated, without_evaluated
@@ -228,13 +229,13 @@ def candidate_motions(rollouts: Manifest, references: Manifest, kind: str) -> Ma
     if kind == "rollouts":
         return rollouts
     at_fault = {row.clip for row in rollouts.judged if row.numbers.get(AT_FAULT)}
-    kept = tuple(entry for entry in references.entries if entry.clip not in at_fault)
+    kept = changed(Entry, references.entries, lambda entry: None if entry.clip in at_fault else entry)
     references = dataclasses.replace(references, entries=kept)
     if kind == "references":
         return references
     return dataclasses.replace(
         rollouts,
-        entries=(*rollouts.entries, *references.entries),
+        entries=Rows((*rollouts.entry_shards, *references.entry_shards)),
         settings={**references.settings, **rollouts.settings},
     )
 
@@ -257,12 +258,12 @@ def _variations(rollouts: Manifest, feasible: Manifest) -> dict[str, Any]:
 def _weighed(manifest: Manifest, values: Any, commands: Any) -> Manifest:
     """KP5's result with each clip's weight and family. It names the commands, which no clip's verdict depends on."""
 
-    made = balance(manifest.entry_table(), values.balance, commands)[["clip", "weight", "family"]].itertuples(
-        index=False
-    )
+    made = balance(manifest.entry_table(READ), values.balance, commands)[["clip", "weight", "family"]]
     facts = {"stage": COMMANDS, **settings.plain(commands)}
     named = dataclasses.replace(manifest, settings={**manifest.settings, digest.of_json(facts): facts})
-    return named.with_numbers({clip: {"weight": float(weight), "family": own} for clip, weight, own in made})
+    return named.with_numbers(
+        {clip: {"weight": float(weight), "family": own} for clip, weight, own in made.itertuples(index=False)}
+    )
 
 
 def _reweighed(

@@ -1,6 +1,6 @@
 """The external asset `raw_motions`: the source folders, versioned by content."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,10 @@ RAW_MOTIONS = dg.AssetKey(["raw_motions"])
 
 DATA_VERSION_TAG = "dagster/data_version"
 """Tag of a materialization: its data version."""
+
+SOURCES_NAME = "motion_sources"
+SOURCES = dg.DynamicPartitionsDefinition(name=SOURCES_NAME)
+"""A partition for each source of motions; all shards of a manifest are of one source."""
 
 raw_motions = dg.AssetSpec(
     RAW_MOTIONS,
@@ -73,6 +77,15 @@ def find_motions(project: Project) -> Motions:
 def remember_sources(project: Project, motions: Motions) -> None:
     """Record the sources of a run in the store, so that a later run without one of them is an error."""
     remember(project.remembered_sources, motions.sources, motions.counts)
+
+
+def note_sources(instance: dg.DagsterInstance, names: Sequence[str]) -> None:
+    """Make the sources the partitions that Dagster offers."""
+    known = instance.get_dynamic_partitions(SOURCES_NAME)
+    if new := [name for name in names if name not in known]:
+        instance.add_dynamic_partitions(SOURCES_NAME, new)
+    for name in set(known) - set(names):
+        instance.delete_dynamic_partition(SOURCES_NAME, name)
 
 
 def source_notes(project: Project) -> list[str]:

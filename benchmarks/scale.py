@@ -33,6 +33,7 @@ from pipeline.clips.robot_clip import RobotClip  # noqa: E402
 from pipeline.expert import ExpertEntry, StoredClip, write_database  # noqa: E402
 from pipeline.expert.index import database_version  # noqa: E402
 from pipeline.feasibility import CommandSettings, FeasibilitySettings, balance  # noqa: E402
+from pipeline.feasibility.balance import READ  # noqa: E402
 from pipeline.feasibility.command_space import VELOCITIES  # noqa: E402
 from pipeline.files import digest, settings  # noqa: E402
 from pipeline.robot import load_robot  # noqa: E402
@@ -82,6 +83,7 @@ def run(root: Path, count: int, workers: int) -> None:
         stage = Stage(name=name, version="1", function=partial(pass_on, stage=name))
         manifest = run_stage(stage, store.load(manifest.stage), store, pool, log)
         if name == STAGES[-1]:
+            assert not store.damaged(manifest, pool)
             manifest = weighed(manifest)
         store.save(name, manifest)
     write_database(
@@ -93,7 +95,7 @@ def weighed(manifest: Manifest) -> Manifest:
     """The manifest with the weight of each clip."""
     values = settings.read(ROOT / "data/feasibility.yaml", FeasibilitySettings)
     commands = settings.read(ROOT / "data/commands.yaml", CommandSettings)
-    made = balance(manifest.entry_table(), values.balance, commands)
+    made = balance(manifest.entry_table(READ), values.balance, commands)
     numbers = zip(made["clip"], made["weight"], strict=True)
     return manifest.with_numbers({clip: {"weight": float(weight)} for clip, weight in numbers})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import dagster as dg
 import pandas as pd
 
 from benchmarks.process_tree import Watched
+from pipeline.batch import Store
 
 CLIP_STAGES = (
     "motion_catalog",
@@ -136,6 +136,5 @@ def _recomputed(instance: dg.DagsterInstance, name: str) -> int | None:
 
 def _clips_of(root: Path, stage: str, clip: str) -> int:
     """Clips that come into a stage from one motion file: the file's clip, its windows, pieces and variants."""
-    judged = json.loads((root / f"data/store/manifests/{stage}.json").read_text())["judged"]
-    names = [row["clip"] for row in judged]
+    names = Store(root=root / "data/store").load(stage).judged_table([])["clip"]
     return sum(name == clip or name.startswith((f"{clip}@", f"{clip}+", f"{clip}~")) for name in names)

@@ -1,8 +1,10 @@
 """A stage over many clips: what is known already is taken from the memo, the rest runs in parallel processes."""
 
-from pipeline.batch.manifest import Entry, Judged, Manifest
+from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
+from pipeline.batch.rows import Entry, Judged
 from pipeline.batch.run import Stage, run_files, run_stage
+from pipeline.batch.shard import Rows, changed
 from pipeline.batch.store import Store
 
-__all__ = ["ClipPool", "Entry", "Judged", "Manifest", "Stage", "Store", "run_files", "run_stage"]
+__all__ = ["ClipPool", "Entry", "Judged", "Manifest", "Rows", "Stage", "Store", "changed", "run_files", "run_stage"]

@@ -1,8 +1,8 @@
 """What of the store no run needs any more: old answers, and blobs that only they name.
 
-Kept are all blobs that a manifest names, and the answers that the last few runs of each stage asked for, with their
-blobs. Databases and their earlier versions are folders of their own and name no blob; the curator's decisions name
-clips of the manifests. Whatever is removed is made again when it is wanted.
+Kept are all shards that a manifest names with their blobs, and the answers that the last few runs of each stage asked
+for, with their shards and blobs. Databases and their earlier versions are folders of their own and name no blob; the
+curator's decisions name clips of the manifests. Whatever is removed is made again when it is wanted.
 """
 
 from __future__ import annotations
@@ -14,8 +14,11 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from pipeline.batch.store import LOCK, STAGE, Store
+from pipeline.batch.rows import Entry
+from pipeline.batch.shard import Shard
+from pipeline.batch.store import ANSWERS, LOCK, STAGE, Store
 from pipeline.errors import FileError, PipelineError
 from pipeline.files.remote_blobs import RemoteBlobs
 
@@ -56,11 +59,15 @@ def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
         answers, needed = _answers(store, keep)
         for path in (store.root / "manifests").rglob("*.json"):
             needed |= _named(path.read_bytes())
+        shards = list(_files(store.shards.root))
+        for path in shards:
+            if path.name.encode() in needed:
+                needed |= _blobs_of(store, path.name)
         blobs = list(_files(store.own_blobs.root))
-        old_blobs = [path for path in blobs if path.name.encode() not in needed]
         parts = (
             _part("answers", [path for path, _ in answers], [path for path, is_kept in answers if not is_kept]),
-            _part("blobs of clips", blobs, old_blobs),
+            _part("blobs of clips", blobs, [path for path in blobs if path.name.encode() not in needed]),
+            _part("shards of manifests", shards, [path for path in shards if path.name.encode() not in needed]),
             *(_part(name, list(_files(store.root / name)), []) for name in ("manifests", "thumbnails")),
             *_at_url(store.own_blobs.remote, needed),
         )
@@ -71,26 +78,40 @@ def collect(store: Store, keep: int, *, delete: bool) -> tuple[Part, ...]:
 
 
 def _answers(store: Store, keep: int) -> tuple[list[tuple[Path, bool]], set[bytes]]:
-    """Each file of the memo and whether it is kept, and the blobs that kept answers name."""
+    """Each file of the memo and whether it is kept, and the shards and blobs that kept answers name.
+
+    An answer about a shard is asked for in place of those about its clips, which are kept with it.
+    """
     since = {stage: times[-keep] for stage, times in store.askings().items() if len(times) >= keep}
-    found, needed = [], set()
+    found: dict[Path, bool] = {}
+    asked_together: set[str] = set()
     for path in _files(store.root / "memo"):
-        text = path.read_bytes()
-        stage = _stage_of(text) if path.suffix == ".json" else None
-        is_kept = stage is not None and path.stat().st_mtime_ns >= since.get(stage, 0)
-        if is_kept:
-            needed |= _named(text)
-        found.append((path, is_kept))
-    return found, needed
+        answer = _answer(path)
+        stage = None if answer is None else answer.get(STAGE)
+        found[path] = isinstance(stage, str) and path.stat().st_mtime_ns >= since.get(stage, 0)
+        if found[path] and answer is not None:
+            asked_together |= set(map(str, answer.get(ANSWERS, ())))
+    found = {path: is_kept or path.stem in asked_together for path, is_kept in found.items()}
+    needed = {name for path, is_kept in found.items() if is_kept for name in _named(path.read_bytes())}
+    return list(found.items()), needed
 
 
-def _stage_of(text: bytes) -> str | None:
-    """The stage whose answer this is; None for what no stage of this version asks for: a torn or an older answer."""
+def _answer(path: Path) -> dict[str, Any] | None:
+    """The answer in a file of the memo; None where it is torn or the half of one."""
     try:
-        stage = json.loads(text).get(STAGE)
-    except (ValueError, AttributeError, RecursionError):
+        answer = json.loads(path.read_bytes()) if path.suffix == ".json" else None
+    except (ValueError, RecursionError):
         return None
-    return stage if isinstance(stage, str) else None
+    return answer if isinstance(answer, dict) else None
+
+
+def _blobs_of(store: Store, shard: str) -> set[bytes]:
+    """The blobs that a shard of clips names; of findings, and where it is damaged, none."""
+    try:
+        blobs = Shard(Entry, shard, 0, store.shards).columns(["blob"]).get("blob", ())
+    except FileError:
+        return set()
+    return {blob.encode() for blob in blobs}
 
 
 def _named(text: bytes) -> set[bytes]:

@@ -1,54 +1,28 @@
-"""The value of a stage: which clips are kept, the findings on each input clip, with which settings."""
+"""The value of a stage: which clips are kept, the findings on each input clip, with which settings.
+
+Stored it is a JSON file that names the shards of its rows (`pipeline.batch.shard`).
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import pandas as pd
 
+from pipeline.batch.rows import Entry, Judged, Row, fate_of
+from pipeline.batch.shard import MISSING, Rows, Shard, shard_of, shards_of
 from pipeline.files import digest
+from pipeline.files.blob_store import BlobStore
 
-SCHEMA = "booster-lab manifest 1"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Entry:
-    """A clip at hand of the next stage."""
-
-    clip: str
-    """Unique name."""
-    blob: str
-    """Digest of its Parquet blob in the store."""
-    numbers: dict[str, Any]
-    """Numbers of all stages so far; later ones override."""
-    record: tuple[dict[str, Any], ...] = ()
-    """What each stage did, in order: `{stage, version, settings (a digest), reasons}`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Judged:
-    """Findings of the stage on one input clip."""
-
-    clip: str
-    pieces: tuple[str, ...]
-    """Names of the clips that went on from it."""
-    reasons: tuple[dict[str, Any], ...]
-    numbers: dict[str, Any]
-    """The input's own numbers, with `seconds_in` and `seconds_out` [s]."""
-
-    @property
-    def fate(self) -> str:
-        """`accepted`, `partly` (some of it was rejected) or `rejected`."""
-        if not self.pieces:
-            return "rejected"
-        lost = any(reason["effect"] == "rejected" for reason in self.reasons)
-        return "partly" if lost else "accepted"
+SCHEMA = "booster-lab manifest 2"
+SCHEMA_OF_ROWS = "booster-lab manifest 1"
+"""Manifests of earlier versions, which hold their rows as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +30,10 @@ class Manifest:
     """Result of a stage over all clips. Its digest is the data version."""
 
     stage: str
-    entries: tuple[Entry, ...]
-    judged: tuple[Judged, ...]
+    entries: Rows[Entry] | tuple[Entry, ...] = ()
+    """Clips that are kept."""
+    judged: Rows[Judged] | tuple[Judged, ...] = ()
+    """Findings on each input clip."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Digest of the settings of each stage so far -> the settings themselves."""
     recomputed: int = 0
@@ -65,42 +41,55 @@ class Manifest:
     unsound: tuple[tuple[str, str], ...] = ()
     """Clip and fault of its frames, as found when it was made (`pipeline.clips.codec`). Not part of the content."""
 
-    def to_text(self) -> str:
-        """JSON text, one line a clip; equal content gives equal text, whatever was recomputed."""
-        return "".join(self.lines())
+    @cached_property
+    def entry_shards(self) -> tuple[Shard[Entry], ...]:
+        """The clips that are kept, in shards."""
+        return self.entries.shards if isinstance(self.entries, Rows) else shards_of(Entry, self.entries)
 
-    def lines(self) -> Iterator[str]:
-        """The text line by line: of many clips it is as long as all that the manifest keeps."""
-        yield "{\n"
+    @cached_property
+    def judged_shards(self) -> tuple[Shard[Judged], ...]:
+        """The findings, in shards."""
+        return self.judged.shards if isinstance(self.judged, Rows) else shards_of(Judged, self.judged)
+
+    def to_text(self) -> str:
+        """JSON text that names the shards; equal content gives equal text, whatever was recomputed."""
         head = {"schema": SCHEMA, "stage": self.stage, "settings": self.settings}
-        for name, value in head.items():
-            yield f'"{name}": {_json(value)},\n'
-        for name, rows, end in (("entries", self.entries, "],\n"), ("judged", self.judged, "]\n")):
-            yield f'"{name}": [\n'
-            for count, row in enumerate(rows, 1):
-                yield _json(vars(row)) + (",\n" if count < len(rows) else "")
-            yield "\n" + end
-        yield "}\n"
+        lines = [f"{json.dumps(name)}: {_json(value)}" for name, value in head.items()]
+        for name, shards in (("entries", self.entry_shards), ("judged", self.judged_shards)):
+            rows = ",\n".join(_json([shard.digest, shard.count]) for shard in shards)
+            lines.append(f'"{name}": [\n{rows}\n]' if rows else f'"{name}": []')
+        return "{\n" + ",\n".join(lines) + "\n}\n"
 
     @staticmethod
-    def from_text(text: str) -> Manifest:
-        """The manifest that `to_text` was called on. Raises ValueError for another schema."""
+    def from_text(text: str, shards: BlobStore) -> Manifest:
+        """The manifest that `to_text` was called on, or one of an earlier version, whose rows are in its text.
+
+        Raises ValueError for another schema.
+
+        Args:
+            shards: where the shards are that the text names; they are read when their rows are wanted
+        """
         value = json.loads(text)
-        if value.pop("schema", None) != SCHEMA:
+        schema = value.pop("schema", None)
+        if schema == SCHEMA_OF_ROWS:
+            entries = tuple(Entry(**{**entry, "record": tuple(entry["record"])}) for entry in value.pop("entries"))
+            judged = tuple(
+                Judged(**{**row, "pieces": tuple(row["pieces"]), "reasons": tuple(row["reasons"])})
+                for row in value.pop("judged")
+            )
+            manifest = Manifest(entries=entries, judged=judged, **value)
+            vars(manifest)["digest"] = digest.of_bytes(text.encode())  # of the file, as its readers noted it
+            return manifest
+        if schema != SCHEMA:
             raise ValueError(f"not a manifest of schema {SCHEMA!r}")
-        entries = tuple(Entry(**{**entry, "record": tuple(entry["record"])}) for entry in value.pop("entries"))
-        judged = tuple(
-            Judged(**{**row, "pieces": tuple(row["pieces"]), "reasons": tuple(row["reasons"])})
-            for row in value.pop("judged")
-        )
-        manifest = Manifest(entries=entries, judged=judged, **value)
-        vars(manifest)["digest"] = digest.of_bytes(text.encode())  # what the property would find, without writing it
-        return manifest
+        kept = Rows([Shard(Entry, str(name), int(count), shards) for name, count in value.pop("entries")])
+        found = Rows([Shard(Judged, str(name), int(count), shards) for name, count in value.pop("judged")])
+        return Manifest(entries=kept, judged=found, **value)
 
     @cached_property
     def digest(self) -> str:
         """Digest of the text."""
-        return digest.of_parts(line.encode() for line in self.lines())
+        return digest.of_bytes(self.to_text().encode())
 
     def without(self, dropped: Mapping[str, dict[str, Any]]) -> Manifest:
         """The same without some of its clips, each dropped for a reason; their input clips say so.
@@ -108,55 +97,92 @@ class Manifest:
         Args:
             dropped: name of the clip -> reason, as `Reason.to_dict()` gives it
         """
-        gone_s = {entry.clip: float(entry.numbers.get("seconds", 0.0)) for entry in self.entries}
-        judged = []
-        for row in self.judged:
-            gone = [name for name in row.pieces if name in dropped]
-            seconds_out = row.numbers.get("seconds_out", 0.0) - sum(gone_s[name] for name in gone)
-            judged.append(
-                dataclasses.replace(
-                    row,
-                    pieces=tuple(name for name in row.pieces if name not in dropped),
-                    reasons=row.reasons + tuple(dropped[name] for name in gone),
-                    numbers={**row.numbers, "seconds_out": max(seconds_out, 0.0)},
-                )
-            )
-        entries = tuple(entry for entry in self.entries if entry.clip not in dropped)
-        return dataclasses.replace(self, entries=entries, judged=tuple(judged))
+        kept: list[Shard[Entry]] = []
+        gone_s: dict[str, float] = {}
+        for shard in self.entry_shards:
+            if dropped.keys().isdisjoint(shard.columns(["clip"])["clip"]):
+                kept.append(shard)
+                continue
+            rows = shard.rows()
+            gone_s |= {row.clip: float(row.numbers.get("seconds", 0.0)) for row in rows if row.clip in dropped}
+            left = [row for row in rows if row.clip not in dropped]
+            kept += [shard_of(Entry, left)] if left else []
+        judged = [
+            shard_of(Judged, [_without(row, dropped, gone_s) for row in shard.rows()])
+            if any(not gone_s.keys().isdisjoint(pieces) for pieces in shard.columns(["pieces"])["pieces"])
+            else shard
+            for shard in self.judged_shards
+        ]
+        return dataclasses.replace(self, entries=Rows(kept), judged=Rows(judged))
+
+    def at_hand(self) -> Manifest:
+        """The same with all of its rows in memory, for who looks them up again and again."""
+        return dataclasses.replace(self, entries=tuple(self.entries), judged=tuple(self.judged))
 
     def with_numbers(self, numbers: Mapping[str, dict[str, Any]]) -> Manifest:
         """The same with further numbers for some of its clips, by name."""
-        entries = tuple(
-            dataclasses.replace(entry, numbers={**entry.numbers, **numbers.get(entry.clip, {})})
-            for entry in self.entries
-        )
-        return dataclasses.replace(self, entries=entries)
+        return dataclasses.replace(self, entries=Rows([shard.with_numbers(numbers) for shard in self.entry_shards]))
 
-    def entry_table(self) -> pd.DataFrame:
-        """One row a clip that goes on: `clip` and its numbers."""
-        rows = [{"clip": entry.clip, **entry.numbers} for entry in self.entries]
-        return pd.DataFrame(rows, columns=None if rows else ["clip"])
+    def entry_table(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """One row a clip that is kept: `clip` and its numbers, all or the named ones that are there."""
+        return _frame(self.entry_shards, columns, hidden=("blob", "record"))
 
-    def judged_table(self) -> pd.DataFrame:
-        """One row an input clip: `clip, fate, seconds_in, seconds_out, reasons` and its numbers."""
-        rows = [
-            {
-                "clip": row.clip,
-                "fate": row.fate,
-                **row.numbers,
-                "reasons": "; ".join(reason["text"] for reason in row.reasons),
-            }
-            for row in self.judged
-        ]
-        return pd.DataFrame(rows, columns=None if rows else ["clip", "fate", "seconds_in", "seconds_out", "reasons"])
+    def judged_table(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """One row an input clip: `clip, fate, seconds_in, seconds_out, reasons` and its numbers, all or named ones."""
+        wanted = None if columns is None else ["clip", "seconds_in", "seconds_out", "pieces", "reasons", *columns]
+        table = _frame(self.judged_shards, wanted, hidden=())
+        if table.empty:
+            return pd.DataFrame(columns=["clip", "fate", "seconds_in", "seconds_out", "reasons"])
+        reasons, pieces = table.pop("reasons"), table.pop("pieces")
+        table.insert(1, "fate", [fate_of(*each) for each in zip(pieces, reasons, strict=True)])
+        return table.assign(reasons=["; ".join(reason["text"] for reason in each) for each in reasons])
+
+    def fates(self) -> Counter[str]:
+        """How many input clips have each fate (`Judged.fate`)."""
+        return Counter(fate_of(*each) for each in self._judged("pieces", "reasons"))
 
     def seconds(self, which: str) -> float:
         """Sum of `seconds_in` or `seconds_out` [s] over the input clips."""
-        return float(sum(row.numbers.get(which, 0.0) or 0.0 for row in self.judged))
+        return float(sum(0.0 if value is MISSING else value or 0.0 for (value,) in self._judged(which)))
 
     def reason_counts(self, effect: str) -> Counter[str]:
         """How often each reason code stands with an effect (`rejected`, `repaired`, `noted`)."""
-        return Counter(r["code"] for row in self.judged for r in row.reasons if r["effect"] == effect)
+        return Counter(r["code"] for (reasons,) in self._judged("reasons") for r in reasons if r["effect"] == effect)
+
+    def _judged(self, *names: str) -> Any:
+        """The values of the named columns of the findings, a tuple a row."""
+        for shard in self.judged_shards:
+            columns = shard.columns(names)
+            yield from zip(*(columns.get(name, [MISSING] * shard.count) for name in names), strict=True)
+
+
+def _without(row: Judged, dropped: Mapping[str, dict[str, Any]], gone_s: Mapping[str, float]) -> Judged:
+    """The findings on a clip of which some pieces were dropped, of `gone_s` [s] each."""
+    gone = [name for name in row.pieces if name in gone_s]
+    if not gone:
+        return row
+    seconds_out = row.numbers.get("seconds_out", 0.0) - sum(gone_s[name] for name in gone)
+    return dataclasses.replace(
+        row,
+        pieces=tuple(name for name in row.pieces if name not in gone_s),
+        reasons=row.reasons + tuple(dropped[name] for name in gone),
+        numbers={**row.numbers, "seconds_out": max(seconds_out, 0.0)},
+    )
+
+
+def _frame(shards: Sequence[Shard[Row]], columns: Sequence[str] | None, hidden: Sequence[str]) -> pd.DataFrame:
+    """The rows of shards as a table, with a cell that is not a number where a row lacks one."""
+    cells: dict[str, list[Any]] = {"clip": []}
+    count = 0
+    for shard in shards:
+        for name, values in shard.columns(None if columns is None else ["clip", *columns]).items():
+            if name not in hidden:
+                cells.setdefault(name, [float("nan")] * count)
+                cells[name] += [float("nan") if value is MISSING else value for value in values]
+        count += shard.count
+        for values in cells.values():
+            values += [float("nan")] * (count - len(values))
+    return pd.DataFrame(cells)
 
 
 def _json(value: Any) -> str:

@@ -1,7 +1,8 @@
 """Run a stage over clips: ask the memo, work on the rest in parallel, gather a manifest.
 
 The memo's key is everything an answer depends on: stage code, settings, robot, the clip's bytes and
-the numbers of earlier stages. So the same question is never worked on twice, in any run.
+the numbers of earlier stages. So the same question is never worked on twice, in any run. The answers about all clips
+of an unchanged shard are recalled together: one more clip costs what its own shard costs, of however many there are.
 """
 
 from __future__ import annotations
@@ -9,16 +10,18 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pipeline.batch.again import clips_again
-from pipeline.batch.manifest import Entry, Judged, Manifest
+from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
-from pipeline.batch.store import Store
+from pipeline.batch.rows import Entry, Judged
+from pipeline.batch.shard import CUT_EVERY, Rows, Shard, cut, shards_of
+from pipeline.batch.store import ANSWERS, Store
 from pipeline.clips.codec import faults_of
 from pipeline.clips.outcome import Clip, Outcome, Piece
 from pipeline.errors import ClipError, FileError
@@ -68,6 +71,10 @@ class Stage:
         return digest.of_json([self.name, self.version, self.settings_digest, *question])
 
 
+AT_A_TIME = 2048
+"""Clips to work on that are at hand at a time: a pool gets them together, so that its processes stay at work."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Job:
     """One question: what the judged row is called, its memo key, what it is about, what to carry on."""
@@ -81,23 +88,64 @@ class _Job:
     record: tuple[dict[str, Any], ...] = ()
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """The questions about one shard of the input, whose answers are recalled together while none of them changes."""
+
+    key: str
+    """Memo key of all answers together."""
+    count: int
+    clips: Callable[[], Sequence[str]]
+    """Names of what is asked about."""
+    jobs: Callable[[], list[_Job]]
+    """The questions, in the order of their names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Result:
+    """What is known of the answers about one shard."""
+
+    entries: tuple[Shard[Entry], ...]
+    clips: tuple[str, ...]
+    """Names of the entries."""
+    judged: tuple[Shard[Judged], ...]
+    unsound: tuple[tuple[str, str], ...]
+    recomputed: int = 0
+
+
 def run_stage(
     stage: Stage, previous: Manifest, store: Store, pool: ClipPool, log: logging.Logger, entries: Sequence[Entry] = ()
 ) -> Manifest:
-    """The stage on all clips that `previous` hands on (or on `entries` of it), in order of their names."""
-    jobs = [
-        _Job(
-            clip=entry.clip,
-            key=stage.key(entry.clip, entry.blob, entry.numbers),
-            about=entry,
-            group=stage.group_of(entry),
-            numbers=entry.numbers,
-            record=entry.record,
+    """The stage on all clips that `previous` hands on (or on `entries` of it), by their names within each shard."""
+
+    def jobs(shard: Shard[Entry]) -> list[_Job]:
+        return [
+            _Job(
+                clip=entry.clip,
+                key=stage.key(entry.clip, entry.blob, entry.numbers),
+                about=entry,
+                group=stage.group_of(entry),
+                numbers=entry.numbers,
+                record=entry.record,
+            )
+            for entry in sorted(shard.rows(), key=lambda entry: entry.clip)
+        ]
+
+    if entries or not isinstance(previous.entries, Rows):
+        shards = shards_of(Entry, sorted(entries or previous.entries, key=lambda entry: entry.clip))
+    else:
+        shards = previous.entry_shards
+    parts = [
+        _Part(
+            key=stage.key(SHARD, shard.digest),
+            count=shard.count,
+            clips=partial(_clips_of, shard),
+            jobs=partial(jobs, shard),
         )
-        for entry in sorted(entries or previous.entries, key=lambda entry: entry.clip)
+        for shard in shards
     ]
     work = partial(_work_on_clips, stage.function, stage.prepare, store)
-    return _gather(stage, jobs, work, store, pool, log, previous.settings)
+    return _gather(stage, parts, work, store, pool, log, previous.settings)
 
 
 def run_files(
@@ -117,37 +165,135 @@ def run_files(
         )
         for name, path, content, arguments in sorted(files, key=lambda file: file[0])
     ]
+    names = [job.clip for job in jobs]
+    parts = [
+        _Part(
+            key=stage.key(SHARD, [job.key for job in jobs[own]]),
+            count=len(jobs[own]),
+            clips=partial(list, names[own]),
+            jobs=partial(list, jobs[own]),
+        )
+        for own in cut(names)
+    ]
     work = partial(_work_on_files, stage.function, store)
-    return _gather(stage, jobs, work, store, store.pool_of_files(pool), log, {})
+    return _gather(stage, parts, work, store, store.pool_of_files(pool), log, {})
 
 
 def _gather(
     stage: Stage,
-    jobs: list[_Job],
+    parts: list[_Part],
     work: Callable[[list[Any]], list[dict[str, Any]]],
     store: Store,
     pool: ClipPool,
     log: logging.Logger,
     settings: dict[str, Any],
 ) -> Manifest:
-    """The manifest of all jobs, those worked on by `work` whose answers the memo does not have."""
+    """The manifest of all parts, those worked on by `work` whose answers the memo does not have."""
     again = clips_again()
-    answers = {job.key: None if job.clip in again else store.recall(job.key, stage.asker) for job in jobs}
-    todo = [job for job in jobs if answers[job.key] is None]
-    log.info("%s: %d clips, %d known, %d to work on", stage.name, len(jobs), len(jobs) - len(todo), len(todo))
-    if todo and (where := pool.where()):
+    results = [
+        None if any(clip in again for clip in part.clips()) else _recalled(part.key, stage, store) for part in parts
+    ]
+    todo: dict[int, set[str]] = {}
+    for place, part in enumerate(parts):
+        if results[place] is None:
+            jobs = part.jobs()
+            answers = {job.key: None if job.clip in again else store.recall(job.key, stage.asker) for job in jobs}
+            unknown = {key for key, answer in answers.items() if answer is None}
+            if unknown:
+                todo[place] = unknown
+            else:
+                results[place] = _result(stage, part.key, jobs, answers, 0, store)
+    count, of = sum(part.count for part in parts), sum(map(len, todo.values()))
+    log.info("%s: %d clips, %d known, %d to work on", stage.name, count, count - of, of)
+    if of and (where := pool.where()):
         log.info("%s: %s", stage.name, where)
-    last = started = time.monotonic()
-    for count, (job, answer) in enumerate(_worked_on(todo, work, pool, store), 1):
-        answers[job.key] = answer
-        if not answer["failed"]:
-            store.remember(job.key, answer, stage.asker)
-        if time.monotonic() - last > PROGRESS_EVERY_S:
-            last = time.monotonic()
-            log.info("%s", progress(stage.name, count, len(todo), last - started))
+    done, last = 0, time.monotonic()
+    started = last
+    for places in _batches(todo):
+        jobs_of = {place: parts[place].jobs() for place in places}
+        asked = [job for place in places for job in jobs_of[place] if job.key in todo[place]]
+        worked: dict[str, dict[str, Any]] = {}
+        for job, answer in _worked_on(asked, work, pool, store):
+            worked[job.key] = answer
+            done += 1
+            if not answer["failed"]:
+                store.remember(job.key, answer, stage.asker)
+            if time.monotonic() - last > PROGRESS_EVERY_S:
+                last = time.monotonic()
+                log.info("%s", progress(stage.name, done, of, last - started))
+        for place in places:
+            jobs = jobs_of[place]
+            answers = {job.key: worked.get(job.key) or store.recall(job.key, stage.asker) for job in jobs}
+            results[place] = _result(stage, parts[place].key, jobs, answers, len(todo[place]), store)
+    found = [result for result in results if result is not None]
+    _refuse_double_names(stage.name, (clip for result in found for clip in result.clips))
+    own = {stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
+    return Manifest(
+        stage=stage.name,
+        entries=Rows([shard for result in found for shard in result.entries]),
+        judged=Rows([shard for result in found for shard in result.judged]),
+        settings={**settings, **own},
+        recomputed=sum(result.recomputed for result in found),
+        unsound=tuple(each for result in found for each in result.unsound),
+    )
+
+
+WHOLE = 2 * CUT_EVERY
+"""Rows that are made of one shard are one again up to this number."""
+
+SHARD = "shard"
+"""What a question is about that is one for all clips of a shard."""
+
+
+def _recalled(key: str, stage: Stage, store: Store) -> _Result | None:
+    """The remembered answers about a shard, if all that they name is there and unchanged."""
+    answer = store.recall(key, stage.asker)
+    if answer is None:
+        return None
+    entries = tuple(Shard(Entry, name, count, store.shards) for name, count in answer["entries"])
+    judged = tuple(Shard(Judged, name, count, store.shards) for name, count in answer["judged"])
+    clips: list[str] = []
+    for shard in entries:
+        own = store.clips_of(shard)
+        if own is None:
+            return None
+        clips += own
+    if not all(store.holds(shard.digest, "shards") for shard in judged):
+        return None
+    unsound = tuple((clip, fault) for clip, fault in answer["unsound"])
+    return _Result(entries=entries, clips=tuple(clips), judged=judged, unsound=unsound)
+
+
+def _clips_of(shard: Shard[Entry]) -> list[str]:
+    return shard.columns(["clip"])["clip"]
+
+
+def _batches(todo: Mapping[int, set[str]]) -> Iterator[list[int]]:
+    """The places of parts that are worked on, as many at a time as have `AT_A_TIME` clips to work on together."""
+    batch, size = [], 0
+    for place, keys in todo.items():
+        batch.append(place)
+        size += len(keys)
+        if size >= AT_A_TIME:
+            yield batch
+            batch, size = [], 0
+    if batch:
+        yield batch
+
+
+def _result(
+    stage: Stage,
+    key: str,
+    jobs: list[_Job],
+    answers: Mapping[str, dict[str, Any] | None],
+    recomputed: int,
+    store: Store,
+) -> _Result:
+    """The rows that the answers about a shard make, stored and remembered where none of them is a fault."""
     entries: list[Entry] = []
     judged: list[Judged] = []
     unsound: list[tuple[str, str]] = []
+    failed = False
     for job in jobs:
         answer = answers[job.key]
         assert answer is not None
@@ -155,16 +301,24 @@ def _gather(
         unsound += [(clip, fault) for clip, fault in answer["unsound"]]
         names = tuple(piece["clip"] for piece in answer["pieces"])
         judged.append(Judged(clip=job.clip, pieces=names, reasons=tuple(answer["reasons"]), numbers=answer["numbers"]))
-    _refuse_double_names(stage.name, entries)
-    settings = {**settings, stage.settings_digest: {"stage": stage.name, **stage.settings, **stage.depends}}
-    return Manifest(
-        stage=stage.name,
-        entries=tuple(entries),
-        judged=tuple(judged),
-        settings=settings,
-        recomputed=len(todo),
+        failed = failed or answer["failed"]
+    result = _Result(
+        entries=tuple(store.put_shard(shard) for shard in shards_of(Entry, entries, whole_up_to=WHOLE)),
+        clips=tuple(entry.clip for entry in entries),
+        judged=tuple(store.put_shard(shard) for shard in shards_of(Judged, judged, whole_up_to=WHOLE)),
         unsound=tuple(unsound),
+        recomputed=recomputed,
     )
+    if not failed:
+        content = {
+            "pieces": [],
+            "entries": [[shard.digest, shard.count] for shard in result.entries],
+            "judged": [[shard.digest, shard.count] for shard in result.judged],
+            "unsound": unsound,
+            ANSWERS: [job.key for job in jobs],
+        }
+        store.remember(key, content, stage.asker)
+    return result
 
 
 def progress(stage: str, done: int, of: int, seconds: float) -> str:
@@ -210,12 +364,12 @@ def _entries(stage: Stage, job: _Job, answer: dict[str, Any]) -> list[Entry]:
     ]
 
 
-def _refuse_double_names(stage: str, entries: list[Entry]) -> None:
+def _refuse_double_names(stage: str, clips: Iterable[str]) -> None:
     seen: set[str] = set()
-    for entry in entries:
-        if entry.clip in seen:
-            raise ClipError(entry.clip, "double_name", f"two clips of this name left {stage}; rename one of the files.")
-        seen.add(entry.clip)
+    for clip in clips:
+        if clip in seen:
+            raise ClipError(clip, "double_name", f"two clips of this name left {stage}; rename one of the files.")
+        seen.add(clip)
 
 
 def _work_on_clips(

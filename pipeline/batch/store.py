@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
-import re
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pipeline.batch.code_version import code_version
 from pipeline.batch.manifest import Manifest
 from pipeline.batch.pool import ClipPool
+from pipeline.batch.rows import Entry, Row
+from pipeline.batch.shard import Rows, Shard
 from pipeline.clips import codec
 from pipeline.clips.outcome import Clip
 from pipeline.errors import FileError
-from pipeline.files import atomic
+from pipeline.files import atomic, digest
 from pipeline.files.blob_store import BlobStore, DigestMemory
 from pipeline.files.remote_blobs import BlobGoneError, RemoteBlobs
 
@@ -30,19 +33,22 @@ BLOBS_VARIABLE = "BOOSTER_LAB_BLOBS"
 STAGE = "stage"
 """Key of an answer: the stage that asked."""
 
+ANSWERS = "answers"
+"""Key of an answer about all clips of a shard: the keys of the answers about each of them."""
+
+ROUND_TRIPS = "round_trips"
+"""Who asks whether the blobs of a shard round-trip."""
+
 A_CALL = 32
 """Blobs that a process looks at before it reports."""
 
 MOST_ASKINGS = 100
 """Runs of a stage that are remembered."""
 
-_BLOB = re.compile(r'\{"blob": "([0-9a-f]{64})"')
-"""How the line of an entry begins (`Manifest.lines`, whose keys are sorted)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """`blobs/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder.
+    """`blobs/` and `shards/` by content, `memo/` by what was asked, `manifests/` by asset; below one folder.
 
     With a URL, blobs are there too: processes that are given the store read and write them there alone, and this one
     keeps a copy of each that it looks at.
@@ -73,6 +79,11 @@ class Store:
         """The pool for work on files of this machine, which workers see only where they see the store."""
         return pool.on_this_machine() if self.blobs_url else pool
 
+    @property
+    def shards(self) -> BlobStore:
+        """Where the rows of manifests are."""
+        return BlobStore(root=self.root / "shards")
+
     @cached_property
     def _digests(self) -> DigestMemory:
         return DigestMemory(self.root / "blob_digests.json")
@@ -81,17 +92,33 @@ class Store:
         # Worker processes need not know which blobs were looked at.
         return {"root": self.root, "blobs_url": self.blobs_url, "given": True}
 
-    def holds(self, blob: str) -> bool:
-        """Whether a blob is there and its content is its name; one that nobody touched is read once."""
+    def holds(self, blob: str, kind: str = "blobs") -> bool:
+        """Whether a blob (or a file of `shards`) is there under its content; an untouched one is read once."""
         try:
-            return self._digests.of(f"{self.root}/blobs/{blob[:2]}/{blob}") == blob
+            return self._digests.of(f"{self.root}/{kind}/{blob[:2]}/{blob}") == blob
         except OSError:
-            return self.own_blobs.copied(blob)
+            return kind == "blobs" and self.own_blobs.copied(blob)
+
+    def clips_of(self, shard: Shard[Entry]) -> list[str] | None:
+        """The clips of a shard; None where its file or a blob that it names is missing or was changed."""
+        if not self.holds(shard.digest, "shards"):
+            return None
+        columns = shard.columns(["clip", "blob"])
+        return columns["clip"] if all(map(self.holds, columns["blob"])) else None
+
+    def put_shard(self, shard: Shard[Row]) -> Shard[Row]:
+        """Store the rows of a shard; the shard without its bytes."""
+        if isinstance(shard.place, bytes):
+            self.shards.put(shard.place)
+        return dataclasses.replace(shard, place=self.shards)
 
     def holds_blobs_of(self, asset: str) -> bool:
-        """Whether every blob that the current manifest of an asset names is there and unchanged. Raises OSError."""
-        with self.manifest_path(asset).open() as stream:
-            return all(self.holds(match[1]) for line in stream if (match := _BLOB.match(line)))
+        """Whether all that the current manifest of an asset names is there and unchanged. Raises FileError."""
+        manifest = self.load(asset)
+        if not isinstance(manifest.entries, Rows):  # of an earlier version
+            return all(self.holds(entry.blob) for entry in manifest.entries)
+        judged = all(self.holds(shard.digest, "shards") for shard in manifest.judged_shards)
+        return judged and all(self.clips_of(shard) is not None for shard in manifest.entry_shards)
 
     def note_blobs(self) -> None:
         """Keep for later runs which blobs were found unchanged. Raises FileError when the disk refuses."""
@@ -139,11 +166,21 @@ class Store:
         return self.root / "askings.json"
 
     def damaged(self, manifest: Manifest, pool: ClipPool) -> list[str]:
-        """Clips of a manifest whose blobs do not round-trip."""
-        entries = manifest.entries
-        calls = [([each.blob for each in entries[first : first + A_CALL]],) for first in range(0, len(entries), A_CALL)]
-        whole = (each for found in pool.map(self._all_round_trip, calls, shared=self.shared_folders) for each in found)
-        return [entry.clip for entry, is_whole in zip(entries, whole, strict=True) if not is_whole]
+        """Clips of a manifest whose blobs do not round-trip; those of a shard that did before are not read again."""
+        version = code_version()
+        found: list[str] = []
+        for shard in manifest.entry_shards:
+            columns = shard.columns(["clip", "blob"])
+            clips, blobs = columns["clip"], columns["blob"]
+            key = digest.of_json([ROUND_TRIPS, version, blobs])
+            if self.recall(key, ROUND_TRIPS) is not None:
+                continue
+            calls = [(blobs[first : first + A_CALL],) for first in range(0, len(blobs), A_CALL)]
+            whole = [each for few in pool.map(self._all_round_trip, calls, shared=self.shared_folders) for each in few]
+            found += [clip for clip, is_whole in zip(clips, whole, strict=True) if not is_whole]
+            if all(whole):
+                self.remember(key, {"pieces": [{"blob": blob} for blob in blobs]}, ROUND_TRIPS)
+        return found
 
     def _all_round_trip(self, blobs: list[str]) -> list[bool]:
         return [self.round_trips(blob) for blob in blobs]
@@ -197,8 +234,11 @@ class Store:
         return self.root / "manifests" / f"{asset}.json"
 
     def save(self, asset: str, manifest: Manifest) -> None:
-        """Make `manifest` the asset's current one. The blobs it names are there already."""
-        atomic.write_parts(self.manifest_path(asset), (line.encode() for line in manifest.lines()))
+        """Make `manifest` the asset's current one, its shards stored first. The blobs it names are there already."""
+        shards: tuple[Shard[Any], ...] = (*manifest.entry_shards, *manifest.judged_shards)
+        for shard in shards:
+            self.put_shard(shard)
+        atomic.write_text(self.manifest_path(asset), manifest.to_text())
 
     def load(self, asset: str) -> Manifest:
         """The asset's current manifest. Raises FileError with the command to run."""
@@ -208,6 +248,6 @@ class Store:
                 path, f"'{asset}' was never materialized here.", f"Run: dagster asset materialize --select {asset}"
             )
         try:
-            return Manifest.from_text(path.read_text())
+            return Manifest.from_text(path.read_text(), self.shards)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise FileError(path, f"not a readable manifest ({error}).", "Materialize the asset again.") from error

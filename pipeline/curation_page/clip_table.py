@@ -87,7 +87,7 @@ def read_table(store: Store, robot: str) -> ClipTable:
     """The table of a robot's current manifests. Raises FileError for a manifest that can't be read."""
     with _no_collections():
         manifests = {
-            stage: store.load(asset_of(stage, robot))
+            stage: store.load(asset_of(stage, robot)).at_hand()
             for stage in STAGES
             if store.manifest_path(asset_of(stage, robot)).is_file()
         }

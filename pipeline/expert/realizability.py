@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -86,7 +86,7 @@ def accuracy_against_rollouts(
     return accuracy
 
 
-def _by_family(entries: Sequence[Entry], store: Store) -> dict[str, list[RobotClip]]:
+def _by_family(entries: Iterable[Entry], store: Store) -> dict[str, list[RobotClip]]:
     found: dict[str, list[RobotClip]] = {}
     for entry in entries:
         found.setdefault(_family(entry.clip), []).append(_clip(entry, store))

@@ -24,14 +24,18 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import PipelineError
-from pipeline.feasibility.command_space import CommandSettings, by_command, cell_of
+from pipeline.feasibility.command_space import SECONDS_COLUMN, CommandSettings, by_command, cell_of
 from pipeline.feasibility.criterion import MetresPerSecondCubed
+from pipeline.feasibility.gait_signature import COLUMN as SIGNATURE
 from pipeline.feasibility.gait_signature import families
 from pipeline.files.ranges import POSITIVE, SHARE, Range
 from pipeline.files.sourced import Unit
 
 NEEDED = ("clip", "seconds", "forward_m_s", "lateral_m_s", "yaw_rate_rad_s", "root_jerk")
-"""Columns that are read; `parent`, `command_seconds` and `gait_signature` too where they are there."""
+"""Columns that are read ..."""
+
+READ = (*NEEDED, "parent", SECONDS_COLUMN, SIGNATURE)
+"""... and those that are read where they are there."""
 
 WITHIN_A_TAKE = r"@\d+-\d+|\+\d+"
 """Parts of a clip's name that tell windows and pieces of one take apart."""

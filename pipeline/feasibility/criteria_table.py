@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.batch import Judged, Manifest
+from pipeline.batch import Judged, Manifest, changed
 from pipeline.errors import FileError
 from pipeline.feasibility.criterion import REGISTERED, codes
 from pipeline.feasibility.judgement import NUMBER, Found, Judgement, from_text
@@ -80,12 +80,15 @@ def split(manifest: Manifest, origins: Mapping[str, Origin]) -> tuple[Manifest, 
         manifest: KP5's findings on each clip, judgements among the numbers
         origins: unit and source of each threshold of data/feasibility.yaml, by its name
     """
-    judged = tuple(
-        dataclasses.replace(each, numbers={name: value for name, value in each.numbers.items() if name != NUMBER})
-        for each in manifest.judged
-    )
+    judged = changed(Judged, manifest.judged, _without_judgements)
     rows = (row for each in manifest.judged for row in _rows_of_clip(each, origins))
     return dataclasses.replace(manifest, judged=judged), _table(rows)
+
+
+def _without_judgements(row: Judged) -> Judged:
+    if NUMBER not in row.numbers:
+        return row
+    return dataclasses.replace(row, numbers={name: value for name, value in row.numbers.items() if name != NUMBER})
 
 
 def write(path: Path, table: pd.DataFrame, manifest: Manifest) -> None:

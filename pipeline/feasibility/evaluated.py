@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from pipeline.batch import Entry, Judged, Manifest, Stage
+from pipeline.batch import Entry, Judged, Manifest, Stage, changed
 from pipeline.feasibility.command_space import SECONDS_COLUMN, VELOCITIES
 from pipeline.feasibility.criteria_table import NOT_APPLICABLE
 from pipeline.feasibility.criterion import MOTION, REGISTERED
@@ -45,6 +45,8 @@ def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> t
         stage: KP5
         results: those that are at hand
     """
+    if not results:
+        return candidates, []
     known = [
         entry
         for entry in candidates.entries
@@ -53,7 +55,7 @@ def without_evaluated(candidates: Manifest, stage: Stage, results: Results) -> t
         and (entry.record[-1]["version"], entry.record[-1]["settings"]) == (stage.version, stage.settings_digest)
     ]
     names = {entry.clip for entry in known}
-    rest = tuple(entry for entry in candidates.entries if entry.clip not in names)
+    rest = changed(Entry, candidates.entries, lambda entry: None if entry.clip in names else entry)
     return dataclasses.replace(candidates, entries=rest), known
 
 

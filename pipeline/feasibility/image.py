@@ -1,8 +1,8 @@
 """The assessment of a mirror image by that of the motion that it shows, where the robot is symmetric.
 
 What the criteria measure is then the same on both sides, to the tolerance within which the robot is its own mirror
-image. Evaluated for each of the two are only the limits of joints and motors, which may differ between left and right,
-and images that break a criterion, as its message names a side.
+image. Evaluated for each of the two are only a few criteria (`OWN`), and images that break one, as its message names a
+side.
 """
 
 from __future__ import annotations
@@ -22,11 +22,15 @@ from pipeline.feasibility.reference import CLIP, CONTENT
 from pipeline.feasibility.settings import FeasibilitySettings
 from pipeline.quality.sole import sole_motion
 from pipeline.robot import Kinematics, Robot
-from pipeline.robot.mirror_image import MARK, POSITION, mirror_clip
+from pipeline.robot.mirror_image import MARK, POSITION, mirror_clip, mirror_corners
 from pipeline.simulation.mujoco_plant import self_collision
 
-OWN = ("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s")
-"""Criteria that are evaluated on the image itself."""
+OWN = (
+    *("joint_limit_excess", "joint_speed_ratio", "joint_speed_over_share", "joint_speed_over_run_s"),
+    *("foot_slip_mean", "foot_told_slip_mean", "foot_slip_p95"),
+)
+"""Criteria that are evaluated on the image itself: limits, which may differ between left and right, and slip, whose
+last digits depend on the order of the corners."""
 
 TOLERANCE_M = 1e-5
 """A robot is symmetric where links, soles and overlaps of its shapes in mirrored poses differ by less than this [m].
@@ -131,8 +135,6 @@ def asymmetry(robot: Robot) -> float:
     )
     apart = [np.abs(mirrored - links[:, robot.link_mirror_index] * POSITION).max()]
     corners, mirrored = (sole_motion(each, robot).corner_pos_w for each in (clip, image))
-    expected = corners[:, ::-1] * POSITION
-    away = np.linalg.norm(mirrored[:, :, :, None] - expected[:, :, None], axis=-1)  # of each corner from each
-    apart += [away.min(axis=axis).max() for axis in (-1, -2)]
+    apart.append(np.abs(mirrored - mirror_corners(corners, robot)).max())
     depth, mirrored = (self_collision(each, robot).depth for each in (clip, image))
     return float(max(*apart, np.abs(mirrored - depth).max()))

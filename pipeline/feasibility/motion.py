@@ -126,8 +126,8 @@ class Motion:
         assert self.reference is None
         sole = dataclasses.replace(
             self.sole,
-            corner_pos_w=self.sole.corner_pos_w[:, ::-1] * mirror_image.POSITION,
-            corner_vel_w=self.sole.corner_vel_w[:, ::-1] * mirror_image.POSITION,
+            corner_pos_w=mirror_image.mirror_corners(self.sole.corner_pos_w, self.robot),
+            corner_vel_w=mirror_image.mirror_corners(self.sole.corner_vel_w, self.robot),
         )
         root = (image.root_pos_w, image.root_quat_w, image.fps)
         return dataclasses.replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline.clips.robot_clip import RobotClip
 from pipeline.robot.robot import Robot
@@ -27,3 +28,11 @@ def mirror_clip(clip: RobotClip, robot: Robot, name: str) -> RobotClip:
         joint_pos=clip.joint_pos[:, robot.mirror_index] * robot.mirror_sign,
         contacts=None if clip.contacts is None else clip.contacts[:, ::-1].copy(),
     )
+
+
+def mirror_corners(vectors_w: Float[np.ndarray, "t 2 4 3"], robot: Robot) -> Float[np.ndarray, "t 2 4 3"]:
+    """Places or velocities of the soles' corners in a mirror: each corner is the image of one of the other sole."""
+    sites = [[robot.tree.site_names.index(name) for name in names] for names in robot.sole_corners]
+    left, right = (robot.tree.site_pos[each] for each in sites)
+    partner = np.linalg.norm(right[:, None] - left * POSITION, axis=-1).argmin(axis=1)
+    return np.stack([vectors_w[:, 1, np.argsort(partner)], vectors_w[:, 0, partner]], axis=1) * POSITION

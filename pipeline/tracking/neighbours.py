@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from pipeline.batch import Judged, Manifest
+from pipeline.batch import Entry, Judged, Manifest, changed
 from pipeline.tracking.process import AS_RETARGETED, NOT_TRACKED
 
 FOLLOWED_SHARE = 0.8
@@ -39,21 +39,24 @@ def compared_with_neighbours(rollouts: Manifest, references: Manifest) -> Manife
             skill = str(facts[row.clip].get("skill", ""))
             seen[skill] += 1
             followed[skill] += bool(row.numbers["survived"])
-    judged: list[Judged] = []
     at_fault: set[str] = set()
-    for row in rollouts.judged:
-        if any(reason["code"] == NOT_TRACKED for reason in row.reasons):
-            skill = str(facts[row.clip].get("skill", ""))
-            # it failed itself, so it is not among the followed
-            others = seen[skill] - _as_retargeted(facts[row.clip])
-            fault = others > 0 and followed[skill] >= FOLLOWED_SHARE * others
-            row = _with_reason(row, _why(skill, followed[skill], others, fault))
-            if fault:
-                at_fault.add(row.clip)
-                row = dataclasses.replace(row, pieces=(), numbers={**row.numbers, "seconds_out": 0.0, AT_FAULT: True})
-        judged.append(row)
-    entries = tuple(entry for entry in rollouts.entries if entry.numbers["reference"] not in at_fault)
-    return dataclasses.replace(rollouts, entries=entries, judged=tuple(judged))
+
+    def compared(row: Judged) -> Judged:
+        if not any(reason["code"] == NOT_TRACKED for reason in row.reasons):
+            return row
+        skill = str(facts[row.clip].get("skill", ""))
+        # it failed itself, so it is not among the followed
+        others = seen[skill] - _as_retargeted(facts[row.clip])
+        fault = others > 0 and followed[skill] >= FOLLOWED_SHARE * others
+        row = _with_reason(row, _why(skill, followed[skill], others, fault))
+        if fault:
+            at_fault.add(row.clip)
+            row = dataclasses.replace(row, pieces=(), numbers={**row.numbers, "seconds_out": 0.0, AT_FAULT: True})
+        return row
+
+    judged = changed(Judged, rollouts.judged, compared)
+    entries = changed(Entry, rollouts.entries, lambda each: None if each.numbers["reference"] in at_fault else each)
+    return dataclasses.replace(rollouts, entries=entries, judged=judged)
 
 
 def _as_retargeted(numbers: Mapping[str, Any]) -> bool:

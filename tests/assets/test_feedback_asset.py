@@ -85,7 +85,7 @@ def test_what_is_proposed_waits_until_it_is_approved(project):
 
 def test_the_page_is_made_anew_after_every_approval_and_taking_back(project):
     digest = page(project, fall(1))[0]["proposal"]
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         assert page_request(instance, project) is None, "there is no page yet, as no log was dropped"
         note_page(instance, fall(1))
         for act, pending in (
@@ -107,7 +107,7 @@ def test_a_page_that_cannot_be_made_is_tried_a_few_times_and_no_more(project):
 
     job = defs.resolve_job_def(renew_feedback_page.name)
     digest = page(project, fall(1))[0]["proposal"]
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         note_page(instance, fall(1))
         approve_proposal(project.feedback, digest, "a person")
         for _ in range(MAX_FAILURES):

@@ -203,11 +203,11 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
     for folder in ("data", "robots"):
         shutil.copytree(root / folder, tmp_path / folder, ignore=shutil.ignore_patterns("motions", "store", ".dagster"))
     project = Project(tmp_path)
-    asked = {key: plan for key, plan in plans(project).items() if plan.settings_files}
-    named = {key: dataclasses.replace(plan, robot=None) for key, plan in asked.items()}  # its digest takes its time
+    asked = [plan for plan in plans(project).values() if plan.settings_files]
+    named = {plan.name: dataclasses.replace(plan, robot=None) for plan in asked}  # a robot's digest takes its time
     path = project.settings(file)
     values = read_yaml(path)
-    before = {key: plan.fingerprint(project) for key, plan in named.items()}
+    before = {name: plan.fingerprint(project) for name, plan in named.items()}
     numbers = _numbers(values)
     assert len(numbers) >= least
     for *sections, last in numbers:
@@ -217,7 +217,7 @@ def test_each_number_of_kp5_makes_stale_what_is_told_by_it_and_nothing_above(fil
             at = at[name]
         at[last] = "another"
         path.write_text(yaml.safe_dump(changed))
-        found = {plan.name for key, plan in named.items() if plan.fingerprint(project) != before[key]}
+        found = {name for name, plan in named.items() if plan.fingerprint(project) != before[name]}
         assert found == stale, (*sections, last)
 
 

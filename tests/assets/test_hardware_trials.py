@@ -203,7 +203,7 @@ def tick(instance: dg.DagsterInstance) -> dict[str, str] | str:
 
 
 def test_the_sensor_waits_for_a_whole_log(project, log_bytes):
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         assert tick(instance) == "no new log: 0 are ingested, 0 still being written"
         drop(project, "a.mcap", log_bytes[: len(log_bytes) // 2], age_s=10.0)
         assert tick(instance) == "no new log: 0 are ingested, 1 still being written"
@@ -213,7 +213,7 @@ def test_the_sensor_waits_for_a_whole_log(project, log_bytes):
 
 def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         for _ in range(3):
             tags = tick(instance)
             assert isinstance(tags, dict)
@@ -229,7 +229,7 @@ def test_the_sensor_starts_one_run_for_the_same_logs_and_tries_again_what_failed
 
 def test_a_run_that_a_person_cancels_is_not_started_again_until_a_log_comes(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         tags = tick(instance)
         assert isinstance(tags, dict)
         run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
@@ -241,7 +241,7 @@ def test_a_run_that_a_person_cancels_is_not_started_again_until_a_log_comes(proj
 
 def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         tags = tick(instance)
         assert isinstance(tags, dict)
         run = instance.create_run_for_job(ingest_job(), tags=tags, status=dg.DagsterRunStatus.STARTED)
@@ -255,7 +255,7 @@ def test_a_run_that_died_with_its_machine_is_told_failed_and_tried_again(project
 
 def test_a_run_that_failed_behind_the_trials_is_tried_again(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         tags = tick(instance)
         assert isinstance(tags, dict)
         assets.bootstrap.note_external(instance, project)
@@ -271,7 +271,7 @@ def test_a_broken_file_of_approvals_keeps_no_log_from_being_ingested(project, lo
     drop(project, "a.mcap", log_bytes)
     project.approved_feedback.parent.mkdir()
     project.approved_feedback.write_text("approvals: 3\n")
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         assert isinstance(tick(instance), dict)
         assert materialize(instance).success
         noted = instance.get_latest_materialization_event(dg.AssetKey(["approved_weights"])).asset_materialization
@@ -293,7 +293,7 @@ def test_a_log_called_like_the_second_trial_of_another_one_is_not_mistaken_for_i
 
 def test_logs_that_come_back_are_ingested_again_however_often(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         tags = tick(instance)
         assert isinstance(tags, dict)
         for _ in range(3):
@@ -308,7 +308,7 @@ def ingest_job() -> dg.JobDefinition:
 
 def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
     drop(project, "a.mcap", log_bytes)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         assets.bootstrap.note_external(instance, project)
         result = materialize(instance)
         assert result.success
@@ -319,7 +319,7 @@ def test_the_sensor_rests_when_the_logs_are_ingested(project, log_bytes):
 
 def test_a_refused_log_warns_and_does_not_fail_the_run(project):
     drop(project, "a.mcap", b"no log at all" * 10)
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         result = materialize(instance)
         assert result.success
         (check,) = [each for each in result.get_asset_check_evaluations() if not each.passed]

@@ -63,9 +63,12 @@ def tick(instance: dg.DagsterInstance) -> dg.RunRequest | str:
 
 
 @contextmanager
-def reached(project: Project):
-    """A history in which all stages and the database have heard of what is approved now."""
-    with dg.instance_for_test() as instance:
+def reached(project: Project, history=dg.DagsterInstance.ephemeral):
+    """A history in which all stages and the database have heard of what is approved now.
+
+    `history`: `dg.instance_for_test` for schedules, which read it from files
+    """
+    with history() as instance:
         note_materialized(instance, project)
         write_database(project)
         assert behind(instance, project) == {}
@@ -84,7 +87,7 @@ def _job(request: dg.RunRequest) -> dg.JobDefinition:
 
 
 def test_a_database_is_behind_from_an_approval_until_it_is_made(project):
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         approve(project)
         assert behind(instance, project) == {}, "what was never made heeds it when it is made"
         project.approved_feedback.unlink()
@@ -117,7 +120,7 @@ def test_ranges_of_training_make_no_database_late(project):
 
 
 def test_the_sensor_and_the_schedule_ask_for_one_run_and_rest_when_it_is_through(project):
-    with reached(project) as instance:
+    with reached(project, dg.instance_for_test) as instance:
         schedule = dg.build_schedule_context(instance=instance)
         assert "no database is behind" in tick(instance)
         assert isinstance(nightly_recuration(schedule), dg.SkipReason)
@@ -148,7 +151,7 @@ def test_the_page_of_feedback_comes_first_and_keeps_no_database_waiting(project)
 
 
 def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(project):
-    with reached(project) as instance:
+    with reached(project, dg.instance_for_test) as instance:
         approve(project, "weights")
         for count in range(MAX_NIGHTLY_TRIES):
             asked = tick(instance)
@@ -164,7 +167,7 @@ def test_a_run_that_comes_to_nothing_is_tried_again_a_few_times_and_no_more(proj
 
 
 def test_a_run_that_a_person_cancels_is_not_started_again_until_something_changes(project):
-    with reached(project) as instance:
+    with reached(project, dg.instance_for_test) as instance:
         approve(project, "weights")
         request = tick(instance)
         assert isinstance(request, dg.RunRequest)
@@ -242,7 +245,7 @@ def test_a_run_that_never_took_its_lock_is_not_waited_for_for_ever(project, monk
 def test_a_broken_file_of_approvals_is_told_and_starts_nothing(project):
     project.approved_feedback.parent.mkdir(parents=True, exist_ok=True)
     project.approved_feedback.write_text("approvals: 3\n")
-    with dg.instance_for_test() as instance:
+    with dg.DagsterInstance.ephemeral() as instance:
         assert "approved.yaml: 'approvals' is 3" in tick(instance)
 
 

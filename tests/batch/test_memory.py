@@ -88,10 +88,10 @@ def test_an_answer_that_a_power_cut_tore_is_asked_for_again(tmp_path, torn):
     store, pool = Store(root=tmp_path), ClipPool(backend="sequential")
     before = stored(store, 2)
     first = run_stage(stage(raise_a_little), before, store, pool, LOG)
-    answer = next(iter(sorted((tmp_path / "memo").rglob("*.json"))))
-    answer.write_bytes(answer.read_bytes()[: answer.stat().st_size // 2] if torn == "half" else torn)
+    for answer in (tmp_path / "memo").rglob("*.json"):
+        answer.write_bytes(answer.read_bytes()[: answer.stat().st_size // 2] if torn == "half" else torn)
     again = run_stage(stage(raise_a_little), before, store, pool, LOG)
-    assert again.recomputed == 1
+    assert again.recomputed == 2
     assert again.digest == first.digest
 
 
@@ -102,12 +102,13 @@ def test_the_digest_of_a_manifest_read_back_is_that_of_its_content(tmp_path):
     read = store.load("made")
     assert read.digest == made.digest
     assert dataclasses.replace(read, stage="other").digest != made.digest
-    path = store.manifest_path("made")
-    path.write_text(path.read_text().replace('"seconds": ', '"seconds": 1', 1))
-    assert store.load("made").digest != made.digest
+    assert digest.of_file(store.manifest_path("made")) == made.digest
+    more = read.with_numbers({"clip000": {"seconds": 1.5}})
+    assert more.digest != made.digest
+    assert more.with_numbers({"clip000": {"seconds": read.entries[0].numbers["seconds"]}}).digest == made.digest
 
 
-def test_a_manifest_is_written_and_digested_without_its_whole_text(tmp_path):
+def test_a_manifest_of_many_clips_is_written_a_shard_at_a_time(tmp_path):
     numbers = {f"number {index}": index / 7 for index in range(100)}
     entries = tuple(Entry(clip=f"clip{index:04d}", blob="0" * 64, numbers=numbers) for index in range(1000))
     manifest, store = Manifest(stage="made", entries=entries, judged=()), Store(root=tmp_path)
@@ -119,19 +120,9 @@ def test_a_manifest_is_written_and_digested_without_its_whole_text(tmp_path):
         peak = tracemalloc.get_traced_memory()[1] - before
     finally:
         tracemalloc.stop()
-    text = store.manifest_path("made").read_text()
-    assert text == manifest.to_text()
-    assert made == digest.of_bytes(text.encode())
-    assert peak < len(text) / 5
-
-
-def test_a_manifest_is_json_with_a_line_a_clip(tmp_path):
-    store = Store(root=tmp_path)
-    made = run_stage(stage(raise_a_little), stored(store, 3), store, ClipPool(backend="sequential"), LOG)
-    value = json.loads(made.to_text())
-    assert [entry["clip"] for entry in value["entries"]] == ["clip000", "clip001", "clip002"]
-    lines = [line for line in made.to_text().splitlines() if '"blob"' in line]
-    assert len(lines) == 3
+    assert store.manifest_path("made").read_text() == manifest.to_text()
+    assert digest.of_file(store.manifest_path("made")) == made
+    assert peak < sum(len(json.dumps(vars(entry))) for entry in entries) / 2
 
 
 @pytest.mark.parametrize("damage", ["gone", "a bit turned", "emptied"])

@@ -73,6 +73,16 @@ def test_named_clips_are_worked_on_again_and_nothing_else(store, tmp_path, monke
     assert run_stage(stage(), before, store, POOL, LOG).recomputed == 0
 
 
+def test_the_clips_of_a_named_source_are_worked_on_again(store, tmp_path, monkeypatch):
+    before = manifest_of(store, ["one/a", "one/b", "two/a", "two/one"])
+    first = run_stage(stage(), before, store, POOL, LOG)
+    listed = tmp_path / "again.json"
+    listed.write_text('["one/"]')
+    monkeypatch.setenv(AGAIN_VARIABLE, str(listed))
+    again = run_stage(stage(), before, store, POOL, LOG)
+    assert (again.recomputed, again.digest) == (2, first.digest)
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[1]", None])
 def test_a_list_of_clips_that_can_not_be_read_is_an_error_with_its_file(store, tmp_path, monkeypatch, text):
     listed = tmp_path / "again.json"
@@ -150,7 +160,7 @@ def test_two_clips_of_one_name_are_refused(store):
 
 def test_a_manifest_comes_back_from_its_text(store):
     found = run_stage(stage(), manifest_of(store, ["a", "bad"]), store, POOL, LOG)
-    again = Manifest.from_text(found.to_text())
+    again = Manifest.from_text(found.to_text(), store.shards)
     assert again.to_text() == found.to_text()
     assert again.judged[1].fate == "rejected"
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from tests.factories.checkout import Checkout
+from tests.factories.checkout import PATIENCE_S, Checkout
 from tests.factories.curation_browser import PICTURES_VARIABLE, Browser, browser, curation_server
 
 pytestmark = pytest.mark.command
@@ -17,7 +17,7 @@ PICTURED = (*FEW, "back", "run_easy", "side_left", "turn_left")
 """Motions where screenshots for the docs are wanted."""
 MARKUP = "<img src=x onerror=alert(1)>"
 """Name of a motion file: it must reach the page as text."""
-RUN_MS = 280_000
+RUN_MS = 1_000 * PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -26,8 +26,8 @@ def checkout(root, tmp_path_factory) -> Checkout:
     motions = PICTURED if os.environ.get(PICTURES_VARIABLE) else FEW
     made = Checkout.make(root, tmp_path_factory.mktemp("curate"), motions).with_answers_of(root)
     shutil.copy2(made.root / "data/motions/stand.bvh", made.root / f"data/motions/{MARKUP}.bvh")
-    made.materialize(timeout_s=580)
-    done = made.run("dagster", "asset", "materialize", "--select", "curation_feedback", timeout_s=580)
+    made.materialize()
+    done = made.run("dagster", "asset", "materialize", "--select", "curation_feedback")
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return made
 

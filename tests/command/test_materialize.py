@@ -14,14 +14,16 @@ from tests.factories.checkout import ASSETS, Checkout
 
 pytestmark = pytest.mark.command
 
-FEW = ("stand", "curve_left", "side_left")
-"""Shipped motions the checkout starts with."""
+FEW = {"stand": 120, "curve_left": 200, "side_left": 90}
+"""Shipped motions that the checkout starts with, and how many frames of them."""
+EVALUATING = ("reference_motions", "augmented_motions", "feasible_motions")
+"""Stages that depend on data/feasibility.yaml and work on clips."""
 
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
     """A checkout in which nothing was ever materialized."""
-    return Checkout.make(root, tmp_path_factory.mktemp("checkout"), FEW)
+    return Checkout.make(root, tmp_path_factory.mktemp("checkout"), tuple(FEW)).with_less_to_do(FEW)
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +33,28 @@ def materialized(checkout) -> Checkout:
     return checkout
 
 
+def made_since(checkout: Checkout, before: dict[str, int]) -> dict[str, int]:
+    """How often assets were materialized since the counts `before`, of those that were."""
+    return {name: count - before[name] for name, count in checkout.counts().items() if count > before[name]}
+
+
+def turned(text: str, yaw_deg: float) -> str:
+    """A BVH file whose first channel is shifted."""
+    head, rows = text.split("Frame Time:", 1)
+    lines = rows.splitlines()
+    lines[1:] = [" ".join([f"{float(line.split()[0]) + yaw_deg:.5f}", *line.split()[1:]]) for line in lines[1:]]
+    return head + "Frame Time:" + "\n".join(lines) + "\n"
+
+
 def test_a_fresh_clone_gets_a_database_from_one_command(materialized):
     assert materialized.counts() == dict.fromkeys(ASSETS, 1)
     assert materialized.clips() == {f"{name}.bvh" for name in FEW}
 
 
-def test_nothing_stale_is_said_and_nothing_is_done(materialized):
+def test_without_a_change_or_with_a_remark_alone_nothing_is_stale(materialized):
     before, database = materialized.counts(), materialized.database()
+    path = materialized.root / "data/feasibility.yaml"
+    path.write_text(path.read_text() + "\n# a remark\n")
     printed = materialized.materialize()
     assert "nothing is stale" in printed
     assert materialized.counts() == before
@@ -46,92 +63,75 @@ def test_nothing_stale_is_said_and_nothing_is_done(materialized):
     assert len(materialized.newest_checks()) == 3
 
 
-def test_a_clip_added_is_worked_on_alone_and_a_deleted_one_leaves_the_database(materialized):
-    database = materialized.database()
-    motions = materialized.root / "data/motions"
+def test_a_clip_added_or_changed_is_worked_on_alone_and_a_deleted_one_leaves_the_database(materialized):
+    database, motions = materialized.database(), materialized.root / "data/motions"
     shutil.copy2(motions / "side_left.bvh", motions / "added.bvh")
+    changed = motions / "curve_left.bvh"
+    text = changed.read_text()
+    changed.write_text(turned(text, 12.5))
     materialized.materialize()
     assert "added.bvh" in materialized.clips()
-    assert materialized.recomputed() == materialized.clips_from("added")
+    added, other = materialized.clips_from("added"), materialized.clips_from("curve_left")
+    assert materialized.recomputed() == {stage: added[stage] + other[stage] for stage in added}
     (motions / "added.bvh").unlink()
+    changed.write_text(text)
     materialized.materialize()
     assert "added.bvh" not in materialized.clips()
     assert set(materialized.recomputed().values()) == {0}
     assert materialized.database() == database
 
 
-def test_a_clip_changed_is_worked_on_alone_at_every_stage(materialized):
-    path = materialized.root / "data/motions/curve_left.bvh"
-    text = path.read_text()
-    head, rows = text.split("Frame Time:", 1)
-    lines = rows.splitlines()
-    lines[1:] = [" ".join([f"{float(line.split()[0]) + 12.5:.5f}", *line.split()[1:]]) for line in lines[1:]]
-    path.write_text(head + "Frame Time:" + "\n".join(lines) + "\n")
-    materialized.materialize()
-    assert materialized.recomputed() == materialized.clips_from("curve_left")
-    path.write_text(text)
-    materialized.materialize()
-    assert set(materialized.recomputed().values()) == {0}
-
-
-def test_a_remark_in_a_settings_file_changes_nothing(materialized):
-    before = materialized.counts()
-    path = materialized.root / "data/feasibility.yaml"
-    path.write_text(path.read_text() + "\n# a remark\n")
-    materialized.materialize()
-    assert materialized.counts() == before
-
-
-def test_a_threshold_changed_recomputes_from_its_stage_on(materialized):
-    before = materialized.counts()
+def test_a_threshold_changed_recomputes_from_its_stage_on_though_the_first_run_is_killed(materialized):
+    before, database = materialized.counts(), materialized.database()
     path = materialized.root / "data/feasibility.yaml"
     text = path.read_text()
     path.write_text(re.sub(r"min_seconds: \{value: [0-9.]+", "min_seconds: {value: 0.77", text))
     assert path.read_text() != text
+    process = materialized.start("dagster", "asset", "materialize", "--select", "expert_db")
+    marker = "feasible_motions: "
+    assert any(marker in line for line in process.stdout), "the run ended before KP5"
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert materialized.database() == database, "the last version stays"
+    read_database(materialized.root / "data/expert_db/t1")
     materialized.materialize()
-    made = {name for name, count in materialized.counts().items() if count > before[name]}
-    assert made - {"tracking_policy"} == {"reference_motions", "augmented_motions", "feasible_motions", "expert_db"}
+    assert materialized.started_runs() == [], "the killed run counts as failed"
+    made = made_since(materialized, before).keys() - {"tracking_policy"}
+    assert made == {"reference_motions", "augmented_motions", "feasible_motions", "expert_db"}
     assert materialized.recomputed()["feasible_motions"] > 0
     path.write_text(text)
     materialized.materialize()
     assert materialized.recomputed()["feasible_motions"] == 0
-
-
-def test_a_command_cell_changed_weighs_the_clips_anew_and_judges_none(materialized):
-    before, database = materialized.counts(), materialized.database()
-    path = materialized.root / "data/commands.yaml"
-    text = path.read_text()
-    path.write_text(text.replace("yaw_rate: {value: [-1.5, 1.5, 0.5]", "yaw_rate: {value: [-1.5, 1.5, 1.5]"))
-    assert path.read_text() != text
-    materialized.materialize()
-    made = {name for name, count in materialized.counts().items() if count > before[name]}
-    assert made == {"feasible_motions", "expert_db"}
-    assert materialized.recomputed()["feasible_motions"] == 0
-    stages = json.loads((materialized.root / "data/expert_db/t1/manifest.json").read_text())["stages"].values()
-    assert [each["yaw_rate"] for each in stages if "yaw_rate" in each] == [[-1.5, 1.5, 1.5]]
-    path.write_text(text)
-    materialized.materialize()
     assert materialized.database() == database
 
 
-def test_a_changed_explanation_of_a_limit_or_a_lost_table_of_verdicts_rewrites_the_table_and_judges_nothing(
-    materialized,
-):
+def test_what_changes_no_verdict_is_written_again_and_no_clip_is_evaluated(materialized):
+    """A cell of the commands, the explanation of a limit, and a lost table of verdicts."""
     before, database = materialized.counts(), materialized.database()
-    path = materialized.root / "data/feasibility.yaml"
     table = materialized.root / "data/store/manifests/feasible_motions.criteria.parquet"
-    text, written = path.read_text(), table.read_bytes()
-    path.write_text(text.replace("A fall is 60 degrees.", "A fall is more."))
+    written = table.read_bytes()
+    commands = materialized.replace(
+        "data/commands.yaml", "yaw_rate: {value: [-1.5, 1.5, 0.5]", "yaw_rate: {value: [-1.5, 1.5, 1.5]"
+    )
     materialized.materialize()
-    assert set(materialized.recomputed().values()) == {0}
+    assert made_since(materialized, before).keys() == {"feasible_motions", "expert_db"}
+    assert materialized.recomputed()["feasible_motions"] == 0
+    stages = json.loads((materialized.root / "data/expert_db/t1/manifest.json").read_text())["stages"].values()
+    assert [each["yaw_rate"] for each in stages if "yaw_rate" in each] == [[-1.5, 1.5, 1.5]]
+
+    (materialized.root / "data/commands.yaml").write_text(commands)
+    before = materialized.counts()
+    limits = materialized.replace("data/feasibility.yaml", "A fall is 60 degrees.", "A fall is more.")
+    materialized.materialize()
+    assert {materialized.recomputed()[name] for name in EVALUATING} == {0}
     assert table.read_bytes() != written
-    path.write_text(text)
+
+    (materialized.root / "data/feasibility.yaml").write_text(limits)
     table.unlink()
     materialized.materialize()
-    made = {name: count - before[name] for name, count in materialized.counts().items() if count > before[name]}
-    judging = ("reference_motions", "tracking_policy", "augmented_motions", "feasible_motions")
-    assert made == dict.fromkeys(judging, 2)
-    assert set(materialized.recomputed().values()) == {0}
+    made = dict.fromkeys((*EVALUATING, "tracking_policy"), 2) | {"expert_db": 1}  # by the commands alone
+    assert made_since(materialized, before) == made
+    assert {materialized.recomputed()[name] for name in EVALUATING} == {0}
     assert table.read_bytes() == written
     assert materialized.database() == database
 
@@ -187,35 +187,15 @@ def test_an_empty_folder_of_the_environment_is_named_in_one_sentence(materialize
     assert "BOOSTER_LAB_MOTIONS names it, but it is not a folder" in done.stdout + done.stderr
 
 
-def test_a_run_that_was_killed_leaves_the_last_version_and_is_told_failed_by_the_next(materialized):
-    database = materialized.database()
-    path = materialized.root / "data/feasibility.yaml"
-    text = path.read_text()
-    path.write_text(re.sub(r"min_seconds: \{value: [0-9.]+", "min_seconds: {value: 0.66", text))
-    process = materialized.start("dagster", "asset", "materialize", "--select", "expert_db")
-    marker = "feasible_motions: "
-    assert any(marker in line for line in process.stdout), "the run ended before KP5"
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    assert materialized.database() == database
-    read_database(materialized.root / "data/expert_db/t1")
-    materialized.materialize()
-    assert materialized.started_runs() == []
-    path.write_text(text)
-
-
 def test_a_broken_settings_file_is_told_in_one_sentence(materialized):
-    path = materialized.root / "data/repair.yaml"
-    text = path.read_text()
-    path.write_text(text.replace("min_seconds:", "min_secnods:"))
+    text = materialized.replace("data/repair.yaml", "min_seconds:", "min_secnods:")
     done = materialized.run("dagster", "asset", "materialize", "--select", "expert_db")
-    path.write_text(text)
+    (materialized.root / "data/repair.yaml").write_text(text)
     assert done.returncode != 0
     assert "repair.yaml: unknown key 'min_secnods'" in done.stdout + done.stderr
 
 
 def test_the_shipped_folder_named_again_in_the_environment_changes_nothing(materialized):
-    materialized.materialize()
     before = materialized.counts()
     printed = materialized.materialize(BOOSTER_LAB_MOTIONS=str(materialized.root / "data/motions"))
     assert "nothing is stale" in printed
@@ -229,8 +209,7 @@ def test_a_measurement_changed_calibrates_its_motor_and_remakes_what_depends_on_
     weak = Drive(knee_torque=40.0, knee_speed=12.57, source="a weaker knee")
     path.write_text(measurement_text("knee", weak))
     materialized.materialize()
-    made = {name for name, count in materialized.counts().items() if count > before[name]}
-    assert made - {"tracking_policy"} == {
+    assert made_since(materialized, before).keys() - {"tracking_policy"} == {
         *("actuator_calibration", "adapted_robot", "reference_motions", "augmented_motions"),
         *("feasible_motions", "expert_db"),
     }

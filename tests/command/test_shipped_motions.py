@@ -20,7 +20,7 @@ def shipped(root, tmp_path_factory) -> Checkout:
     """
     names = tuple(path.stem for path in (root / "data/motions").glob("*.bvh"))
     checkout = Checkout.make(root, tmp_path_factory.mktemp("shipped"), names).with_answers_of(root)
-    checkout.materialize(timeout_s=1200.0)
+    checkout.materialize()
     return checkout
 
 
@@ -96,10 +96,9 @@ def test_the_database_is_whole_and_says_what_it_may_be_used_for(shipped):
 
 
 def test_two_checkouts_give_the_same_bytes(shipped, root, tmp_path):
-    few = ("stand", "curve_left")
-    again = Checkout.make(root, tmp_path / "again", few)
+    again = Checkout.make(root, tmp_path / "again", ("curve_left",))
     again.materialize()
-    names = {name for name in shipped.database() if name.startswith(tuple(f"booster_lab__{clip}@" for clip in few))}
+    names = {name for name in shipped.database() if name.startswith("booster_lab__curve_left@")}
     assert names == {name for name in again.database() if name.endswith(".json")}
     for name in names:
         assert frames_of(again, name) == frames_of(shipped, name)

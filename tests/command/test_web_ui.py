@@ -1,8 +1,18 @@
-"""The web UI on a fresh clone: the graph without complaints, the button, and the same bytes as the command's."""
+"""The web UI on a fresh clone: the graph without complaints, the button, the same bytes as the command's, and hostile
+names of a folder and a file in its pages and in the viewer: shown, and nothing runs. One checkout, one story.
+"""
+
+import shutil
+import socket
 
 import pytest
 
 from assets.definitions import defs
+from pipeline.cli.project import find_project
+from pipeline.cli.view_command import clips_to_view
+from pipeline.readers import Statement
+from pipeline.viewing.viewer import Viewer
+from tests.factories.browser import WAIT_S, chromium, listening
 from tests.factories.checkout import ASSETS, Checkout
 from tests.factories.web_ui import WebUi, web_ui
 
@@ -13,7 +23,7 @@ FEW = ("stand", "curve_left")
 
 @pytest.fixture(scope="module")
 def checkout(root, tmp_path_factory) -> Checkout:
-    """A checkout that need not repeat what `make expert_db` did here; the typed command below works afresh."""
+    """A checkout that need not repeat what `make expert_db` did here."""
     return Checkout.make(root, tmp_path_factory.mktemp("ui"), FEW).with_answers_of(root)
 
 
@@ -36,7 +46,7 @@ def test_the_graph_is_shown_without_errors_or_warnings_of_ours(page: WebUi):
 def test_the_button_on_a_fresh_clone_makes_the_database_that_the_command_makes(page, checkout, root, tmp_path):
     assert page.materialize("expert_db") == "SUCCESS"
     assert checkout.counts() == dict.fromkeys(ASSETS, 1)
-    by_command = Checkout.make(root, tmp_path / "typed", FEW)
+    by_command = Checkout.make(root, tmp_path / "typed", FEW).with_answers_of(root)
     by_command.materialize()
     assert by_command.database() == checkout.database()
 
@@ -51,3 +61,54 @@ def test_one_stage_alone_can_be_materialized_from_its_page(page, checkout):
     after = checkout.counts()
     assert {name for name in ASSETS if after[name] > before[name]} == {"repaired_motions"}
     assert checkout.recomputed()["repaired_motions"] == 0
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def listener():
+    with listening() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def catalogued(checkout, page, listener) -> Checkout:
+    """The checkout with a motion that is read and one that is refused, of hostile names, in its catalogue."""
+    folder = checkout.root / "data/motions" / listener.hostile("folder")
+    folder.mkdir()
+    shutil.copy(checkout.root / "data/motions/stand.bvh", folder / f"{listener.hostile('name')}.bvh")
+    (folder / f"{listener.hostile('refused')}.bvh").write_text("HIERARCHY\n")
+    assert page.materialize("motion_catalog") == "SUCCESS"
+    return checkout
+
+
+def test_the_pages_of_a_run_show_hostile_names_as_text(page, catalogued, browser, listener):
+    shown = browser.new_page()
+    run = page.ask("{runsOrError {... on Runs {results {runId}}}}")["runsOrError"]["results"][0]["runId"]
+    for address, text in (("assets/motion_catalog?view=events", "<iframe srcdoc="), (f"runs/{run}", run[:8])):
+        shown.goto(f"{page.url}/{address}")
+        shown.get_by_text(text).first.wait_for(timeout=1_000 * WAIT_S)
+        assert not listener.waits_for("", 3.0), listener.asked
+        assert shown.frames == [shown.main_frame]
+    shown.close()
+
+
+def test_the_viewer_shows_the_hostile_clip_of_the_catalogue_as_text(catalogued, browser, listener, robot, monkeypatch):
+    monkeypatch.chdir(catalogued.root)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    name = f"booster_lab/{listener.hostile('folder')}/{listener.hostile('name')}"
+    viewer = Viewer(clips_to_view(find_project(), name, robot, Statement()), port=port)
+    page = browser.new_page()
+    try:
+        page.goto(f"http://127.0.0.1:{viewer.server.get_port()}")
+        page.get_by_text(f"{listener.address}&#47;folder-script").first.wait_for(timeout=1_000 * WAIT_S)
+        assert not listener.waits_for("", 2.0), listener.asked
+    finally:
+        page.close()
+        viewer.stop()

@@ -8,6 +8,7 @@ PROGRAM = """
 import argparse, json, os, shutil, signal, sys, time
 from pathlib import Path
 
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # a background job of a shell ignores it, and so would this process
 parser = argparse.ArgumentParser()
 for name in ("bundle", "out", "preset", "device", "seed"):
     parser.add_argument(f"--{name}", required=True)

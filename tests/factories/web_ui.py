@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -14,10 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.factories.checkout import Checkout
-
-START_S = 90.0
-RUN_S = 180.0
+from tests.factories.checkout import PATIENCE_S, Checkout
 
 
 @dataclass(frozen=True)
@@ -69,13 +65,13 @@ class WebUi:
         return self._end_of(launched["run"]["runId"])
 
     def _end_of(self, run: str) -> str:
-        stop = time.monotonic() + RUN_S
+        stop = time.monotonic() + PATIENCE_S
         while time.monotonic() < stop:
             status = self.ask("query($r: ID!) {runOrError(runId: $r) {... on Run {status}}}", r=run)["runOrError"]
             if status["status"] in ("SUCCESS", "FAILURE", "CANCELED"):
                 return status["status"]
             time.sleep(0.5)
-        raise TimeoutError(f"run {run} did not end in {RUN_S} s")
+        raise TimeoutError(f"run {run} did not end in {PATIENCE_S} s")
 
 
 @contextmanager
@@ -85,13 +81,11 @@ def web_ui(checkout: Checkout) -> Iterator[WebUi]:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     log = checkout.root / "dev.log"
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(("DAGSTER", "BOOSTER_LAB"))}
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     with log.open("w") as stream:
         process = subprocess.Popen(
             ["dagster", "dev", "-h", "127.0.0.1", "-p", str(port)],
             cwd=checkout.root,
-            env={**clean, "PATH": path, "PYTHONPATH": str(checkout.root)},
+            env=checkout.environment(),
             stdout=stream,
             stderr=subprocess.STDOUT,
             start_new_session=True,
@@ -108,7 +102,7 @@ def web_ui(checkout: Checkout) -> Iterator[WebUi]:
 
 
 def _wait_for(url: str, process: subprocess.Popen, log: Path) -> None:
-    stop = time.monotonic() + START_S
+    stop = time.monotonic() + PATIENCE_S
     while time.monotonic() < stop and process.poll() is None:
         try:
             with urllib.request.urlopen(url, timeout=5):

@@ -3,7 +3,7 @@
 database_folder_is_symlink (tests/expert/test_database_history), emptied_source_folder (tests/expert/test_database),
 log_digests_null (tests/assets/test_hardware_trials), log_folder_named_txt and log_long_name_refused
 (tests/hardware_logs/test_quarantine), store_blobs_gone (tests/batch/test_memory), viewer_html_in_name
-(tests/viewing/test_viewer_in_browser, tests/command/test_hostile_names_in_pages).
+(tests/viewing/test_viewer_in_browser, tests/command/test_web_ui).
 """
 
 import json

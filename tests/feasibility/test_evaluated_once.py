@@ -33,7 +33,7 @@ FILE = ROOT / "data" / "feasibility.yaml"
 LIMITS = settings.read(FILE, FeasibilitySettings)
 T1 = load_robot(ROOT / "robots/t1")
 HERE, LOG = ClipPool(backend="sequential"), logging.getLogger("test")
-SAME_FIGURE = 1e-6
+SAME_FIGURE = 1e-7
 """[SI units] Criteria of a motion and of its mirror image may differ by so much."""
 
 
