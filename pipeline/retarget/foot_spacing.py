@@ -26,6 +26,10 @@ CORNER = 1.1
 """Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
 
 
+CORNER_GAP = 0.005
+"""[m] Gap between the corners of soles that are turned against each other; more would turn shanks off."""
+
+
 def overlap(
     left: Float[np.ndarray, "t 5"],
     right: Float[np.ndarray, "t 5"],
@@ -114,8 +118,8 @@ def lateral_way(
     sole: Sole,
     gap: float,
 ) -> Float[np.ndarray, " t"]:
-    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, half between corners."""
-    return np.maximum(overlap(left, right, heading, sole, gap), corner_overlap(left, right, heading, sole, gap / 2.0))
+    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, less at corners."""
+    return np.maximum(overlap(left, right, heading, sole, gap), corner_overlap(left, right, heading, sole, CORNER_GAP))
 
 
 def space_footholds(

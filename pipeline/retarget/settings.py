@@ -154,7 +154,9 @@ class WeightSettings:
     pelvis_height: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
     path_smoothed: Annotated[float, PER_AREA, POSITIVE]
-    """Pelvis in all directions and heights of the feet, where the pelvis follows a smoothed path [cost/m2]."""
+    """Of the pelvis in all directions, where it follows a smoothed path [cost/m2]."""
+    foot_height_smoothed: Annotated[float, PER_AREA, POSITIVE]
+    """Where the pelvis follows a smoothed path [cost/m2]."""
     trunk: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
     waist: Annotated[float, NOT_NEGATIVE]

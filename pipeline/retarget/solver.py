@@ -214,7 +214,7 @@ class _Feed:
         solver._pelvis_height.configure("pelvis_height", "soft", pelvis_height)
         foot_height = _between(weights.foot_height, weights.foot_height_held, share)
         for task in solver._foot_height:
-            task.configure("foot_height", "soft", _between(foot_height, weights.path_smoothed, smoothed))
+            task.configure("foot_height", "soft", _between(foot_height, weights.foot_height_smoothed, smoothed))
         for (limb, _, _), task in zip(LIMBS, solver._limbs, strict=True):
             if limb.endswith(LEG):
                 task.configure(limb, "soft", _between(weights.legs, weights.legs_held, share))
