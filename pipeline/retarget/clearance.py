@@ -20,6 +20,9 @@ from pipeline.robot import Kinematics, LinkPoses, Robot
 ARM_POINTS = (0.0, 0.35, 0.7, 1.0)
 """Points along the forearm, as shares of the way from elbow to hand."""
 
+RAISED = 1.5
+"""Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
+
 SHORTEST_LEVER = 0.1
 """[m] Points closer to the shoulder than this are turned as if they were this far."""
 
@@ -115,7 +118,7 @@ def cleared(
         corners_w = kinematics.site_pos_w(poses, robot.sole_corners[side])
         sunk = faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
         foot_pos_w[:, side, 2] += sunk
-        pelvis_pos_w[:, 2] += targets.pelvis_smoothed * sunk
+        pelvis_pos_w[:, 2] += RAISED * targets.pelvis_smoothed * sunk
         foot_pos_w[:, side] += apart_w[side]
         turn = rotation.from_rotvec(turn_of(side, kinematics, poses, robot, settings, spread))
         for limb, (name, _, _) in enumerate(LIMBS):
