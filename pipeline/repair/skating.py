@@ -215,6 +215,8 @@ def _most_evidence(evidence: Float[np.ndarray, " t"]) -> int:
 
 PLANT_SMOOTH_S = 0.05
 """The correcting velocity is smoothed over this time, so that the body takes no step [s]."""
+FADE_S = 0.1
+"""Time over which the correcting velocity fades to zero beside the stretch that slides [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,11 +234,14 @@ def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, high
     """The clip moved over the ground so that feet in contact stand, by `highest_m_s` at most at any time.
 
     Of a standing foot the slower of ball and heel is planted; of two standing feet their mean. In flight the velocity
-    is interpolated. Frames outside `within` move along with its ends.
+    is interpolated. Outside `within` the velocity that is taken off fades to zero; frames beyond move along.
     """
     slide = _slide(feet, contacts)
-    correction = np.zeros_like(slide)
-    correction[within] = gaussian_filter1d(slide[within], PLANT_SMOOTH_S * clip.fps, axis=0, mode="nearest")
+    smooth = gaussian_filter1d(slide[within], PLANT_SMOOTH_S * clip.fps, axis=0, mode="nearest")
+    every = np.arange(len(slide))
+    first, last = every[within][[0, -1]]
+    nearest = np.clip(every, first, last)
+    correction = _fading(np.abs(every - nearest) / clip.fps)[:, None] * smooth[nearest - first]
     speed = np.linalg.norm(correction, axis=1, keepdims=True)
     correction *= np.minimum(1.0, highest_m_s / np.maximum(speed, 1e-9))
     step = (correction[1:] + correction[:-1]) / 2.0 / clip.fps
@@ -248,6 +253,12 @@ def planted(clip: HumanClip, feet: Feet, contacts: Contacts, within: slice, high
         mean_m_s=float(np.minimum(speed, highest_m_s)[within].mean()),
         way_m=float(np.linalg.norm(way[within][-1] - way[within][0])),
     )
+
+
+def _fading(away_s: Float[np.ndarray, " t"]) -> Float[np.ndarray, " t"]:
+    """1 at no distance in time, 0 from `FADE_S` on, without a step in value or slope."""
+    share = np.clip(away_s / FADE_S, 0.0, 1.0)
+    return 1.0 - share**2 * (3.0 - 2.0 * share)
 
 
 def _slide(feet: Feet, contacts: Contacts) -> Float[np.ndarray, "t 2"]:

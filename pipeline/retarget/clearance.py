@@ -20,6 +20,9 @@ from pipeline.robot import Kinematics, LinkPoses, Robot
 ARM_POINTS = (0.0, 0.35, 0.7, 1.0)
 """Points along the forearm, as shares of the way from elbow to hand."""
 
+RAISED = 1.5
+"""Way that a pelvis on a smoothed path is raised / depth of a sole below ground; the pelvis follows part of it."""
+
 SHORTEST_LEVER = 0.1
 """[m] Points closer to the shoulder than this are turned as if they were this far."""
 
@@ -44,7 +47,8 @@ def turn_of(
     for share in ARM_POINTS:
         point_w = elbow_w + share * (hand_w - elbow_w)
         away_w = point_w - _closest_on_segment(point_w, hip_w, knee_w)
-        ways = [way_out(away_w, outward_w, settings.arm_distance)[:, None] * outward_w]
+        direction_w = _sideways_or_shortest(away_w, outward_w, settings.arm_distance / 2.0)
+        ways = [way_out(away_w, direction_w, settings.arm_distance)[:, None] * direction_w]
         if share > 0.5:
             away_w = point_w - _closest_on_segment(point_w, bottom_w, top_w)
             direction_w = rotation.normalize(away_w)
@@ -62,6 +66,18 @@ def way_out(
     along = np.sum(away * direction, axis=-1)
     lacking = distance**2 - np.sum(away * away, axis=-1)
     return np.where(lacking > 0.0, np.sqrt(np.maximum(along**2 + lacking, 0.0)) - along, 0.0)
+
+
+def _sideways_or_shortest(
+    away_w: Float[np.ndarray, "t 3"], outward_w: Float[np.ndarray, "t 3"], beside: float
+) -> Float[np.ndarray, "t 3"]:
+    """Direction out of the thigh: outward at `beside` [m] or more outside its line, along `away_w` on its inside.
+
+    A hand over a raised thigh would have to pass through it on its way outward.
+    """
+    share = np.clip(np.sum(away_w * outward_w, axis=1) / beside, 0.0, 1.0)[:, None]
+    mixed_w = rotation.normalize(share * outward_w + (1.0 - share) * rotation.normalize(away_w))
+    return np.where(share < 1.0, mixed_w, outward_w)
 
 
 def _turn_by(arm: Float[np.ndarray, "t 3"], way: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t 3"]:
@@ -89,22 +105,26 @@ def cleared(
     """Targets corrected by what the poses of the first pass show.
 
     Feet: the stance error and the depth of the lowest sole corner are added to the target, and swinging feet go further
-    apart where they come too close. Arms: turned about the shoulder, out of thigh and trunk.
+    apart where they come too close. Pelvis: raised by that depth where it follows a smoothed path, since legs at their
+    limits don't lift the soles alone. Arms: turned about the shoulder, out of thigh and trunk.
     """
     kinematics = Kinematics(robot)
     spread = settings.spread_s * fps
     foot_pos_w, limb_dir_w = targets.foot_pos_w.copy(), targets.limb_dir_w.copy()
+    pelvis_pos_w = targets.pelvis_pos_w.copy()
     apart_w = _swings_apart(targets, poses, robot, sole, settings, spread)
     for side in range(2):
         foot_pos_w[:, side] += _foot_correction(side, targets, poses, robot, settings)
         corners_w = kinematics.site_pos_w(poses, robot.sole_corners[side])
-        foot_pos_w[:, side, 2] += faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
+        sunk = faded(np.maximum(-corners_w[..., 2].min(axis=1), 0.0), spread)
+        foot_pos_w[:, side, 2] += sunk
+        pelvis_pos_w[:, 2] += RAISED * targets.pelvis_smoothed * sunk
         foot_pos_w[:, side] += apart_w[side]
         turn = rotation.from_rotvec(turn_of(side, kinematics, poses, robot, settings, spread))
         for limb, (name, _, _) in enumerate(LIMBS):
             if name in (f"{FEET[side]}_upper_arm", f"{FEET[side]}_forearm"):
                 limb_dir_w[:, limb] = rotation.rotate(turn, limb_dir_w[:, limb])
-    return dataclasses.replace(targets, foot_pos_w=foot_pos_w, limb_dir_w=limb_dir_w)
+    return dataclasses.replace(targets, foot_pos_w=foot_pos_w, pelvis_pos_w=pelvis_pos_w, limb_dir_w=limb_dir_w)
 
 
 def _foot_correction(

@@ -1,10 +1,13 @@
 """Feet that would pass through each other are moved apart along the pelvis's lateral axis.
 
 A sole seen from above is a row of discs. Two discs whose distance along the heading is less than the sum R of their
-radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left.
+radii (and the gap asked for) need a lateral distance of sqrt(R^2 - along^2), left foot on the left. Corners, which the
+discs miss, are measured on the rectangles.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,6 +24,10 @@ SPACING_ROUNDS = 4
 
 CORNER = 1.1
 """Radius of a disc / half width of the sole: lets the discs cover most of the corners."""
+
+
+CORNER_GAP = 0.005
+"""[m] Gap between the corners of soles that are turned against each other; more would turn shanks off."""
 
 
 def overlap(
@@ -49,6 +56,72 @@ def overlap(
     return lacking
 
 
+def corner_overlap(
+    left: Float[np.ndarray, "t 5"],
+    right: Float[np.ndarray, "t 5"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+) -> Float[np.ndarray, " t"]:
+    """Lateral way [m], 0 or more, by which two rectangular soles must move apart for `gap` between them.
+
+    Discs miss the corners, which meet where feet are turned against each other. The outline of a rectangle over the
+    heading is straight between corners, so the way is largest beside a corner of one or the other.
+    """
+    along, across = zip(*(_corners(foot, heading, sole, gap / 2.0) for foot in (left, right)), strict=True)
+    lacking = np.zeros(len(left))
+    near = across[0].min(axis=1) < across[1].max(axis=1)
+    if not near.any():
+        return lacking
+    along, across = [each[near] for each in along], [each[near] for each in across]
+    places = np.concatenate(along, axis=1)
+    inner = _outline(along[0], across[0], places, np.min)
+    outer = _outline(along[1], across[1], places, np.max)
+    lacking[near] = np.nan_to_num(outer - inner, nan=0.0).max(axis=1).clip(min=0.0)
+    return lacking
+
+
+def _corners(
+    foot: Float[np.ndarray, "t 5"], heading: Float[np.ndarray, " t"], sole: Sole, wider: float
+) -> tuple[Float[np.ndarray, "t 4"], Float[np.ndarray, "t 4"]]:
+    """Corners of a sole that is `wider` [m] on all sides, in order: along the heading, and to its left."""
+    x = np.array([sole.rear - wider, sole.front + wider])[[0, 1, 1, 0]]
+    y = (sole.half_width + wider) * np.array([-1.0, -1.0, 1.0, 1.0])
+    turn = (foot[:, YAW] - heading)[:, None]
+    cosine, sine = np.cos(heading), np.sin(heading)
+    along = (cosine * foot[:, 0] + sine * foot[:, 1])[:, None] + x * np.cos(turn) - y * np.sin(turn)
+    across = (cosine * foot[:, 1] - sine * foot[:, 0])[:, None] + x * np.sin(turn) + y * np.cos(turn)
+    return along, across
+
+
+def _outline(
+    along: Float[np.ndarray, "t 4"],
+    across: Float[np.ndarray, "t 4"],
+    places: Float[np.ndarray, "t p"],
+    end: Callable[..., np.ndarray],
+) -> Float[np.ndarray, "t p"]:
+    """Lowest or highest (`end`) lateral place of a rectangle at each of `places` along the heading; NaN outside."""
+    start, stop = along[:, :, None], np.roll(along, -1, axis=1)[:, :, None]
+    way = np.where(np.abs(stop - start) > 1e-9, stop - start, 1e-9)
+    share = (places[:, None, :] - start) / way
+    from_w, to_w = across[:, :, None], np.roll(across, -1, axis=1)[:, :, None]
+    on_edge = np.where((share >= -1e-9) & (share <= 1.0 + 1e-9), from_w + share * (to_w - from_w), np.nan)
+    outside = np.isnan(on_edge).all(axis=1)
+    found = end(np.where(np.isnan(on_edge), np.inf if end is np.min else -np.inf, on_edge), axis=1)
+    return np.where(outside, np.nan, found)
+
+
+def lateral_way(
+    left: Float[np.ndarray, "t 5"],
+    right: Float[np.ndarray, "t 5"],
+    heading: Float[np.ndarray, " t"],
+    sole: Sole,
+    gap: float,
+) -> Float[np.ndarray, " t"]:
+    """Lateral way [m], 0 or more, by which the feet must move apart for `gap` between discs, less at corners."""
+    return np.maximum(overlap(left, right, heading, sole, gap), corner_overlap(left, right, heading, sole, CORNER_GAP))
+
+
 def space_footholds(
     locked: tuple[Float[np.ndarray, "t 5"], Float[np.ndarray, "t 5"]],
     contacts: Bool[np.ndarray, "t 2"],
@@ -65,7 +138,7 @@ def space_footholds(
     for _ in range(SPACING_ROUNDS):
         held = [_held(foot, contacts[:, side], spread) for side, foot in enumerate(locked)]
         stands = held[0][1] & held[1][1]
-        lacking = np.where(stands, overlap(held[0][0], held[1][0], heading, sole, gap), 0.0)
+        lacking = np.where(stands, lateral_way(held[0][0], held[1][0], heading, sole, gap), 0.0)
         if not lacking.any():
             return
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -104,7 +177,7 @@ def space_swings(
     Args:
         spread: frames over which a push comes and goes
     """
-    lacking = overlap(*plans, heading, sole, gap)
+    lacking = lateral_way(*plans, heading, sole, gap)
     if not lacking.any():
         return
     swings = ~contacts

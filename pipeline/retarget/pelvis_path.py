@@ -1,18 +1,26 @@
-"""Where the pelvis must be held to the human's path: it is where the first pass lets its velocity go astray.
+"""Where the pelvis must be held to the human's path, and where its own path must be smoothed.
 
 The pelvis follows softly, so that legs can take the human's directions. Where feet are moved or legs are at their
-limits, frame-wise IK lets it drift away slowly and come back with a jerk. There it is held by a larger weight, which
-comes and goes with the error.
+limits, frame-wise IK lets it drift away slowly and come back with a jerk. Two remedies, each from what a pass shows:
+
+- Held: where the velocity goes astray the pelvis is held to the human's path by a larger weight, which comes and goes
+  with the error.
+- Smoothed: where it still accelerates much more than the person (a foot lands that a leg at its limit can barely
+  reach), its way off the human's path is smoothed over the whole clip, and the pelvis is held to the smoothed path.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d, maximum_filter1d
 
-from pipeline import time_series
+from pipeline import rotation, time_series
+from pipeline.retarget.foot_spacing import faded
 from pipeline.retarget.settings import PelvisSettings
+
+ACCELERATION_HZ = 10.0
+"""Zero-phase low pass before accelerations are compared [Hz], that of KP5's criteria of the root."""
 
 
 def held_share(
@@ -31,6 +39,48 @@ def held_share(
         return np.zeros(len(rms))
     share = np.clip((rms - settings.free_m_s) / (settings.astray_m_s - settings.free_m_s), 0.0, 1.0)
     return gaussian_filter1d(share, settings.fade_s * fps, mode="nearest", truncate=3.0)
+
+
+def smoothed_share(
+    planned_w: Float[np.ndarray, "t 3"], reached_w: Float[np.ndarray, "t 3"], settings: PelvisSettings, fps: float
+) -> Float[np.ndarray, " t"]:
+    """How firmly the pelvis is held to `smoothed_path` in each frame, 0 (not at all) to 1.
+
+    0 in a clip whose peak acceleration is within `jerky_ratio` of the planned path's peak. Else it is 1 around frames
+    that accelerate by more than `smoothed_ratio` of that peak, and comes and goes over `fade_s`.
+    """
+    peak = float(_acceleration(planned_w, fps).max())
+    ratio = _acceleration(reached_w, fps) / max(peak, settings.least_peak_m_s2)
+    if ratio.max() <= settings.jerky_ratio:
+        return np.zeros(len(ratio))
+    fade = settings.fade_s * fps
+    nearby = maximum_filter1d((ratio > settings.smoothed_ratio).astype(float), 4 * round(fade) + 1)
+    return gaussian_filter1d(nearby, fade, mode="nearest", truncate=3.0)
+
+
+def _acceleration(pos_w: Float[np.ndarray, "t 3"], fps: float) -> Float[np.ndarray, " t"]:
+    """Magnitude of the low-passed path's acceleration [m/s^2]; 0 in the first and last frame."""
+    acceleration = np.zeros(len(pos_w))
+    smooth = time_series.smooth(pos_w, fps, ACCELERATION_HZ)
+    acceleration[1:-1] = rotation.length(np.diff(smooth, n=2, axis=0)) * fps**2
+    return acceleration
+
+
+def smoothed_path(
+    planned_w: Float[np.ndarray, "t 3"],
+    reached_w: Float[np.ndarray, "t 3"],
+    share: Float[np.ndarray, " t"],
+    settings: PelvisSettings,
+    fps: float,
+) -> Float[np.ndarray, "t 3"]:
+    """`planned_w` where `share` is 0; where it is 1, off it by a smooth version of the way [m] that `reached_w` is off.
+
+    The horizontal way is low-passed. The vertical one is a smooth curve above most of it: a pelvis that is lower than
+    the legs at their limits allow would press the feet into the ground.
+    """
+    way_w = time_series.smooth(reached_w - planned_w, fps, settings.path_hz)
+    way_w[:, 2] = faded((reached_w - planned_w)[:, 2], settings.fade_s * fps)
+    return planned_w + share[:, None] * way_w
 
 
 def fading_grip(firm: Bool[np.ndarray, "t 2"], settings: PelvisSettings, fps: float) -> Float[np.ndarray, "t 2"]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from pipeline import time_series
 from pipeline.clips.human_clip import BODIES, HumanClip
@@ -17,11 +18,11 @@ from pipeline.errors import ClipError
 from pipeline.quality.planar_motion import command_velocity
 from pipeline.retarget.clearance import cleared
 from pipeline.retarget.foot_plan import contacts_of
-from pipeline.retarget.pelvis_path import fading_grip, held_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.settings import RetargetSettings
 from pipeline.retarget.solver import Trajectory, solver_for
 from pipeline.retarget.targets import Targets, plan_targets
-from pipeline.robot import Kinematics, LinkPoses, Robot
+from pipeline.robot import Kinematics, Robot
 from pipeline.robot.size import scaled
 from pipeline.scoring import score_without_collisions, worst_of_bars
 
@@ -53,30 +54,61 @@ def retarget(human: HumanClip, settings: RetargetSettings, robot: Robot) -> tupl
 
     Two passes: the first follows the targets alone; the second is drawn to the first one's joint motion after a
     zero-phase low pass, which takes the jitter out of what the targets leave free. Where the first pass lets the pelvis
-    go astray it is held, and the first pass is done again. Distances of the settings are scaled to the robot.
+    go astray it is held, and the first pass is done again; where a pass jerks the pelvis its path is smoothed, and that
+    pass is done again. Distances of the settings are scaled to the robot.
     """
     settings = scaled(settings, robot)
-    solver, pelvis = solver_for(robot), robot.link(robot.human["pelvis"])
+    weights, fps, solver = settings.weights, settings.fps, solver_for(robot)
     targets = plan_targets(human, contacts_of(human, settings.stance), solver.body, settings)
+    planned_w, start = targets.pelvis_pos_w, None
     rest = np.tile(robot.default_joint_pos, (human.frame_count, 1))
-    weights = settings.weights
     first = solver.solve(human.name, targets, rest, weights.posture_first, settings)
-    poses = _poses(first, robot)
-    posture_weight, start = weights.posture_second, None
-    held = held_share(targets.pelvis_pos_w, poses.pos_w[:, pelvis], settings.pelvis, settings.fps)
+    held = held_share(planned_w, _pelvis_pos_w(first, robot), settings.pelvis, fps)
     if held.any():
-        grip = fading_grip(targets.grip > 0.5, settings.pelvis, settings.fps)
+        grip = fading_grip(targets.grip > 0.5, settings.pelvis, fps)
         targets = dataclasses.replace(targets, pelvis_held=held, grip=grip)
         first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
-        poses = _poses(first, robot)
-        posture_weight = weights.posture_second_held
-    smooth = time_series.smooth(first.joint_pos, settings.fps, settings.posture_smooth_hz)
-    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, settings.fps)
-    return targets, solver.solve(human.name, targets, smooth, posture_weight, settings, start)
+    smoother = _with_smoothed_path(targets, planned_w, first, settings, robot)
+    if smoother is not None:
+        targets = smoother
+        first = start = solver.solve(human.name, targets, rest, weights.posture_first, settings, first)
+    posture = time_series.smooth(first.joint_pos, fps, settings.posture_smooth_hz)
+    posture_weight = weights.posture_second_held if held.any() else weights.posture_second
+    poses = Kinematics(robot).forward(first.root_pos_w, first.root_quat_w, first.joint_pos)
+    targets = cleared(targets, poses, robot, solver.body.sole, settings.clearance, fps)
+    second = solver.solve(human.name, targets, posture, posture_weight, settings, start)
+    smoother = _with_smoothed_path(targets, planned_w, second, settings, robot)
+    if smoother is not None:
+        targets = smoother
+        second = solver.solve(human.name, targets, posture, posture_weight, settings, second)
+    return targets, second
 
 
-def _poses(trajectory: Trajectory, robot: Robot) -> LinkPoses:
-    return Kinematics(robot).forward(trajectory.root_pos_w, trajectory.root_quat_w, trajectory.joint_pos)
+def _with_smoothed_path(
+    targets: Targets,
+    planned_w: Float[np.ndarray, "t 3"],
+    reached: Trajectory,
+    settings: RetargetSettings,
+    robot: Robot,
+) -> Targets | None:
+    """The targets with the pelvis on a smooth path where a pass jerked it; None where it did not.
+
+    Args:
+        planned_w: the human's path, scaled [m]
+        reached: what the pass found
+    """
+    reached_w = _pelvis_pos_w(reached, robot)
+    share = smoothed_share(planned_w, reached_w, settings.pelvis, settings.fps)
+    if not share.any():
+        return None
+    share = np.maximum(targets.pelvis_smoothed, share)
+    path_w = smoothed_path(planned_w, reached_w, share, settings.pelvis, settings.fps)
+    return dataclasses.replace(targets, pelvis_pos_w=path_w, pelvis_smoothed=share)
+
+
+def _pelvis_pos_w(trajectory: Trajectory, robot: Robot) -> Float[np.ndarray, "t 3"]:
+    link = robot.link(robot.human["pelvis"])
+    return Kinematics(robot).link_pos_w(trajectory.root_pos_w, trajectory.root_quat_w, trajectory.joint_pos, link)
 
 
 def _refuse_missing(clip: HumanClip) -> None:
@@ -115,13 +147,15 @@ def changes_of(targets: Targets) -> dict[str, float]:
     """Where the plan departs from the human because the robot can't follow, each 0 (shares: 1) where it does not.
 
     Least share of the lateral motion that is kept, largest way that a foothold is moved outward [m], largest angle that
-    the trunk leans less than the chest [deg], and the share of the frames in which the pelvis is held to its path.
+    the trunk leans less than the chest [deg], and the shares of the frames in which the pelvis is held to the human's
+    path and to a smoothed one.
     """
     return {
         "lateral_share": targets.lateral_share,
         "foothold_moved_m": targets.foothold_moved,
         "lean_taken_off_deg": math.degrees(targets.lean_taken_off),
         "pelvis_held_share": float((targets.pelvis_held > 0.0).mean()),
+        "pelvis_smoothed_share": float((targets.pelvis_smoothed > 0.0).mean()),
     }
 
 

@@ -104,7 +104,7 @@ class TrunkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class PelvisSettings:
-    """Where the second pass holds the pelvis to the human's path."""
+    """Where the pelvis is held to the human's path, and where its own path is smoothed."""
 
     tolerated_m_s: Annotated[float, SPEED, NOT_NEGATIVE]
     """Error of the first pass's horizontal pelvis velocity, RMS over `window_s`, that leaves a clip alone [m/s]."""
@@ -116,11 +116,19 @@ class PelvisSettings:
     """Window of that error [s]."""
     cutoff_hz: Annotated[float, Range(0.5, 1000.0)]
     """Zero-phase low pass on the error [Hz]."""
+    jerky_ratio: Annotated[float, POSITIVE]
+    """Peak acceleration of the pelvis over that of the human's path, up to which a clip is left alone."""
+    smoothed_ratio: Annotated[float, POSITIVE]
+    """Acceleration over that peak from which on the path is smoothed in other clips."""
+    least_peak_m_s2: Annotated[float, POSITIVE]
+    """A smaller peak of the human's path counts as this much [m/s2]."""
+    path_hz: Annotated[float, Range(0.5, 1000.0)]
+    """Zero-phase low pass on the horizontal way between planned and reached pelvis where the path is smoothed [Hz]."""
     fade_s: Annotated[float, NOT_NEGATIVE]
     """Time over which the pelvis, and feet in clips where it is held, are taken hold of and let go [s]."""
 
     def __post_init__(self) -> None:
-        check(increasing(self, "free_m_s", "astray_m_s"))
+        check(increasing(self, "free_m_s", "astray_m_s"), increasing(self, "smoothed_ratio", "jerky_ratio"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,8 +151,12 @@ class WeightSettings:
     """[cost/m2]"""
     pelvis_held: Annotated[float, PER_AREA, POSITIVE]
     """The horizontal one where the second pass holds the pelvis to its path [cost/m2]."""
-    pelvis_height: Annotated[float, PER_AREA, NOT_NEGATIVE]
+    pelvis_height: Annotated[float, PER_AREA, POSITIVE]
     """[cost/m2]"""
+    path_smoothed: Annotated[float, PER_AREA, POSITIVE]
+    """Of the pelvis in all directions, where it follows a smoothed path [cost/m2]."""
+    foot_height_smoothed: Annotated[float, PER_AREA, POSITIVE]
+    """Where the pelvis follows a smoothed path [cost/m2]."""
     trunk: Annotated[float, NOT_NEGATIVE]
     """[cost/rad2]"""
     waist: Annotated[float, NOT_NEGATIVE]

@@ -153,7 +153,6 @@ class Solver:
             self._wrapper.set_velocity_limit(name, settings.speed_share * limit)
 
     def _configure(self, weights: WeightSettings, posture_weight: float) -> None:
-        self._pelvis_height.configure("pelvis_height", "soft", weights.pelvis_height)
         self._trunk.configure("trunk", "soft", weights.trunk)
         self._waist.configure("waist", "soft", weights.waist)
         self._posture.configure("posture", "soft", posture_weight)
@@ -179,14 +178,15 @@ class _Feed:
         self._foot_rot = [list(rotation.to_matrix(targets.foot_quat_w[:, side])) for side in range(2)]
         self._limbs = [list(targets.limb_dir_w[:, limb]) for limb in range(len(LIMBS))]
         self._pelvis_held: list[float] = targets.pelvis_held.tolist()
-        self._share: float | None = None
+        self._pelvis_smoothed: list[float] = targets.pelvis_smoothed.tolist()
+        self._shares: tuple[float, float] | None = None
         self._held: list[tuple[float, bool] | None] = [None, None]
 
     def set(self, frame: int, weights: WeightSettings) -> None:
         solver = self._solver
         solver._pelvis_horizontal.target_world = self._pelvis[frame]
         solver._pelvis_height.target_world = self._pelvis[frame]
-        self._hold_pelvis(self._pelvis_held[frame], weights)
+        self._hold_pelvis((self._pelvis_held[frame], self._pelvis_smoothed[frame]), weights)
         solver._trunk.R_world_frame = self._trunk[frame]
         solver._waist.set_joints(self._waist[frame])
         if frame < len(self._posture):
@@ -200,15 +200,21 @@ class _Feed:
         for task, directions in zip(solver._limbs, self._limbs, strict=True):
             task.targetAxis_world = directions[frame]
 
-    def _hold_pelvis(self, share: float, weights: WeightSettings) -> None:
-        """Weights that depend on how firmly the pelvis is held; they are set in the solver when they change."""
-        if share == self._share:
+    def _hold_pelvis(self, shares: tuple[float, float], weights: WeightSettings) -> None:
+        """Weights that depend on how firmly the pelvis is (held, smoothed); they are set in the solver on a change."""
+        if shares == self._shares:
             return
-        self._share, solver = share, self._solver
-        path = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
-        solver._pelvis_horizontal.configure("pelvis_horizontal", "soft", path)
+        self._shares, solver = shares, self._solver
+        share, smoothed = shares
+        horizontal = _between(weights.pelvis_horizontal, weights.pelvis_held, share)
+        solver._pelvis_horizontal.configure(
+            "pelvis_horizontal", "soft", _between(horizontal, weights.path_smoothed, smoothed)
+        )
+        pelvis_height = _between(weights.pelvis_height, weights.path_smoothed, smoothed)
+        solver._pelvis_height.configure("pelvis_height", "soft", pelvis_height)
+        foot_height = _between(weights.foot_height, weights.foot_height_held, share)
         for task in solver._foot_height:
-            task.configure("foot_height", "soft", _between(weights.foot_height, weights.foot_height_held, share))
+            task.configure("foot_height", "soft", _between(foot_height, weights.foot_height_smoothed, smoothed))
         for (limb, _, _), task in zip(LIMBS, solver._limbs, strict=True):
             if limb.endswith(LEG):
                 task.configure(limb, "soft", _between(weights.legs, weights.legs_held, share))

@@ -98,6 +98,8 @@ class Targets:
     """Origin of the pelvis link [m]."""
     pelvis_held: Float[np.ndarray, " t"]
     """How firmly the pelvis is held to its horizontal path: 0 softly, 1 firmly."""
+    pelvis_smoothed: Float[np.ndarray, " t"]
+    """How firmly the pelvis is held to a smoothed path: 0 not at all, 1 firmly."""
     trunk_quat_w: Float[np.ndarray, "t 4"]
     waist_pos: Float[np.ndarray, " t"]
     """Angle of the waist joint [rad]."""
@@ -145,6 +147,7 @@ def plan_targets(
         foot_quat_w=np.stack([_foot_quat(foot) for foot in feet], axis=1),
         pelvis_pos_w=centre_w - rotation.rotate(trunk_quat_w, body.hip_centre_b),
         pelvis_held=np.zeros(clip.frame_count),
+        pelvis_smoothed=np.zeros(clip.frame_count),
         trunk_quat_w=trunk_quat_w,
         waist_pos=waist_pos,
         limb_dir_w=np.stack([rotation.normalize(clip.pos(low) - clip.pos(up)) for _, up, low in LIMBS], axis=1),

@@ -64,6 +64,25 @@ class Kinematics:
         pos_w, quat_w = forward(self._tree, root_pos_w, root_quat_w, joint_pos)
         return LinkPoses(pos_w=pos_w, quat_w=quat_w)
 
+    def link_pos_w(
+        self,
+        root_pos_w: Float[np.ndarray, "t 3"],
+        root_quat_w: Float[np.ndarray, "t 4"],
+        joint_pos: Float[np.ndarray, "t j"],
+        link: int,
+    ) -> Float[np.ndarray, "t 3"]:
+        """Positions of one link's origin, world frame [m]; only the links between it and the root are computed."""
+        tree, chain = self._tree, []
+        while link > 0:
+            chain.append(link)
+            link = int(tree.parent[link])
+        pos_w, quat_w = root_pos_w, root_quat_w
+        for each in reversed(chain):
+            pos_w = pos_w + rotation.rotate(quat_w, tree.pos[each])
+            turn = rotation.from_axis_angle(tree.axis[each], joint_pos[:, tree.joint[each]])
+            quat_w = rotation.multiply(quat_w, rotation.multiply(tree.quat[each], turn))
+        return pos_w
+
     def site_pos_w(self, poses: LinkPoses, site_names: Sequence[str]) -> Float[np.ndarray, "t n 3"]:
         """Positions of the named sites, world frame [m]. Raises UnknownNameError."""
         for name in site_names:

@@ -9,7 +9,8 @@ from pipeline.clips.human_clip import HumanClip
 from pipeline.files import settings as settings_files
 from pipeline.generator import RECIPES, generate
 from pipeline.repair import RepairSettings, process
-from pipeline.repair.skating import FAST, _slowest_fifth
+from pipeline.repair.contacts import both_feet
+from pipeline.repair.skating import FAST, _slowest_fifth, planted
 from tests.factories.human_clips import Gait, walker
 
 
@@ -43,6 +44,21 @@ def test_a_slow_slide_is_taken_out_and_recorded(settings, velocity_m_s):
     reason = next(reason for reason in outcome.reasons if reason.code == "foot_skate")
     assert reason.effect == "repaired"
     assert reason.value == pytest.approx(np.hypot(*velocity_m_s), abs=0.03)
+
+
+def test_the_body_takes_no_step_in_velocity_at_the_ends_of_a_slide():
+    clip = walker(seconds=5.0, gait=Gait(speed_m_s=1.0))
+    pos_w = clip.body_pos_w.copy()
+    slides = np.arange(clip.frame_count)
+    slides = (slides >= 100) & (slides < 200)
+    pos_w[..., 1] += np.cumsum(0.12 * slides / clip.fps)[:, None]
+    sliding = dataclasses.replace(clip, body_pos_w=pos_w)
+    found = planted(sliding, both_feet(sliding, 0.0), sliding.contacts, slice(100, 200), 0.15)
+    taken_off = np.diff(found.clip.pos("pelvis")[:, 1] - sliding.pos("pelvis")[:, 1]) * clip.fps
+    assert taken_off[120:180].mean() == pytest.approx(-0.12, abs=0.02)
+    assert np.abs(np.diff(taken_off)).max() < 0.05, "no step of the velocity [m/s] from one frame to the next"
+    assert np.abs(taken_off[:90]).max() < 1e-9
+    assert np.abs(taken_off[210:]).max() < 1e-9
 
 
 def test_a_fast_slide_is_refused(settings):

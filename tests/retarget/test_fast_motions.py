@@ -10,10 +10,11 @@ from pipeline import rotation
 from pipeline.clips.human_clip import HumanClip, body
 from pipeline.files import settings as settings_file
 from pipeline.retarget import RetargetSettings, process
+from pipeline.retarget.clearance import _sideways_or_shortest
 from pipeline.retarget.foot_plan import contacts_of
 from pipeline.retarget.foot_reach import Hips, lacking
 from pipeline.retarget.narrowing import lateral_share, narrowed
-from pipeline.retarget.pelvis_path import fading_grip, held_share
+from pipeline.retarget.pelvis_path import fading_grip, held_share, smoothed_path, smoothed_share
 from pipeline.retarget.robot_body import ankle_pitch
 from pipeline.retarget.solver import solver_for
 from pipeline.retarget.trunk_lean import limited_lean
@@ -90,11 +91,11 @@ def test_a_clip_whose_feet_reach_is_not_narrowed():
     assert narrowed(clip, lateral_w, share) is clip
 
 
-def crossing() -> HumanClip:
-    """A person who walks with the feet 0.3 m across each other: left on the right side, right on the left."""
-    clip = walker(seconds=4.0, gait=Gait(speed_m_s=0.6))
+def crossing(speed_m_s: float = 0.6, way: float = 0.15) -> HumanClip:
+    """A person who walks with the feet across each other: the left by `way` [m] on the right side, and vice versa."""
+    clip = walker(seconds=4.0, gait=Gait(speed_m_s=speed_m_s, stride_s=1.0, stance_share=0.6))
     pos_w = clip.body_pos_w.copy()
-    for side, inward in (("left", -0.15), ("right", 0.15)):
+    for side, inward in (("left", -way), ("right", way)):
         for part, share in (("knee", 0.5), ("ankle", 1.0), ("toe", 1.0)):
             middle = clip.pos("pelvis")[:, 1].mean()
             offset = pos_w[:, body(f"{side}_{part}"), 1] - middle
@@ -117,6 +118,7 @@ def test_a_walk_that_the_robot_can_do_changes_nothing():
     numbers = process(walker(seconds=4.0), {}, settings=SETTINGS, robot=ROBOT).pieces[0].numbers
     assert (numbers["lateral_share"], numbers["foothold_moved_m"]) == (1.0, 0.0)
     assert (numbers["lean_taken_off_deg"], numbers["pelvis_held_share"]) == (0.0, 0.0)
+    assert numbers["pelvis_smoothed_share"] == 0.0
 
 
 @pytest.mark.parametrize(("error_m_s", "share"), [(0.1, 0.0), (0.15, 0.0), (0.3, 1.0)])
@@ -128,6 +130,54 @@ def test_the_pelvis_is_held_where_its_velocity_goes_astray(error_m_s, share):
     reached_w[:, 1] = np.sqrt(2.0) * error_m_s / (2 * np.pi * hz) * np.sin(2 * np.pi * hz * times_s)
     held = held_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
     assert held[100:300].mean() == pytest.approx(share, abs=0.05)
+
+
+def jerked(acceleration_m_s2: float) -> tuple[np.ndarray, np.ndarray]:
+    """A straight path, and one that is pushed off it by a smooth bump with such a peak acceleration at 4 s."""
+    times_s = np.arange(400) / FPS
+    planned_w = np.column_stack([times_s, 0.0 * times_s, 0.5 + 0.0 * times_s])
+    width_s = 0.1
+    bump = acceleration_m_s2 * width_s**2 * np.exp(-0.5 * ((times_s - 4.0) / width_s) ** 2)
+    return planned_w, planned_w + bump[:, None] * np.array([0.0, 0.6, 0.8])
+
+
+def test_a_calm_path_is_not_smoothed():
+    planned_w, reached_w = jerked(0.9 * SETTINGS.pelvis.jerky_ratio * SETTINGS.pelvis.least_peak_m_s2)
+    assert not smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS).any()
+
+
+def test_a_jerked_path_is_smoothed_around_the_jerk_alone():
+    planned_w, reached_w = jerked(20.0)
+    share = smoothed_share(planned_w, reached_w, SETTINGS.pelvis, FPS)
+    assert share[195:206].min() > 0.99
+    assert not share[:150].any()
+    assert not share[250:].any()
+    path_w = smoothed_path(planned_w, reached_w, share, SETTINGS.pelvis, FPS)
+    np.testing.assert_array_equal(path_w[share == 0.0], planned_w[share == 0.0])
+    peak, before = (np.abs(np.diff(each[:, 1], n=2)).max() * FPS**2 for each in (path_w, reached_w))
+    assert peak < 0.6 * before
+    assert (path_w[195:206, 2] >= reached_w[195:206, 2] - 0.01).all(), "legs at their limits need the height"
+
+
+@pytest.mark.parametrize(("speed_m_s", "way"), [(1.5, 0.15), (1.0, 0.3)])
+def test_steps_that_the_legs_barely_reach_do_not_jerk_the_pelvis(speed_m_s, way):
+    human = crossing(speed_m_s, way)
+    off = dataclasses.replace(SETTINGS, pelvis=dataclasses.replace(SETTINGS.pelvis, jerky_ratio=99.0))
+    with_it, without = (process(human, {}, settings=each, robot=ROBOT).pieces[0].numbers for each in (SETTINGS, off))
+    assert without["pelvis_smoothed_share"] == 0.0 < with_it["pelvis_smoothed_share"]
+    assert with_it["pelvis_acceleration_ratio"] < 1.5 < 2.0 < without["pelvis_acceleration_ratio"]
+    assert with_it["pelvis_velocity_error_m_s"] < without["pelvis_velocity_error_m_s"]
+    assert with_it["slip_m_s"] < 1.05 * without["slip_m_s"]
+
+
+def test_a_hand_over_the_thigh_goes_up_and_one_beside_it_outward():
+    outward_w = np.tile([0.0, 1.0, 0.0], (3, 1))
+    away_w = np.array([[0.0, 0.08, 0.05], [0.0, -0.03, 0.09], [0.0, 0.03, 0.09]])
+    direction_w = _sideways_or_shortest(away_w, outward_w, 0.06)
+    np.testing.assert_array_equal(direction_w[0], outward_w[0])
+    np.testing.assert_allclose(direction_w[1], away_w[1] / np.linalg.norm(away_w[1]))
+    assert 0.0 < direction_w[2, 2] < away_w[2, 2] / np.linalg.norm(away_w[2])
+    np.testing.assert_allclose(np.linalg.norm(direction_w, axis=1), 1.0)
 
 
 def test_the_grip_of_a_foot_is_full_in_stances_and_fades_outside():
@@ -152,8 +202,9 @@ def test_a_run_has_no_stance_in_the_air_and_keeps_its_pelvis_path():
     assert theirs is not None
     assert planned.any(axis=0).all()
     assert (planned & ~theirs).mean() < 0.03
-    held = dataclasses.replace(SETTINGS.pelvis, tolerated_m_s=0.1, free_m_s=0.05, astray_m_s=0.1)
-    loose = dataclasses.replace(SETTINGS.pelvis, tolerated_m_s=9.0)
+    rough = dataclasses.replace(SETTINGS.pelvis, jerky_ratio=99.0)
+    held = dataclasses.replace(rough, tolerated_m_s=0.1, free_m_s=0.05, astray_m_s=0.1)
+    loose = dataclasses.replace(rough, tolerated_m_s=9.0)
     held, soft = (dataclasses.replace(SETTINGS, pelvis=pelvis) for pelvis in (held, loose))
     numbers, without = (process(human, {}, settings=each, robot=ROBOT).pieces[0].numbers for each in (held, soft))
     assert without["pelvis_held_share"] == 0.0 < numbers["pelvis_held_share"]

@@ -111,6 +111,40 @@ def test_feet_one_behind_the_other_may_cross():
     np.testing.assert_array_equal(foot_spacing.overlap(left, right, np.zeros(30), SOLE, 0.02), 0.0)
 
 
+def outline(foot: np.ndarray) -> np.ndarray:
+    """Corners (4, 2) of a sole seen from above [m]."""
+    x = np.array([SOLE.rear, SOLE.front, SOLE.front, SOLE.rear])
+    y = SOLE.half_width * np.array([-1.0, -1.0, 1.0, 1.0])
+    cosine, sine = np.cos(foot[YAW]), np.sin(foot[YAW])
+    return np.column_stack([foot[0] + cosine * x - sine * y, foot[1] + sine * x + cosine * y])
+
+
+def separated(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether a line along a side of one of two rectangles has them on different sides."""
+    for corners in (a, b):
+        for side in (corners[1] - corners[0], corners[2] - corners[1]):
+            normal = np.array([-side[1], side[0]])
+            along = [each @ normal for each in (a, b)]
+            if along[0].min() > along[1].max() or along[1].min() > along[0].max():
+                return True
+    return False
+
+
+def test_turned_soles_are_apart_after_the_way_that_corners_need_and_not_before():
+    rng = np.random.default_rng(3)
+    left, right = (np.zeros((200, 5)) for _ in range(2))
+    for foot in (left, right):
+        foot[:, :2] = rng.uniform(-0.15, 0.15, (200, 2))
+        foot[:, YAW] = rng.uniform(-1.5, 1.5, 200)
+    way = foot_spacing.corner_overlap(left, right, np.zeros(200), SOLE, 0.0)
+    assert 0.3 < (way > 0.0).mean() < 1.0
+    for frame in range(200):
+        moved = [outline(left[frame]) + np.array([0.0, way[frame] + extra]) for extra in (1e-6, -1e-3)]
+        other = outline(right[frame])
+        assert separated(moved[0], other) or way[frame] == 0.0
+        assert way[frame] == 0.0 or not separated(moved[1], other)
+
+
 def test_footholds_are_moved_apart_and_stay_constant():
     locked = feet_apart(0.05)
     contacts = np.ones((30, 2), dtype=bool)

@@ -64,6 +64,13 @@ def test_poses_of_all_links_agree_to_a_nanometre(models: Models, poses: Poses):
         assert dots == pytest.approx(1.0, abs=1e-12)
 
 
+def test_a_link_alone_is_where_it_is_among_all_links(models: Models, poses: Poses):
+    kinematics = Kinematics(models.robot)
+    every = kinematics.forward(*poses).pos_w
+    for link in range(len(models.robot.link_names)):
+        assert kinematics.link_pos_w(*poses, link) == pytest.approx(every[:, link], abs=1e-12)
+
+
 def test_sites_are_where_the_frames_of_their_names_are(models: Models, poses: Poses):
     robot = models.robot
     kinematics = Kinematics(robot)
